@@ -1,0 +1,19 @@
+//! `misfit` calibrates models of assembled flexible mechanical systems against measured hysteresis loops and frequency response
+//! functions, and finds out what physics the model is missing.
+//!
+//! The modules stand in the order of the flow; a file imports only from modules above its own (`tests` checks it).
+
+pub mod explain;
+pub mod units;
+pub mod data;
+pub mod effect;
+pub mod model;
+pub mod engine;
+pub mod response;
+pub mod residual;
+pub mod identify;
+pub mod diagnose;
+pub mod study;
+pub mod report;
+pub mod export;
+pub mod cli;
