@@ -1,1 +1,136 @@
-//! (in work)
+//! The library of physical effects: one law per file, one list of all.
+//!
+//! # Sign
+//! `x = q_to - q_from`; `F` is the general force on `to` that holds it there, so a spring has `F = +k x` and a damper `F = +c v`.
+//! A law written as the force *by* the connector on `to` (`F = -k x`) would be wrong here: it would give back energy.
+//!
+//! # Strength and null
+//! Every force law is `strength * phi(motion; shape)` with states that do not depend on the strength; strength 0 is its absence.
+//! Series effects are absent at opening 0, coefficients at exponent 0, a gain at 1.
+//!
+//! # Adding an effect
+//! Write `src/effect/<name>.rs` with one of the traits below and add one line to [`LIBRARY`].
+
+pub mod channel;
+pub mod coefficient;
+pub mod dispatch;
+pub mod error;
+pub mod info;
+pub mod num;
+pub mod series;
+
+mod backlash;
+mod coulomb;
+mod cubic_stiffness;
+mod delay;
+mod elastic_slip;
+mod film;
+mod gain;
+mod interference_law;
+mod linear_stiffness;
+mod maxwell;
+mod moving_mass;
+mod offset;
+mod structural_damping;
+mod support_compliance;
+mod viscous;
+
+use num_complex::Complex;
+
+pub use channel::Channel;
+pub use coefficient::Coefficient;
+pub use dispatch::{ForceLaw, Tangent};
+pub use error::EffectError;
+pub use info::{Dim, Grid, Info, Kind, Param, Ports, Role, Sign};
+pub use num::Num;
+pub use series::Series;
+
+use dispatch::Dispatch;
+
+/// Motion across a connector's axis at the end of a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Inputs<T> {
+    /// Relative displacement `q_to - q_from` [m or rad].
+    pub x: T,
+    /// Relative velocity [m/s or rad/s].
+    pub v: T,
+    /// Relative acceleration [m/s2 or rad/s2].
+    pub a: T,
+    /// Increment of `x` over the step [m or rad].
+    pub dx: T,
+}
+
+/// A force law: the constitutive update of finite-element practice, generic over the number type.
+pub trait Force: Send + Sync + 'static {
+    /// What the law says of itself.
+    const INFO: Info;
+
+    /// General force at the end of a step of length `dt` [s]; `s` enters with the states at its start and leaves with those at its
+    /// end; `p` stands in the order of `INFO.params`.
+    fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T;
+
+    /// Dynamic stiffness `F/x` of small motion about rest at the complex frequency `s` [1/s] (`s = i w` on the frequency axis);
+    /// friction is stuck. `Err` holds the remedy for a law that has no such limit.
+    fn stiffness<T: Num>(s: Complex<T>, p: &[T]) -> Result<Complex<T>, &'static str>;
+}
+
+/// One entry of the library.
+pub enum Effect {
+    /// A general force.
+    Force(&'static dyn ForceLaw),
+    /// An opening in series.
+    Series(&'static dyn Series),
+    /// A law of a parameter.
+    Coefficient(&'static dyn Coefficient),
+    /// A law of a measuring channel.
+    Channel(&'static dyn Channel),
+}
+
+impl Effect {
+    /// What the effect says of itself.
+    pub fn info(&self) -> &'static Info {
+        match self {
+            Effect::Force(e) => e.info(),
+            Effect::Series(e) => e.info(),
+            Effect::Coefficient(e) => e.info(),
+            Effect::Channel(e) => e.info(),
+        }
+    }
+}
+
+impl std::fmt::Debug for Effect {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.info().name)
+    }
+}
+
+/// Every effect there is: the parser, the help, the tables, the search for candidates and the tests that hold for all read this list.
+pub static LIBRARY: &[Effect] = &[
+    Effect::Force(&Dispatch::<linear_stiffness::LinearStiffness>::NEW),
+    Effect::Force(&Dispatch::<viscous::Viscous>::NEW),
+    Effect::Force(&Dispatch::<maxwell::Maxwell>::NEW),
+    Effect::Force(&Dispatch::<structural_damping::StructuralDamping>::NEW),
+    Effect::Force(&Dispatch::<coulomb::Coulomb>::NEW),
+    Effect::Force(&Dispatch::<elastic_slip::ElasticSlip>::NEW),
+    Effect::Force(&Dispatch::<film::Film>::NEW),
+    Effect::Force(&Dispatch::<cubic_stiffness::CubicStiffness>::NEW),
+    Effect::Series(&backlash::Backlash),
+    Effect::Series(&support_compliance::SupportCompliance),
+    Effect::Coefficient(&interference_law::InterferenceLaw),
+    Effect::Channel(&delay::Delay),
+    Effect::Channel(&gain::Gain),
+    Effect::Channel(&offset::Offset),
+    Effect::Channel(&moving_mass::MovingMass),
+];
+
+/// The effect of this name, or an error with the nearest name.
+pub fn find(name: &str) -> Result<&'static Effect, EffectError> {
+    LIBRARY.iter().find(|e| e.info().name == name).ok_or_else(|| {
+        let nearest = LIBRARY
+            .iter()
+            .map(|e| e.info().name)
+            .max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)))
+            .unwrap_or("");
+        EffectError::Unknown { name: name.into(), nearest: nearest.into() }
+    })
+}

@@ -1,1 +1,16 @@
-//! (in work)
+//! The model: a graph of bodies joined by connectors, with effects at the connectors' axes and on the measuring channels.
+//!
+//! [`Model`] is the graph, [`System`] the graph with its effects and their parameters, [`Bound`] what one test sees of it: the numbers
+//! of every effect at the test's conditions with their derivatives with respect to the free parameters.
+
+mod bound;
+mod element;
+mod error;
+mod graph;
+mod system;
+
+pub use bound::{Bound, ChannelPiece};
+pub use element::{Element, ElementScratch, Sensed};
+pub use error::ModelError;
+pub use graph::{Axis, Body, Connector, Dof, Model, Place};
+pub use system::{ChannelSite, FreeParam, Instance, ParamValue, Site, System, Target};

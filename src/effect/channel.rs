@@ -1,0 +1,70 @@
+//! Effects of the measuring chain: they act on what is observed, not on the structure.
+
+use num_complex::{Complex, Complex64};
+use num_dual::DualSVec64;
+
+use super::{Info, Num};
+
+/// What a channel makes of the true signal. In the time domain first the shift, then [`ChannelLaw::reading`].
+pub trait ChannelLaw: Send + Sync + 'static {
+    /// What the effect says of itself.
+    const INFO: Info;
+    /// Time by which the reading lags the signal [s].
+    fn shift<T: Num>(_p: &[T]) -> T {
+        T::from(0.0)
+    }
+    /// Reading of a signal `y` while the driven end accelerates with `a` [m/s2 or rad/s2].
+    fn reading<T: Num>(y: T, a: f64, p: &[T]) -> T;
+    /// Factor on the amplitude of the signal at the circular frequency `w` [rad/s]; `drive` is the accelerance at the driven end.
+    fn factor<T: Num>(w: f64, drive: Complex<T>, p: &[T]) -> Complex<T>;
+}
+
+/// A channel effect behind a pointer.
+pub trait Channel: Send + Sync {
+    /// What the effect says of itself.
+    fn info(&self) -> &'static Info;
+    /// Time shift [s] and its derivatives with respect to the parameters.
+    fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64;
+    /// Reading, its derivative with respect to the signal, and with respect to the parameters.
+    fn reading(&self, y: f64, a: f64, p: &[f64], dp: &mut [f64]) -> (f64, f64);
+    /// Factor, its derivative with respect to the drive-point accelerance, and with respect to the parameters.
+    fn factor(&self, w: f64, drive: Complex64, p: &[f64], dp: &mut [Complex64]) -> (Complex64, Complex64);
+}
+
+type D = DualSVec64<4>;
+
+fn seeded(p: &[f64]) -> [D; 3] {
+    let mut params = [D::from_re(0.0); 3];
+    for (k, (to, from)) in params.iter_mut().zip(p).enumerate() {
+        *to = D::from_re(*from).derivative(1 + k);
+    }
+    params
+}
+
+fn slope(d: &D, i: usize) -> f64 {
+    d.eps.0.as_ref().map_or(0.0, |m| m[i])
+}
+
+impl<L: ChannelLaw> Channel for L {
+    fn info(&self) -> &'static Info {
+        &L::INFO
+    }
+    fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64 {
+        let shift = L::shift(&seeded(p)[..p.len().min(3)]);
+        dp.iter_mut().enumerate().for_each(|(k, out)| *out = slope(&shift, 1 + k));
+        shift.re
+    }
+    fn reading(&self, y: f64, a: f64, p: &[f64], dp: &mut [f64]) -> (f64, f64) {
+        let reading = L::reading(D::from_re(y).derivative(0), a, &seeded(p)[..p.len().min(3)]);
+        dp.iter_mut().enumerate().for_each(|(k, out)| *out = slope(&reading, 1 + k));
+        (reading.re, slope(&reading, 0))
+    }
+    fn factor(&self, w: f64, drive: Complex64, p: &[f64], dp: &mut [Complex64]) -> (Complex64, Complex64) {
+        // The factor is analytic in the accelerance, so its derivative along the real axis is the complex derivative.
+        let drive = Complex::new(D::from_re(drive.re).derivative(0), D::from_re(drive.im));
+        let f = L::factor(w, drive, &seeded(p)[..p.len().min(3)]);
+        let d = |i: usize| Complex64::new(slope(&f.re, i), slope(&f.im, i));
+        dp.iter_mut().enumerate().for_each(|(k, out)| *out = d(1 + k));
+        (Complex64::new(f.re.re, f.im.re), d(0))
+    }
+}

@@ -1,0 +1,187 @@
+//! From a generic law to an object: values over `f64`, tangents over dual numbers of the size the law needs.
+
+use std::marker::PhantomData;
+
+use nalgebra::Const;
+use num_complex::{Complex, Complex64};
+use num_dual::{Derivative, DualSVec64};
+
+use super::{EffectError, Force, Info, Inputs, Num};
+
+/// Derivatives of one constitutive update.
+///
+/// Row 0 is the force, row `1 + k` the new state `k`. Columns: `x, v, a, dx`, the old states, the parameters.
+#[derive(Clone, Debug, Default)]
+pub struct Tangent {
+    /// Force at the end of the step.
+    pub f: f64,
+    n_states: usize,
+    n_params: usize,
+    d: Vec<f64>,
+}
+
+/// Columns of the four motion inputs in a [`Tangent`].
+pub const INPUTS: usize = 4;
+
+impl Tangent {
+    /// Sets the sizes and zeroes all derivatives; allocates only when it grows.
+    pub fn reset(&mut self, n_states: usize, n_params: usize) {
+        (self.n_states, self.n_params) = (n_states, n_params);
+        self.d.clear();
+        self.d.resize((1 + n_states) * (INPUTS + n_states + n_params), 0.0);
+    }
+    #[inline]
+    fn stride(&self) -> usize {
+        INPUTS + self.n_states + self.n_params
+    }
+    /// Derivatives of row `row` with respect to `x, v, a, dx`.
+    #[inline]
+    pub fn inputs(&self, row: usize) -> &[f64] {
+        let at = row * self.stride();
+        &self.d[at..at + INPUTS]
+    }
+    /// Derivatives of row `row` with respect to the old states.
+    #[inline]
+    pub fn states(&self, row: usize) -> &[f64] {
+        let at = row * self.stride() + INPUTS;
+        &self.d[at..at + self.n_states]
+    }
+    /// Derivatives of row `row` with respect to the parameters.
+    #[inline]
+    pub fn params(&self, row: usize) -> &[f64] {
+        let at = row * self.stride() + INPUTS + self.n_states;
+        &self.d[at..at + self.n_params]
+    }
+    #[inline]
+    fn set(&mut self, row: usize, col: usize, value: f64) {
+        let at = row * self.stride() + col;
+        self.d[at] = value;
+    }
+}
+
+/// A force law behind a pointer.
+pub trait ForceLaw: Send + Sync {
+    /// What the law says of itself.
+    fn info(&self) -> &'static Info;
+    /// [`Force::advance`] in plain numbers.
+    fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64;
+    /// [`Force::advance`] with derivatives with respect to the inputs the law reads, its states, and the parameters marked active.
+    fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent);
+    /// [`Force::stiffness`] in plain numbers.
+    fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError>;
+    /// Dynamic stiffness with its derivatives with respect to the complex frequency and to every parameter (`dp`, one per parameter).
+    fn stiffness_tangent(&self, s: Complex64, p: &[f64], dp: &mut [Complex64]) -> Result<(Complex64, Complex64), EffectError>;
+}
+
+/// The one implementation of [`ForceLaw`], for every law.
+pub struct Dispatch<L>(PhantomData<L>);
+
+impl<L> Dispatch<L> {
+    /// The object.
+    pub const NEW: Self = Self(PhantomData);
+}
+
+/// Largest number of states and of parameters a law may have.
+const MAX: usize = 32;
+
+#[inline]
+fn seed<const N: usize>(value: f64, next: &mut usize) -> DualSVec64<N> {
+    let dual = DualSVec64::<N>::from_re(value).derivative(*next);
+    *next += 1;
+    dual
+}
+
+#[inline]
+fn slope<const N: usize>(eps: &Derivative<f64, Const<N>, nalgebra::U1>, i: usize) -> f64 {
+    eps.0.as_ref().map_or(0.0, |m| m[i])
+}
+
+fn tangent_n<L: Force, const N: usize>(u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
+    let (ns, np) = (s.len(), p.len());
+    let ports = L::INFO.ports;
+    let mut next = 0;
+    let mut columns = [0usize; MAX];
+    let constant = DualSVec64::<N>::from_re;
+    let mut pick = |on: bool, value: f64, column: usize, next: &mut usize| {
+        if !on {
+            return constant(value);
+        }
+        columns[*next] = column;
+        seed::<N>(value, next)
+    };
+    let inputs = Inputs {
+        x: pick(ports.x, u.x, 0, &mut next),
+        v: pick(ports.v, u.v, 1, &mut next),
+        a: pick(ports.a, u.a, 2, &mut next),
+        dx: pick(ports.dx, u.dx, 3, &mut next),
+    };
+    let mut states = [constant(0.0); MAX];
+    for k in 0..ns {
+        states[k] = pick(true, s[k], INPUTS + k, &mut next);
+    }
+    let mut params = [constant(0.0); MAX];
+    for k in 0..np {
+        params[k] = pick(active[k], p[k], INPUTS + ns + k, &mut next);
+    }
+    let force = L::advance(&inputs, dt, &mut states[..ns], &params[..np]);
+    out.reset(ns, np);
+    out.f = force.re;
+    for (i, &column) in columns[..next].iter().enumerate() {
+        out.set(0, column, slope(&force.eps, i));
+        for k in 0..ns {
+            out.set(1 + k, column, slope(&states[k].eps, i));
+        }
+    }
+    for k in 0..ns {
+        s[k] = states[k].re;
+    }
+}
+
+impl<L: Force> ForceLaw for Dispatch<L> {
+    fn info(&self) -> &'static Info {
+        &L::INFO
+    }
+
+    fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64 {
+        L::advance(u, dt, s, p)
+    }
+
+    fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
+        let ports = L::INFO.ports;
+        let inputs = [ports.x, ports.v, ports.a, ports.dx].iter().filter(|b| **b).count();
+        match inputs + s.len() + active.iter().filter(|b| **b).count() {
+            0..=2 => tangent_n::<L, 2>(u, dt, s, p, active, out),
+            3..=4 => tangent_n::<L, 4>(u, dt, s, p, active, out),
+            5..=8 => tangent_n::<L, 8>(u, dt, s, p, active, out),
+            9..=16 => tangent_n::<L, 16>(u, dt, s, p, active, out),
+            _ => tangent_n::<L, MAX>(u, dt, s, p, active, out),
+        }
+    }
+
+    fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError> {
+        L::stiffness(s, p).map_err(|remedy| EffectError::NoSmallSignal { name: L::INFO.name, remedy })
+    }
+
+    fn stiffness_tangent(&self, s: Complex64, p: &[f64], dp: &mut [Complex64]) -> Result<(Complex64, Complex64), EffectError> {
+        let mut next = 0;
+        // The stiffness is analytic in s, so its derivative along the real axis is the complex derivative.
+        let s = Complex::new(seed::<8>(s.re, &mut next), DualSVec64::from_re(s.im));
+        let mut params = [DualSVec64::<8>::from_re(0.0); 8];
+        for (k, value) in p.iter().enumerate().take(7) {
+            params[k] = seed::<8>(*value, &mut next);
+        }
+        let z = L::stiffness(s, &params[..p.len()]).map_err(|remedy| EffectError::NoSmallSignal { name: L::INFO.name, remedy })?;
+        let d = |i: usize| Complex64::new(slope(&z.re.eps, i), slope(&z.im.eps, i));
+        for (k, out) in dp.iter_mut().enumerate() {
+            *out = d(1 + k);
+        }
+        Ok((Complex64::new(z.re.re, z.im.re), d(0)))
+    }
+}
+
+/// `T` for plain numbers must be one of the generic ones as well; this keeps that promise at compile time.
+const _: fn() = || {
+    fn is_num<T: Num>() {}
+    is_num::<f64>();
+    is_num::<DualSVec64<8>>();
+};

@@ -1,0 +1,246 @@
+//! What an effect says of itself: name, claim, equation, parameters, ports, source. One list of these drives the parser, the help,
+//! the tables, the search for candidates and the tests that hold for all.
+
+/// The four roles an effect can play in a system (design.md section 1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// A general force between the two ends of a connector, in parallel with the others there.
+    Force,
+    /// An opening in series with everything that acts at its place.
+    Series,
+    /// A parameter of another effect as a function of a test condition.
+    Coefficient,
+    /// Acts on a measuring channel, not on the structure.
+    Channel,
+}
+
+impl Role {
+    /// The role in one lower-case word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Role::Force => "force",
+            Role::Series => "series",
+            Role::Coefficient => "coefficient",
+            Role::Channel => "channel",
+        }
+    }
+}
+
+/// The admissible sign of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Never negative.
+    NonNegative,
+    /// Greater than zero: zero has no meaning.
+    Positive,
+    /// Either sign.
+    Any,
+}
+
+impl Sign {
+    /// The sign as it is printed: `>= 0`, `> 0`, `any`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Sign::NonNegative => ">= 0",
+            Sign::Positive => "> 0",
+            Sign::Any => "any",
+        }
+    }
+}
+
+/// What a parameter is to its effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The effect is proportional to it (or, for a series effect, absent at its null value).
+    Strength,
+    /// Without meaning when the strength is at its null value; searched over a grid.
+    Shape,
+    /// Declared, never fitted unless the user says so.
+    Setting,
+}
+
+/// Dimension of a parameter in terms of the place it acts at: general force F, relative displacement X, time T. At a
+/// translational axis F is N and X is m; at a rotational axis F is N m and X is rad.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dim {
+    /// `F^f X^x T^t`.
+    Place {
+        /// Exponent of the general force.
+        f: i8,
+        /// Exponent of the relative displacement.
+        x: i8,
+        /// Exponent of time.
+        t: i8,
+    },
+    /// A pure number.
+    One,
+    /// The unit of the channel it acts on.
+    Channel,
+    /// One over the unit of the condition it refers to.
+    PerCondition,
+}
+
+const fn fxt(f: i8, x: i8, t: i8) -> Dim {
+    Dim::Place { f, x, t }
+}
+
+impl Dim {
+    /// General force.
+    pub const F: Dim = fxt(1, 0, 0);
+    /// Relative displacement.
+    pub const X: Dim = fxt(0, 1, 0);
+    /// Time.
+    pub const T: Dim = fxt(0, 0, 1);
+    /// Frequency.
+    pub const PER_T: Dim = fxt(0, 0, -1);
+    /// Velocity.
+    pub const X_PER_T: Dim = fxt(0, 1, -1);
+    /// Stiffness.
+    pub const F_PER_X: Dim = fxt(1, -1, 0);
+    /// Quadratic stiffness.
+    pub const F_PER_X2: Dim = fxt(1, -2, 0);
+    /// Cubic stiffness.
+    pub const F_PER_X3: Dim = fxt(1, -3, 0);
+    /// Compliance.
+    pub const X_PER_F: Dim = fxt(-1, 1, 0);
+    /// Viscous damping.
+    pub const FT_PER_X: Dim = fxt(1, -1, 1);
+    /// Quadratic damping.
+    pub const FT2_PER_X2: Dim = fxt(1, -2, 2);
+    /// Mass or moment of inertia.
+    pub const FT2_PER_X: Dim = fxt(1, -1, 2);
+
+    /// SI unit as it is printed for a translational or a rotational place, e.g. `N/m`, `N m/rad`, `N s/m`.
+    pub fn si(self, rotational: bool) -> String {
+        let (f, x, t) = match self {
+            Dim::One => return "-".into(),
+            Dim::Channel => return "unit of the channel".into(),
+            Dim::PerCondition => return "1/unit of the condition".into(),
+            Dim::Place { f, x, t } => (f, x, t),
+        };
+        if (f, x, t) == (1, -1, 2) {
+            return if rotational { "kg m2".into() } else { "kg".into() };
+        }
+        let (force, length) = if rotational { ("N m", "rad") } else { ("N", "m") };
+        let power = |symbol: &str, n: i8| if n == 1 { symbol.to_string() } else { format!("{symbol}{n}") };
+        let parts = [(force, f), (length, x), ("s", t)];
+        let over: Vec<_> = parts.iter().filter(|p| p.1 > 0).map(|p| power(p.0, p.1)).collect();
+        let under: Vec<_> = parts.iter().filter(|p| p.1 < 0).map(|p| power(p.0, -p.1)).collect();
+        let top = if over.is_empty() { "1".to_string() } else { over.join(" ") };
+        if under.is_empty() { top } else { format!("{top}/{}", under.join("/")) }
+    }
+}
+
+/// How the search chooses values for a shape parameter, in terms of what the data show at the place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Grid {
+    /// Not searched: the default stands.
+    None,
+    /// Multiples of the displacement amplitude at the place.
+    OfX(&'static [f64]),
+    /// Multiples of the velocity amplitude at the place.
+    OfV(&'static [f64]),
+    /// Multiples of the general-force amplitude at the place.
+    OfF(&'static [f64]),
+    /// Logarithmically spaced over the periods of the tests, this many points.
+    Time(usize),
+}
+
+/// One parameter of an effect.
+#[derive(Clone, Copy, Debug)]
+pub struct Param {
+    /// Key in the study file.
+    pub name: &'static str,
+    /// Dimension, from which the accepted units follow.
+    pub dim: Dim,
+    /// Admissible sign, which bounds every fit.
+    pub sign: Sign,
+    /// Strength, shape or setting.
+    pub kind: Kind,
+    /// Null value of a strength; default of a setting.
+    pub default: f64,
+    /// Values the search tries for a shape.
+    pub grid: Grid,
+    /// One line of documentation.
+    pub doc: &'static str,
+}
+
+impl Param {
+    /// A strength: null value 0, fitted.
+    pub const fn strength(name: &'static str, dim: Dim, sign: Sign, doc: &'static str) -> Param {
+        Param { name, dim, sign, kind: Kind::Strength, default: 0.0, grid: Grid::None, doc }
+    }
+    /// A shape: positive, searched over a grid, then fitted.
+    pub const fn shape(name: &'static str, dim: Dim, grid: Grid, doc: &'static str) -> Param {
+        Param { name, dim, sign: Sign::Positive, kind: Kind::Shape, default: 0.0, grid, doc }
+    }
+    /// A setting: fixed at its default unless the study says otherwise.
+    pub const fn setting(name: &'static str, dim: Dim, sign: Sign, default: f64, doc: &'static str) -> Param {
+        Param { name, dim, sign, kind: Kind::Setting, default, grid: Grid::None, doc }
+    }
+}
+
+/// Inputs a law reads, so that only these are differentiated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ports {
+    /// Relative displacement.
+    pub x: bool,
+    /// Relative velocity.
+    pub v: bool,
+    /// Relative acceleration.
+    pub a: bool,
+    /// Increment of the relative displacement over the step.
+    pub dx: bool,
+}
+
+impl Ports {
+    /// Reads the displacement only.
+    pub const X: Ports = Ports { x: true, v: false, a: false, dx: false };
+    /// Reads the velocity only.
+    pub const V: Ports = Ports { x: false, v: true, a: false, dx: false };
+    /// Reads the acceleration only.
+    pub const A: Ports = Ports { x: false, v: false, a: true, dx: false };
+    /// Reads the displacement increment only.
+    pub const DX: Ports = Ports { x: false, v: false, a: false, dx: true };
+    /// Reads displacement and velocity.
+    pub const XV: Ports = Ports { x: true, v: true, a: false, dx: false };
+    /// Reads velocity and displacement increment.
+    pub const VDX: Ports = Ports { x: false, v: true, a: false, dx: true };
+    /// Reads no motion (series, coefficient and channel effects).
+    pub const NONE: Ports = Ports { x: false, v: false, a: false, dx: false };
+}
+
+/// Everything an effect says of itself.
+#[derive(Clone, Copy, Debug)]
+pub struct Info {
+    /// Name in study files and results (contract.md lists them).
+    pub name: &'static str,
+    /// Role in the system.
+    pub role: Role,
+    /// One-line claim: what an engineer would see if it were there.
+    pub claim: &'static str,
+    /// The law, F the force on `to` that holds it there, x = q_to - q_from.
+    pub equation: &'static str,
+    /// Parameters, the strength first.
+    pub params: &'static [Param],
+    /// Number of internal states.
+    pub states: usize,
+    /// Inputs read.
+    pub ports: Ports,
+    /// The family it belongs to (elastic, viscous, friction, ...), for tables and ties.
+    pub family: &'static str,
+    /// Where the law comes from.
+    pub source: &'static str,
+    /// Range of validity and what to watch for.
+    pub range: &'static str,
+    /// Whether the response is differentiable in the strength at its null value along the whole path; where it is not, the
+    /// score test adds secant columns at finite strength.
+    pub smooth: bool,
+}
+
+impl Info {
+    /// Index of the parameter of this name.
+    pub fn param(&self, name: &str) -> Option<usize> {
+        self.params.iter().position(|p| p.name == name)
+    }
+}

@@ -1,0 +1,64 @@
+//! Constant loss modulus over a band, as one Prony series in both domains.
+
+use num_complex::Complex;
+
+use super::info::{Dim, Info, Param, Ports, Role, Sign};
+use super::{Force, Inputs, Num};
+
+/// Constant loss modulus over a band, as one Prony series in both domains.
+pub struct StructuralDamping;
+
+impl Force for StructuralDamping {
+    const INFO: Info = Info {
+        name: "structural_damping",
+        role: Role::Force,
+        claim: "loss per cycle nearly independent of frequency; flat modal damping",
+        equation: "F = sum_j g s_j,  ds_j/dt = v - s_j/tau_j,  g = 2 h ln(r)/pi,  tau_j spaced by the ratio r over the band",
+        params: &[
+            Param::strength("h", Dim::F_PER_X, Sign::NonNegative, "loss modulus: h = eta k for a loss factor eta on a stiffness k"),
+            Param::setting("f_low", Dim::PER_T, Sign::Positive, 0.01, "lower end of the band"),
+            Param::setting("f_high", Dim::PER_T, Sign::Positive, 1e4, "upper end of the band"),
+        ],
+        states: BRANCHES,
+        ports: Ports::DX,
+        family: "viscoelastic",
+        source: "Biot (1958) continuous relaxation spectrum; Park and Schapery, Int. J. Solids Struct. 36 (1999)",
+        range: "inside the band; the storage modulus rises by (2/pi) h per e-fold of frequency, as causality demands",
+        smooth: true,
+    };
+
+    fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {
+        let (g, tau) = series(p);
+        let mut sum = T::from(0.0);
+        for (state, tau) in s.iter_mut().zip(tau) {
+            let ratio = tau.recip() * dt;
+            let decay = (-ratio).exp();
+            *state = *state * decay - u.dx * (-ratio).exp_m1() / ratio;
+            sum += *state;
+        }
+        p[0] * g * sum
+    }
+
+    fn stiffness<T: Num>(s: Complex<T>, p: &[T]) -> Result<Complex<T>, &'static str> {
+        let (g, tau) = series(p);
+        let mut sum = Complex::new(T::from(0.0), T::from(0.0));
+        for tau in tau {
+            let st = s * tau;
+            sum = sum + st / (st + T::from(1.0));
+        }
+        Ok(sum * (p[0] * g))
+    }
+}
+
+/// Branches of the series. One to two per decade keep the loss modulus within 1 % inside the default band of six decades.
+const BRANCHES: usize = 12;
+
+/// Modulus of each branch per unit of loss modulus, and the relaxation times.
+///
+/// Branches of equal modulus `g` at times spaced by the ratio `r` have the loss modulus `g pi / (2 ln r)` between the outermost.
+fn series<T: Num>(p: &[T]) -> (T, [T; BRANCHES]) {
+    let step = (p[2] / p[1]).ln() / (BRANCHES - 1) as f64;
+    let longest = (p[1] * std::f64::consts::TAU).recip();
+    let times = std::array::from_fn(|j| longest * (step * -(j as f64)).exp());
+    (step * std::f64::consts::FRAC_2_PI, times)
+}

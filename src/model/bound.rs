@@ -1,0 +1,108 @@
+//! What one test sees of a system.
+
+use std::collections::BTreeMap;
+
+use crate::effect::{Channel, Effect};
+
+use super::{ChannelSite, Element, FreeParam, ModelError, Site, System};
+
+/// Chain of derivatives: indices of free parameters with the derivative of a number with respect to each.
+pub type Chain = Vec<(usize, f64)>;
+
+/// A channel effect with its numbers.
+pub struct ChannelPiece {
+    /// The law.
+    pub law: &'static dyn Channel,
+    /// The channel.
+    pub site: ChannelSite,
+    /// Parameters.
+    pub p: Vec<f64>,
+    /// Derivatives of each parameter with respect to the free ones.
+    pub chains: Vec<Chain>,
+}
+
+/// The numbers of every effect at one test's conditions, by place and channel.
+pub struct Bound {
+    /// One element for every place with an effect.
+    pub elements: Vec<Element>,
+    /// Channel effects that cover the test.
+    pub channels: Vec<ChannelPiece>,
+    /// Number of free parameters.
+    pub n_free: usize,
+}
+
+impl Bound {
+    /// Binds `system` to a test with the given conditions [SI]. The chains refer to `free`, whose variables are the logarithms where
+    /// `free[k].log`.
+    pub fn new(system: &System, free: &[FreeParam], test: &str, conditions: &BTreeMap<String, f64>) -> Result<Bound, ModelError> {
+        let mut values: Vec<Vec<f64>> = system.instances.iter().map(|i| i.params.iter().map(|p| p.value).collect()).collect();
+        let mut chains: Vec<Vec<Chain>> = system.instances.iter().map(|i| vec![Chain::new(); i.params.len()]).collect();
+        for (k, f) in free.iter().enumerate() {
+            let slope = if f.log { values[f.instance][f.param] } else { 1.0 };
+            chains[f.instance][f.param].push((k, slope));
+        }
+        let mut elements: BTreeMap<usize, Element> = BTreeMap::new();
+        let mut channels = Vec::new();
+        for (i, instance) in system.instances.iter().enumerate() {
+            match (instance.effect, &instance.site) {
+                (Effect::Channel(law), Site::Channel(site)) => {
+                    if site.test == "*" || site.test == test {
+                        let (p, chains) = (std::mem::take(&mut values[i]), std::mem::take(&mut chains[i]));
+                        channels.push(ChannelPiece { law: *law, site: site.clone(), p, chains });
+                    }
+                }
+                (Effect::Coefficient(_), _) => {}
+                (effect, Site::Places(places)) => {
+                    for &place in places {
+                        let (mut p, mut chain) = (values[i].clone(), chains[i].clone());
+                        coefficients(system, i, place, conditions, &values, &chains, &mut p, &mut chain)?;
+                        let element = elements.entry(place).or_insert_with(|| Element::new(&system.model, place));
+                        match effect {
+                            Effect::Force(law) => element.push_force(*law, p, chain, instance.follower),
+                            Effect::Series(law) => element.push_series(*law, p, chain, instance.follower),
+                            _ => {}
+                        }
+                    }
+                }
+                (_, Site::Channel(_)) => {}
+            }
+        }
+        Ok(Bound { elements: elements.into_values().collect(), channels, n_free: free.len() })
+    }
+}
+
+/// Applies the coefficients that act at `place` on instance `i`: `p = p_ref * factor`, chain rule in both.
+#[allow(clippy::too_many_arguments)]
+fn coefficients(
+    system: &System,
+    i: usize,
+    place: usize,
+    conditions: &BTreeMap<String, f64>,
+    values: &[Vec<f64>],
+    chains: &[Vec<Chain>],
+    p: &mut [f64],
+    chain: &mut [Chain],
+) -> Result<(), ModelError> {
+    for (c, law) in system.instances.iter().enumerate() {
+        let (Effect::Coefficient(coefficient), Some(target), Site::Places(places)) = (law.effect, &law.target, &law.site) else { continue };
+        if target.instance != i || !places.contains(&place) {
+            continue;
+        }
+        let condition = conditions.get(&target.condition).ok_or_else(|| {
+            ModelError::invalid(
+                format!("{}.{}", law.at, law.name()),
+                format!("a test does not state the condition `{}` that `{}` needs", target.condition, law.name()),
+                format!("conditions = {{ {} = \"...\" }} in every test", target.condition),
+            )
+        })?;
+        let mut dp = vec![0.0; values[c].len()];
+        let factor = coefficient.factor(condition - target.reference, &values[c], &mut dp);
+        let base = p[target.param];
+        p[target.param] = base * factor;
+        chain[target.param].iter_mut().for_each(|(_, d)| *d *= factor);
+        for (own, d) in chains[c].iter().zip(&dp) {
+            chain[target.param].extend(own.iter().map(|(k, slope)| (*k, base * d * slope)));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,388 @@
+//! Everything that acts at one place, condensed to one law from the motion across it to the general force.
+//!
+//! Force effects act in parallel on the inner motion `y = x - e`; the opening `e` is the sum of the series effects under the common
+//! force, `e = sum_j e_j(F(y))`, found by a safeguarded Newton iteration and differentiated by the implicit function theorem. The
+//! inner velocity is `v - de/dt` with the second-order backward rate of `e`, so that an opening of zero is exactly no series effect.
+//! Accelerations are those of the connector's ends: an inertial law inside an opening sees the outer acceleration.
+//!
+//! A *follower* is a candidate of the score test: its strength is at the null value, its states follow the motion, and only the
+//! derivative with respect to the strength is formed.
+
+use num_complex::Complex64;
+
+use crate::effect::dispatch::INPUTS;
+use crate::effect::{EffectError, ForceLaw, Inputs, Series, Tangent};
+
+use super::Model;
+use super::bound::Chain;
+
+struct ForcePiece {
+    law: &'static dyn ForceLaw,
+    p: std::ops::Range<usize>,
+    s: std::ops::Range<usize>,
+}
+
+struct SeriesPiece {
+    law: &'static dyn Series,
+    p: std::ops::Range<usize>,
+    /// First of the two follower states that hold the opening per unit strength one and two steps ago.
+    follower: Option<usize>,
+}
+
+/// The law of one place with its numbers.
+pub struct Element {
+    /// Index of the place.
+    pub place: usize,
+    /// Degree of freedom at the `from` end.
+    pub from: Option<usize>,
+    /// Degree of freedom at the `to` end.
+    pub to: Option<usize>,
+    /// Derivatives of each parameter with respect to the free ones.
+    pub chains: Vec<Chain>,
+    p: Vec<f64>,
+    active: Vec<bool>,
+    forces: Vec<ForcePiece>,
+    followers: Vec<ForcePiece>,
+    series: Vec<SeriesPiece>,
+    n_states: usize,
+    n_follower_states: usize,
+    opening: bool,
+}
+
+/// Working memory of an element, kept by the engine so that no step allocates.
+#[derive(Default)]
+pub struct ElementScratch {
+    piece: Tangent,
+    old: Vec<f64>,
+    row: Vec<f64>,
+    params: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
+/// Derivatives of one element over a step: row 0 the force, then the states; columns `x, v, a, dx`, states, parameters.
+#[derive(Default)]
+pub struct Sensed {
+    /// General force.
+    pub f: f64,
+    n_states: usize,
+    n_params: usize,
+    d: Vec<f64>,
+}
+
+impl Sensed {
+    fn reset(&mut self, n_states: usize, n_params: usize) {
+        (self.n_states, self.n_params) = (n_states, n_params);
+        self.d.clear();
+        self.d.resize((1 + n_states) * self.stride(), 0.0);
+    }
+    fn stride(&self) -> usize {
+        INPUTS + self.n_states + self.n_params
+    }
+    fn row_mut(&mut self, row: usize) -> &mut [f64] {
+        let n = self.stride();
+        &mut self.d[row * n..(row + 1) * n]
+    }
+    /// All derivatives of a row.
+    pub fn row(&self, row: usize) -> &[f64] {
+        let n = self.stride();
+        &self.d[row * n..(row + 1) * n]
+    }
+    /// Derivatives of a row with respect to `x, v, a, dx`.
+    pub fn inputs(&self, row: usize) -> &[f64] {
+        &self.row(row)[..INPUTS]
+    }
+    /// Derivatives of a row with respect to the old states.
+    pub fn states(&self, row: usize) -> &[f64] {
+        &self.row(row)[INPUTS..INPUTS + self.n_states]
+    }
+    /// Derivatives of a row with respect to the parameters.
+    pub fn params(&self, row: usize) -> &[f64] {
+        &self.row(row)[INPUTS + self.n_states..]
+    }
+}
+
+impl Element {
+    /// An element without effects at a place.
+    pub fn new(model: &Model, place: usize) -> Element {
+        let at = &model.places[place];
+        Element {
+            place,
+            from: at.from,
+            to: at.to,
+            chains: vec![],
+            p: vec![],
+            active: vec![],
+            forces: vec![],
+            followers: vec![],
+            series: vec![],
+            n_states: 0,
+            n_follower_states: 0,
+            opening: false,
+        }
+    }
+
+    fn push_params(&mut self, p: Vec<f64>, chains: Vec<Chain>) -> std::ops::Range<usize> {
+        let start = self.p.len();
+        self.p.extend(p);
+        self.active.extend(chains.iter().map(|c| !c.is_empty()));
+        self.chains.extend(chains);
+        start..self.p.len()
+    }
+
+    pub(super) fn push_force(&mut self, law: &'static dyn ForceLaw, mut p: Vec<f64>, chains: Vec<Chain>, follower: bool) {
+        let n = law.info().states;
+        if follower {
+            // Forces are proportional to the strength: the derivative at 0 is the force at 1.
+            p[0] = 1.0;
+            let p = self.push_params(p, chains);
+            self.followers.push(ForcePiece { law, p, s: self.n_follower_states..self.n_follower_states + n });
+            self.n_follower_states += n;
+        } else {
+            let p = self.push_params(p, chains);
+            self.forces.push(ForcePiece { law, p, s: self.n_states..self.n_states + n });
+            self.n_states += n;
+        }
+    }
+
+    pub(super) fn push_series(&mut self, law: &'static dyn Series, p: Vec<f64>, chains: Vec<Chain>, follower: bool) {
+        let p = self.push_params(p, chains);
+        if !follower && !self.opening {
+            // The opening one and two steps ago are states of the element, in front of those of its laws.
+            self.opening = true;
+            self.n_states += 2;
+            self.forces.iter_mut().for_each(|f| f.s = f.s.start + 2..f.s.end + 2);
+        }
+        let follower = follower.then_some(self.n_follower_states);
+        if follower.is_some() {
+            self.n_follower_states += 2;
+        }
+        self.series.push(SeriesPiece { law, p, follower });
+    }
+
+    /// Number of states.
+    pub fn n_states(&self) -> usize {
+        self.n_states
+    }
+    /// Number of states of the followers.
+    pub fn n_follower_states(&self) -> usize {
+        self.n_follower_states
+    }
+    /// Number of parameters, `chains.len()`.
+    pub fn n_params(&self) -> usize {
+        self.p.len()
+    }
+    /// Whether the force depends on nothing but displacement, velocity and acceleration, linearly.
+    pub fn is_linear(&self) -> bool {
+        !self.opening && self.forces.iter().all(|f| matches!(f.law.info().name, "linear_stiffness" | "viscous" | "added_mass"))
+    }
+
+    /// General force at the end of the step; `s` leaves with the new states.
+    pub fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], scratch: &mut ElementScratch) -> f64 {
+        if !self.opening {
+            return self.forces.iter().map(|f| f.law.value(u, dt, &mut s[f.s.clone()], &self.p[f.p.clone()])).sum();
+        }
+        let (e1, e2) = (s[0], s[1]);
+        let e = self.solve_opening(u, dt, s, scratch);
+        let inner = inside(u, dt, e, e1, e2);
+        let force = self.forces.iter().map(|f| f.law.value(&inner, dt, &mut s[f.s.clone()], &self.p[f.p.clone()])).sum();
+        (s[0], s[1]) = (e, e1);
+        force
+    }
+
+    /// Force and new states with their derivatives with respect to inputs and states, and, when `full`, to the parameters. The
+    /// followers' states `fs` advance only when `full`.
+    pub fn tangent(
+        &self,
+        u: &Inputs<f64>,
+        dt: f64,
+        s: &mut [f64],
+        fs: &mut [f64],
+        full: bool,
+        out: &mut Sensed,
+        scratch: &mut ElementScratch,
+    ) {
+        out.reset(self.n_states, self.p.len());
+        let (mut inner, mut e, mut old) = (*u, 0.0, (0.0, 0.0));
+        if self.opening {
+            old = (s[0], s[1]);
+            e = self.solve_opening(u, dt, s, scratch);
+            inner = inside(u, dt, e, old.0, old.1);
+        }
+        for piece in &self.forces {
+            let (p, active) = (&self.p[piece.p.clone()], &self.active[piece.p.clone()]);
+            let none = [false; 16];
+            let active = if full { active } else { &none[..p.len()] };
+            piece.law.tangent(&inner, dt, &mut s[piece.s.clone()], p, active, &mut scratch.piece);
+            let t = &scratch.piece;
+            out.f += t.f;
+            for k in 0..=piece.s.len() {
+                let row = out.row_mut(if k == 0 { 0 } else { piece.s.start + k });
+                row[..INPUTS].iter_mut().zip(t.inputs(k)).for_each(|(o, d)| *o += d);
+                row[INPUTS + piece.s.start..].iter_mut().zip(t.states(k)).for_each(|(o, d)| *o += d);
+                row[INPUTS + self.n_states + piece.p.start..].iter_mut().zip(t.params(k)).for_each(|(o, d)| *o += d);
+            }
+        }
+        if full {
+            for piece in &self.followers {
+                let phi = piece.law.value(&inner, dt, &mut fs[piece.s.clone()], &self.p[piece.p.clone()]);
+                out.row_mut(0)[INPUTS + self.n_states + piece.p.start] += phi;
+            }
+        }
+        if self.opening {
+            self.condense(dt, full, out, scratch);
+        } else if full {
+            self.follow_openings(dt, fs, out, scratch);
+        }
+        if self.opening {
+            (s[0], s[1]) = (e, old.0);
+        }
+    }
+
+    /// Openings of the followers where nothing is open: with `e = theta d(t)`, every derivative moves by
+    /// `-(row_x d + row_v dd/dt + row_dx (d - d1))`.
+    fn follow_openings(&self, dt: f64, fs: &mut [f64], out: &mut Sensed, scratch: &mut ElementScratch) {
+        for piece in &self.series {
+            let Some(at) = piece.follower else { continue };
+            self.opening_slopes(piece, out.f, scratch);
+            let (d, d1, d2) = (scratch.params[0], fs[at], fs[at + 1]);
+            let column = INPUTS + self.n_states + piece.p.start;
+            for r in 0..=self.n_states {
+                let row = out.row_mut(r);
+                row[column] -= row[0] * d + row[1] * (3.0 * d - 4.0 * d1 + d2) * (0.5 / dt) + row[3] * (d - d1);
+            }
+            (fs[at], fs[at + 1]) = (d, d1);
+        }
+    }
+
+    fn opening_slopes(&self, piece: &SeriesPiece, force: f64, scratch: &mut ElementScratch) {
+        let np = piece.p.len();
+        scratch.params.resize(np, 0.0);
+        scratch.slopes.resize(np, 0.0);
+        piece.law.opening_params(force, &self.p[piece.p.clone()], &mut scratch.params, &mut scratch.slopes);
+    }
+
+    /// Chain rule through the opening: with `K = dF/dy` and `D' = de/dF`, `dF = (dF|e - K de_p dp) / (1 + D' K)`.
+    fn condense(&self, dt: f64, full: bool, out: &mut Sensed, scratch: &mut ElementScratch) {
+        let (n_states, force) = (self.n_states, out.f);
+        let slope: f64 = self.series.iter().filter(|p| p.follower.is_none()).map(|p| p.law.opening(force, &self.p[p.p.clone()]).1).sum();
+        let along = |row: &[f64]| row[0] + 1.5 / dt * row[1] + row[3];
+        // Derivatives at a held opening: the old openings enter through the inner velocity and increment.
+        for r in 0..=n_states {
+            let row = out.row_mut(r);
+            row[INPUTS] += row[1] * 2.0 / dt + row[3];
+            row[INPUTS + 1] -= row[1] * 0.5 / dt;
+        }
+        let denominator = 1.0 + slope * along(out.row(0));
+        // de with respect to every column.
+        scratch.row.clear();
+        scratch.row.extend(out.row(0).iter().map(|d| slope * d));
+        for piece in self.series.iter().filter(|_| full) {
+            self.opening_slopes(piece, force, scratch);
+            for k in piece.p.clone().filter(|&k| self.active[k]) {
+                scratch.row[INPUTS + n_states + k] += scratch.params[k - piece.p.start];
+            }
+        }
+        scratch.row.iter_mut().for_each(|d| *d /= denominator);
+        for r in 0..=n_states {
+            let row = out.row_mut(r);
+            let k = along(row);
+            row.iter_mut().zip(&scratch.row).for_each(|(d, de)| *d -= k * de);
+        }
+        out.row_mut(1).copy_from_slice(&scratch.row);
+        let row = out.row_mut(2);
+        row.fill(0.0);
+        row[INPUTS] = 1.0;
+    }
+
+    /// The opening `e` with `e = sum e_j(F(x - e))`. The force does not fall with `y`, so the residual rises with `e` and a bracket
+    /// around the root keeps Newton safe.
+    fn solve_opening(&self, u: &Inputs<f64>, dt: f64, s: &[f64], scratch: &mut ElementScratch) -> f64 {
+        let (e1, e2) = (s[0], s[1]);
+        let (mut lo, mut hi) = (f64::NEG_INFINITY, f64::INFINITY);
+        let mut e = e1;
+        let mut reach = 0.0;
+        for _ in 0..200 {
+            let inner = inside(u, dt, e, e1, e2);
+            let (mut force, mut stiffness) = (0.0, 0.0);
+            for piece in &self.forces {
+                scratch.old.clear();
+                scratch.old.extend_from_slice(&s[piece.s.clone()]);
+                let p = &self.p[piece.p.clone()];
+                piece.law.tangent(&inner, dt, &mut scratch.old, p, &[false; 16][..p.len()], &mut scratch.piece);
+                force += scratch.piece.f;
+                let d = scratch.piece.inputs(0);
+                stiffness += d[0] + 1.5 / dt * d[1] + d[3];
+            }
+            let (mut opening, mut slope) = (0.0, 0.0);
+            for piece in self.series.iter().filter(|p| p.follower.is_none()) {
+                let (o, d) = piece.law.opening(force, &self.p[piece.p.clone()]);
+                opening += o;
+                slope += d;
+            }
+            let residual = e - opening;
+            if residual == 0.0 || !residual.is_finite() {
+                return if residual.is_finite() { e } else { f64::NAN };
+            }
+            if residual > 0.0 {
+                hi = hi.min(e);
+            } else {
+                lo = lo.max(e);
+            }
+            let derivative = 1.0 + slope * stiffness;
+            let mut next = if derivative > 0.0 { e - residual / derivative } else { f64::NAN };
+            if !(next > lo && next < hi) {
+                reach = if reach == 0.0 { residual.abs() } else { 2.0 * reach };
+                next = match (lo.is_finite(), hi.is_finite()) {
+                    (true, true) => 0.5 * (lo + hi),
+                    (true, false) => lo + reach,
+                    _ => hi - reach,
+                };
+            }
+            let step = next - e;
+            e = next;
+            if step.abs() <= 4e-16 * (e.abs() + e1.abs()) || step == 0.0 {
+                return e;
+            }
+        }
+        e
+    }
+
+    /// Dynamic stiffness of small motion at the complex frequency `s`, its derivative with respect to `s`, and with respect to the
+    /// parameters (`dp`, sized here).
+    pub fn stiffness(&self, s: Complex64, dp: &mut Vec<Complex64>) -> Result<(Complex64, Complex64), EffectError> {
+        let zero = Complex64::new(0.0, 0.0);
+        dp.clear();
+        dp.resize(self.p.len(), zero);
+        let (mut z, mut dz) = (zero, zero);
+        for piece in &self.forces {
+            let (value, slope) = piece.law.stiffness_tangent(s, &self.p[piece.p.clone()], &mut dp[piece.p.clone()])?;
+            z += value;
+            dz += slope;
+        }
+        for piece in &self.followers {
+            // A candidate without a small-signal limit leaves no trace in this test.
+            dp[piece.p.start] = piece.law.stiffness(s, &self.p[piece.p.clone()]).unwrap_or(zero);
+        }
+        if self.series.is_empty() {
+            return Ok((z, dz));
+        }
+        let slope: f64 = self.series.iter().filter(|p| p.follower.is_none()).map(|p| p.law.opening(0.0, &self.p[p.p.clone()]).1).sum();
+        let denominator = z * slope + 1.0;
+        let outer = (denominator * denominator).inv();
+        dp.iter_mut().for_each(|d| *d *= outer);
+        for piece in &self.series {
+            let np = piece.p.len();
+            let (mut value, mut slopes) = (vec![0.0; np], vec![0.0; np]);
+            piece.law.opening_params(0.0, &self.p[piece.p.clone()], &mut value, &mut slopes);
+            for (k, slope) in slopes.iter().enumerate() {
+                dp[piece.p.start + k] = -z * z * outer * *slope;
+            }
+        }
+        Ok((z / denominator, dz * outer))
+    }
+}
+
+/// Motion inside the opening.
+fn inside(u: &Inputs<f64>, dt: f64, e: f64, e1: f64, e2: f64) -> Inputs<f64> {
+    Inputs { x: u.x - e, v: u.v - (3.0 * e - 4.0 * e1 + e2) * (0.5 / dt), a: u.a, dx: u.dx - (e - e1) }
+}

@@ -1,0 +1,227 @@
+//! Bodies, connectors, degrees of freedom and places.
+
+use std::collections::HashMap;
+
+use super::ModelError;
+
+/// An axis of a body or a connector: three translations, three rotations (theta: bending in yz, phi: torsion about y, psi: bending in
+/// xy, as in the paper).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Axis {
+    /// Translation along x.
+    X,
+    /// Translation along y.
+    Y,
+    /// Translation along z.
+    Z,
+    /// Rotation theta.
+    Theta,
+    /// Rotation phi.
+    Phi,
+    /// Rotation psi.
+    Psi,
+}
+
+impl Axis {
+    /// All axes.
+    pub const ALL: [Axis; 6] = [Axis::X, Axis::Y, Axis::Z, Axis::Theta, Axis::Phi, Axis::Psi];
+
+    /// Name in study files.
+    pub fn name(self) -> &'static str {
+        ["x", "y", "z", "theta", "phi", "psi"][self as usize]
+    }
+    /// The axis of this name.
+    pub fn parse(name: &str) -> Result<Axis, ModelError> {
+        Axis::ALL
+            .into_iter()
+            .find(|a| a.name() == name)
+            .ok_or_else(|| ModelError::no_such("axis", name, Axis::ALL.iter().map(|a| a.name().into())))
+    }
+    /// Whether displacements along it are angles.
+    pub fn rotational(self) -> bool {
+        self >= Axis::Theta
+    }
+}
+
+/// A rigid body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// Name.
+    pub name: String,
+    /// Mass [kg]; 0 is a massless node.
+    pub mass: f64,
+    /// Moment of inertia for rotational freedoms [kg m2]; 0 is massless.
+    pub inertia: f64,
+    /// Free axes; none for a fixed body.
+    pub free: Vec<Axis>,
+}
+
+/// A joint of general forces between two bodies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Connector {
+    /// Name.
+    pub name: String,
+    /// Index of the body it comes from.
+    pub from: usize,
+    /// Index of the body it goes to.
+    pub to: usize,
+}
+
+/// One degree of freedom.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dof {
+    /// Index of the body.
+    pub body: usize,
+    /// Axis.
+    pub axis: Axis,
+    /// Mass [kg] or moment of inertia [kg m2].
+    pub mass: f64,
+}
+
+/// One axis of one connector: where effects act.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Index of the connector.
+    pub connector: usize,
+    /// Axis.
+    pub axis: Axis,
+    /// Degree of freedom at the `from` end; `None` where it is held.
+    pub from: Option<usize>,
+    /// Degree of freedom at the `to` end; `None` where it is held.
+    pub to: Option<usize>,
+}
+
+/// The graph.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    /// Bodies.
+    pub bodies: Vec<Body>,
+    /// Connectors.
+    pub connectors: Vec<Connector>,
+    /// Degrees of freedom, by body, then axis.
+    pub dofs: Vec<Dof>,
+    /// Places, by connector, then axis.
+    pub places: Vec<Place>,
+}
+
+impl Model {
+    /// Builds degrees of freedom and places; checks names, ends and connection to something that moves.
+    pub fn new(bodies: Vec<Body>, connectors: Vec<Connector>) -> Result<Model, ModelError> {
+        unique("body", bodies.iter().map(|b| b.name.as_str()))?;
+        unique("connector", connectors.iter().map(|c| c.name.as_str()))?;
+        let mut dofs = Vec::new();
+        let mut index = HashMap::new();
+        for (b, body) in bodies.iter().enumerate() {
+            for (what, value) in [("mass", body.mass), ("inertia", body.inertia)] {
+                if !value.is_finite() || value < 0.0 {
+                    return Err(ModelError::invalid(&body.name, format!("the {what} of body `{}` is {value}", body.name), "zero or more"));
+                }
+            }
+            for &axis in &body.free {
+                let mass = if axis.rotational() { body.inertia } else { body.mass };
+                if index.insert((b, axis), dofs.len()).is_some() {
+                    return Err(ModelError::Twice { what: "free axis", name: format!("{}.{}", body.name, axis.name()) });
+                }
+                dofs.push(Dof { body: b, axis, mass });
+            }
+        }
+        let mut places = Vec::new();
+        for (c, connector) in connectors.iter().enumerate() {
+            if connector.from == connector.to {
+                return Err(ModelError::invalid(
+                    &connector.name,
+                    format!("connector `{}` joins body `{}` to itself", connector.name, bodies[connector.to].name),
+                    "two different bodies",
+                ));
+            }
+            for axis in Axis::ALL {
+                let (from, to) = (index.get(&(connector.from, axis)).copied(), index.get(&(connector.to, axis)).copied());
+                if from.is_some() || to.is_some() {
+                    places.push(Place { connector: c, axis, from, to });
+                }
+            }
+        }
+        if dofs.is_empty() {
+            return Err(ModelError::invalid("body", "no body has a free axis: nothing can move", "at least one body with free = [\"x\"]"));
+        }
+        let model = Model { bodies, connectors, dofs, places };
+        for (d, dof) in model.dofs.iter().enumerate() {
+            if !model.places.iter().any(|p| p.from == Some(d) || p.to == Some(d)) {
+                let name = model.dof_name(d);
+                return Err(ModelError::invalid(
+                    &name,
+                    format!("nothing holds `{name}`: no connector reaches body `{}`", model.bodies[dof.body].name),
+                    "a connector to every body that can move, or the axis left out of `free`",
+                ));
+            }
+        }
+        Ok(model)
+    }
+
+    /// Name of a degree of freedom, `body.axis`.
+    pub fn dof_name(&self, dof: usize) -> String {
+        let d = &self.dofs[dof];
+        format!("{}.{}", self.bodies[d.body].name, d.axis.name())
+    }
+
+    /// Name of a place, `connector.axis`.
+    pub fn place_name(&self, place: usize) -> String {
+        let p = &self.places[place];
+        format!("{}.{}", self.connectors[p.connector].name, p.axis.name())
+    }
+
+    /// The degree of freedom of this name (`m3.x`), if it is one.
+    pub fn dof(&self, name: &str) -> Option<usize> {
+        (0..self.dofs.len()).find(|&d| self.dof_name(d) == name)
+    }
+
+    /// The places an `at` names: `c1.x`, or a range `c1-7.x`, whose connectors all exist.
+    pub fn places_at(&self, at: &str) -> Result<Vec<usize>, ModelError> {
+        let known = || (0..self.places.len()).map(|p| self.place_name(p));
+        let place = |name: &str| known().position(|k| k == name).ok_or_else(|| ModelError::no_such("place", name, known()));
+        let (connector, axis) = at.rsplit_once('.').ok_or_else(|| {
+            ModelError::invalid(
+                at,
+                format!("`{at}` names no axis"),
+                format!("connector and axis, as in `{}`", known().next().unwrap_or_default()),
+            )
+        })?;
+        Axis::parse(axis)?;
+        if self.connectors.iter().any(|c| c.name == connector) {
+            return Ok(vec![place(at)?]);
+        }
+        let Some((stem, first, last)) = range(connector) else { return Ok(vec![place(at)?]) };
+        if last < first {
+            return Err(ModelError::invalid(
+                at,
+                format!("the range `{connector}` runs backwards"),
+                format!("`{stem}{last}-{first}.{axis}`"),
+            ));
+        }
+        if last - first >= self.connectors.len() {
+            return Err(ModelError::no_such("place", &format!("{stem}{last}.{axis}"), known()));
+        }
+        (first..=last).map(|n| place(&format!("{stem}{n}.{axis}"))).collect()
+    }
+}
+
+/// `c1-7` as (`c`, 1, 7).
+fn range(name: &str) -> Option<(&str, usize, usize)> {
+    let (front, last) = name.rsplit_once('-')?;
+    let digits = front.len() - front.trim_end_matches(|ch: char| ch.is_ascii_digit()).len();
+    let (stem, first) = front.split_at(front.len() - digits);
+    Some((stem, first.parse().ok()?, last.parse().ok()?))
+}
+
+fn unique<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), ModelError> {
+    let mut seen = std::collections::HashSet::new();
+    for name in names {
+        if name.is_empty() || name.contains('.') || name.chars().any(char::is_whitespace) {
+            return Err(ModelError::invalid(name, format!("`{name}` cannot name a {what}"), "a word without dots or spaces"));
+        }
+        if !seen.insert(name) {
+            return Err(ModelError::Twice { what, name: name.into() });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,179 @@
+//! The graph with its effects and their parameters.
+
+use std::collections::BTreeMap;
+
+use crate::effect::{Effect, Kind, Sign};
+
+use super::{Model, ModelError};
+
+/// A parameter's number and how it may move.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParamValue {
+    /// Present value [SI].
+    pub value: f64,
+    /// Lower bound [SI], may be -inf.
+    pub min: f64,
+    /// Upper bound [SI], may be +inf.
+    pub max: f64,
+    /// Whether a fit moves it.
+    pub free: bool,
+    /// Prior mean and standard deviation [SI].
+    pub prior: Option<(f64, f64)>,
+    /// Unit for printing, as the engineer gave it, and its SI value.
+    pub unit: (String, f64),
+}
+
+impl ParamValue {
+    /// A fixed value in SI.
+    pub fn fixed(value: f64) -> Self {
+        ParamValue { value, min: f64::NEG_INFINITY, max: f64::INFINITY, free: false, prior: None, unit: (String::new(), 1.0) }
+    }
+    /// A free value in SI with the bounds its sign admits.
+    pub fn free(value: f64, sign: Sign) -> Self {
+        let min = if sign == Sign::Any { f64::NEG_INFINITY } else { 0.0 };
+        ParamValue { min, free: true, ..Self::fixed(value) }
+    }
+}
+
+/// A measuring channel: a test and the role of the channel in it; `*` stands for every test that has the role.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ChannelSite {
+    /// Test id, or `*`.
+    pub test: String,
+    /// Role: force, displacement, response.
+    pub role: String,
+}
+
+impl ChannelSite {
+    /// Whether it covers this channel.
+    pub fn covers(&self, test: &str, role: &str) -> bool {
+        (self.test == "*" || self.test == test) && self.role == role
+    }
+}
+
+/// What a coefficient acts on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Index of the instance whose parameter it scales.
+    pub instance: usize,
+    /// Index of that parameter.
+    pub param: usize,
+    /// Name of the condition.
+    pub condition: String,
+    /// Value of the condition at which the factor is 1 [SI].
+    pub reference: f64,
+}
+
+/// Where an instance acts.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Site {
+    /// At these places, sharing one set of values.
+    Places(Vec<usize>),
+    /// On a channel.
+    Channel(ChannelSite),
+}
+
+/// One effect with its values, at one or more places.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// The law.
+    pub effect: &'static Effect,
+    /// `at` as the study has it.
+    pub at: String,
+    /// The same, resolved.
+    pub site: Site,
+    /// Parameters in the order of the law.
+    pub params: Vec<ParamValue>,
+    /// For coefficients.
+    pub target: Option<Target>,
+    /// A candidate of the score test: strength at its null value and the only free parameter; its states follow the motion without
+    /// acting on it.
+    pub follower: bool,
+}
+
+impl Instance {
+    /// Name of the effect.
+    pub fn name(&self) -> &'static str {
+        self.effect.info().name
+    }
+}
+
+/// A free parameter: which number, and in which variable the fit moves it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeParam {
+    /// Index of the instance.
+    pub instance: usize,
+    /// Index of the parameter.
+    pub param: usize,
+    /// `at.effect.parameter`.
+    pub name: String,
+    /// Whether the fit moves its logarithm (positive shapes).
+    pub log: bool,
+}
+
+/// The graph with its effects.
+#[derive(Clone, Debug)]
+pub struct System {
+    /// The graph.
+    pub model: Model,
+    /// The effects.
+    pub instances: Vec<Instance>,
+}
+
+impl System {
+    /// The free parameters in order of instance and parameter.
+    pub fn free(&self) -> Vec<FreeParam> {
+        let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+        let mut free = Vec::new();
+        for (i, instance) in self.instances.iter().enumerate() {
+            let info = instance.effect.info();
+            let stem = match &instance.target {
+                Some(t) => {
+                    let of = self.instances[t.instance].effect.info();
+                    format!("{}.{}({}.{})", instance.at, info.name, of.name, of.params[t.param].name)
+                }
+                None => format!("{}.{}", instance.at, info.name),
+            };
+            let count = seen.entry(stem.clone()).or_insert(0);
+            *count += 1;
+            let stem = if *count > 1 { format!("{stem}#{count}") } else { stem };
+            for (p, value) in instance.params.iter().enumerate().filter(|(_, v)| v.free) {
+                let info = &info.params[p];
+                let log = info.kind != Kind::Strength && info.sign == Sign::Positive && value.prior.is_none();
+                free.push(FreeParam { instance: i, param: p, name: format!("{stem}.{}", info.name), log });
+            }
+        }
+        free
+    }
+
+    /// Checks that every value lies in its bounds and has an admissible sign.
+    pub fn check(&self) -> Result<(), ModelError> {
+        for f in self.all_params() {
+            let value = &self.instances[f.instance].params[f.param];
+            let sign = self.instances[f.instance].effect.info().params[f.param].sign;
+            let bad = |message: String, accepted: &str| Err(ModelError::invalid(&f.name, message, accepted));
+            if !value.value.is_finite() {
+                return bad(format!("`{}` is {}", f.name, value.value), "a finite number");
+            }
+            if value.min > value.max {
+                return bad(format!("the bounds of `{}` exclude every value: {} > {}", f.name, value.min, value.max), "min below max");
+            }
+            if value.value < value.min || value.value > value.max {
+                return bad(
+                    format!("the start {} of `{}` lies outside its bounds [{}, {}]", value.value, f.name, value.min, value.max),
+                    "a start within the bounds",
+                );
+            }
+            if (sign == Sign::NonNegative && value.value < 0.0) || (sign == Sign::Positive && value.value <= 0.0) {
+                return bad(format!("`{}` is {}", f.name, value.value), &format!("a value {}", sign.word()));
+            }
+        }
+        Ok(())
+    }
+
+    fn all_params(&self) -> Vec<FreeParam> {
+        let mut all = self.clone();
+        all.instances.iter_mut().flat_map(|i| &mut i.params).for_each(|p| p.free = true);
+        all.free()
+    }
+}
