@@ -394,7 +394,7 @@ fn a_line_at_the_resonance_of_a_part_is_solved_with_pivoting() {
     // w^2 = 2 - 1e-9: the first mass alone nearly resonates, its pivot is 1e-9 of its scale, while the three are regular (a spring
     // of 1 from the first to the ground added to the third). Unpivoted factors would keep seven digits.
     let system = three_masses();
-    let omega = [(2.0f64 - 1e-9).sqrt(), 1.0];
+    let omega = [(2.0f64 - 1e-9).sqrt(), 0.9];
     let d = omega.map(|w| 2.0 - w * w);
     let request = Sweep { omega: &omega, inputs: &[2], outputs: &[0, 1, 2], sensitivities: false };
     let mut response = Response::default();
