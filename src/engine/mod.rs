@@ -1,1 +1,3 @@
-//! (in work)
+//! Engines: what a model does, computed at a cost linear in its parts.
+
+pub mod blocktri;

@@ -1,0 +1,90 @@
+//! Substitution with the factors of [`BlockTri`].
+
+use std::sync::Arc;
+
+use super::{BlockTri, BlockTriError, Entry};
+
+/// Right-hand sides carried through one pass over the factors.
+pub(super) const COLUMNS: usize = 4;
+
+impl<T: Entry> BlockTri<T> {
+    /// Solves A X = B in place: `rhs` holds whole columns of length n one after the other, in the caller's dof order.
+    ///
+    /// # Errors
+    /// [`BlockTriError::NotFactored`], [`BlockTriError::Length`].
+    pub fn solve(&mut self, rhs: &mut [T]) -> Result<(), BlockTriError> {
+        let n = self.layout.n();
+        if !self.factored {
+            return Err(BlockTriError::NotFactored);
+        }
+        if n == 0 || rhs.len() % n != 0 {
+            return if rhs.is_empty() { Ok(()) } else { Err(BlockTriError::Length { len: rhs.len(), n }) };
+        }
+        let mut rest = rhs;
+        while !rest.is_empty() {
+            let take = if rest.len() >= COLUMNS * n { COLUMNS } else { 1 };
+            let (now, later) = rest.split_at_mut(take * n);
+            if take == COLUMNS {
+                self.columns::<COLUMNS>(now)
+            } else {
+                self.columns::<1>(now)
+            }
+            rest = later;
+        }
+        Ok(())
+    }
+
+    fn columns<const C: usize>(&mut self, rhs: &mut [T]) {
+        let layout = Arc::clone(&self.layout);
+        let n = layout.n();
+        let (work, _) = self.work.as_chunks_mut::<C>();
+        for (w, &dof) in work.iter_mut().zip(&layout.levels.order) {
+            *w = std::array::from_fn(|c| rhs[c * n + dof]);
+        }
+        self.forward::<C>(&layout);
+        self.backward::<C>(&layout);
+        let (work, _) = self.work.as_chunks::<C>();
+        for (w, &dof) in work.iter().zip(&layout.levels.order) {
+            (0..C).for_each(|c| rhs[c * n + dof] = w[c]);
+        }
+    }
+
+    #[inline(always)]
+    fn forward<const C: usize>(&mut self, layout: &super::Layout) {
+        let (levels, rows) = (&layout.levels, &layout.rows);
+        let (work, _) = self.work.as_chunks_mut::<C>();
+        for level in 0..levels.count() {
+            let (begin, end, reach) = (levels.start[level], levels.start[level + 1], levels.reach(level));
+            for k in begin..end {
+                work.swap(k, self.exchange[k]);
+            }
+            for r in begin + 1..reach {
+                let to = r.min(end);
+                let factors = &self.values[rows[r].at(begin)..rows[r].at(to)];
+                let mut sum = work[r];
+                for (f, w) in factors.iter().zip(&work[begin..to]) {
+                    (0..C).for_each(|c| sum[c] -= *f * w[c]);
+                }
+                work[r] = sum;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn backward<const C: usize>(&mut self, layout: &super::Layout) {
+        let (levels, rows) = (&layout.levels, &layout.rows);
+        let (work, _) = self.work.as_chunks_mut::<C>();
+        for level in (0..levels.count()).rev() {
+            let width = self.width[level];
+            for r in (levels.start[level]..levels.start[level + 1]).rev() {
+                let factors = &self.values[rows[r].at(r) + 1..rows[r].at(width)];
+                let mut sum = work[r];
+                for (f, w) in factors.iter().zip(&work[r + 1..width]) {
+                    (0..C).for_each(|c| sum[c] -= *f * w[c]);
+                }
+                (0..C).for_each(|c| sum[c] *= self.inverse[r]);
+                work[r] = sum;
+            }
+        }
+    }
+}

@@ -1,0 +1,340 @@
+//! Four lines of Z(w) X = E at once: assembly, L D L' without pivoting, substitution, sensitivities.
+//!
+//! Assembly, elimination and forward substitution go together level by level, so that a level's panel is still in the first cache
+//! when it is used. What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to
+//! z_kk|, the factors satisfy |Z - L D L'|_kl <= c eps g sqrt(s_k s_l), g = max_k sum_j |l_kj|^2 |d_j| / s_k. Lines whose g
+//! exceeds [`GROWTH`], or that meet a zero pivot, are reported for the pivoting factorisation.
+
+use super::lanes::{C4, Cv, F4, Lanes, WIDTH};
+use super::levels::Levels;
+use super::table::{Element, Table, row_start};
+
+/// Largest admitted element growth: leaves about 12 digits of backward accuracy.
+pub(super) const GROWTH: f64 = 1e3;
+
+/// Storage for four lines, reused from batch to batch.
+#[derive(Debug, Clone)]
+pub(super) struct Batch {
+    /// -w^2
+    pub inertia: F4,
+    /// z_g(w)
+    pub coefficients: Vec<C4>,
+    /// Factors in the table's order; the diagonal holds 1/d.
+    factors: Vec<C4>,
+    /// L D of the current level's panel.
+    panel: Vec<C4>,
+    /// What the current level takes off the next one's diagonal block (packed lower triangle), and the growth sums of its rows.
+    schur: Vec<C4>,
+    growth: Vec<F4>,
+    /// Solution columns, all columns of a position side by side.
+    pub x: Vec<C4>,
+    relative: Vec<C4>,
+    /// dH/dz: (input, output, group).
+    pub sensitivity: Vec<C4>,
+    magnitude: Vec<F4>,
+}
+
+/// What a batch has to compute.
+#[derive(Debug)]
+pub(super) struct Plan<'a> {
+    pub levels: &'a Levels,
+    pub table: &'a Table,
+    /// Position of the unit load of each solution column.
+    pub loads: &'a [usize],
+    /// Levels before this one carry no load.
+    pub first_loaded: usize,
+    /// Levels before this one are not needed in the solution.
+    pub last_wanted: usize,
+    /// Columns of the (input, output) pairs for the sensitivities; empty where these are not wanted.
+    pub pairs: &'a [(usize, usize)],
+}
+
+impl Batch {
+    pub fn new(levels: &Levels, table: &Table) -> Self {
+        let widest = (0..levels.count()).map(|l| levels.reach(l) - levels.start[l]).max().unwrap_or(0);
+        let zero = F4([0.0; WIDTH]);
+        Self {
+            inertia: zero,
+            coefficients: vec![C4::ZERO; table.groups],
+            factors: vec![C4::ZERO; table.slots.len()],
+            panel: vec![C4::ZERO; widest * widest],
+            schur: vec![C4::ZERO; widest * (widest + 1) / 2],
+            growth: vec![zero; 2 * widest],
+            x: Vec::new(),
+            relative: Vec::new(),
+            sensitivity: Vec::new(),
+            magnitude: vec![zero; table.groups],
+        }
+    }
+
+    /// Solves for the plan's loads; true per line where the result must not be used.
+    pub fn solve(&mut self, plan: &Plan) -> [bool; WIDTH] {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,fma")]
+            fn wide(batch: &mut Batch, plan: &Plan) -> [bool; WIDTH] {
+                batch.solve_with::<super::lanes::Avx2>(plan)
+            }
+            if super::lanes::avx2() {
+                // SAFETY: the processor has what the function is compiled for.
+                return unsafe { wide(self, plan) };
+            }
+        }
+        self.solve_with::<F4>(plan)
+    }
+
+    /// Sensitivities from the solution columns: dH_oi/dz_g = - sum over the group's elements of (b'X_o)(b'X_i).
+    pub fn differentiate(&mut self, plan: &Plan) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,fma")]
+            fn wide(batch: &mut Batch, plan: &Plan) {
+                batch.differentiate_with::<super::lanes::Avx2>(plan);
+            }
+            if super::lanes::avx2() {
+                // SAFETY: as above.
+                return unsafe { wide(self, plan) };
+            }
+        }
+        self.differentiate_with::<F4>(plan)
+    }
+
+    #[inline(always)]
+    pub(super) fn solve_with<V: Lanes>(&mut self, plan: &Plan) -> [bool; WIDTH] {
+        let (levels, columns) = (plan.levels, plan.loads.len());
+        self.x.clear();
+        self.x.resize(levels.n() * columns, C4::ZERO);
+        for (column, &position) in plan.loads.iter().enumerate() {
+            self.x[position * columns + column] = C4::ONE;
+        }
+        for (m, z) in self.magnitude.iter_mut().zip(&self.coefficients) {
+            Cv::<V>::load(z).magnitude().store(m);
+        }
+        self.schur.fill(C4::ZERO);
+        self.growth.fill(F4([0.0; WIDTH]));
+        let mut check = Check { excess: V::splat(-1.0), finite: V::splat(0.0) };
+        for level in 0..levels.count() {
+            let n = levels.size(level);
+            let below = levels.reach(level) - levels.start[level + 1];
+            check = match (n, below) {
+                (6, 6) => self.level::<V, 6, 6>(plan, level, 6, 6, check),
+                (3, 3) => self.level::<V, 3, 3>(plan, level, 3, 3, check),
+                (1, 1) => self.level::<V, 1, 1>(plan, level, 1, 1, check),
+                _ => self.level::<V, 0, 0>(plan, level, n, below, check),
+            };
+        }
+        for level in (plan.last_wanted..levels.count()).rev() {
+            self.backward::<V>(plan, level);
+        }
+        let (mut excess, mut finite) = (F4([0.0; WIDTH]), F4([0.0; WIDTH]));
+        check.excess.store(&mut excess);
+        check.finite.store(&mut finite);
+        std::array::from_fn(|i| excess.0[i] > 0.0 || finite.0[i].is_nan())
+    }
+
+    /// One level; `N` and `M` repeat `n` and `m` where they are known when compiling, 0 otherwise.
+    #[inline(always)]
+    fn level<V: Lanes, const N: usize, const M: usize>(
+        &mut self,
+        plan: &Plan,
+        level: usize,
+        n: usize,
+        m: usize,
+        mut check: Check<V>,
+    ) -> Check<V> {
+        let (n, m) = if N > 0 { (N, M) } else { (n, m) };
+        let base = plan.table.base[level];
+        let count = row_start(n + m, n);
+        self.assemble::<V>(plan.table, base, count);
+        let panel = &mut self.panel[..count];
+        for (p, s) in panel[..row_start(n, n)].iter_mut().zip(&self.schur) {
+            let one = Cv { re: V::splat(1.0), im: V::splat(0.0) };
+            Cv::<V>::load(p).sub_mul(one, Cv::load(s)).store(p);
+        }
+        let factors = &mut self.factors[base..base + count];
+        let growth = &mut self.growth[..n + m];
+        for k in 0..n {
+            let row_k = row_start(k, n);
+            let mut d = Cv::<V>::load(&panel[row_k + k]);
+            for j in 0..k {
+                d = d.sub_mul(Cv::load(&panel[row_k + j]), Cv::load(&factors[row_k + j]));
+            }
+            let inverse = d.reciprocal();
+            inverse.store(&mut factors[row_k + k]);
+            let size = inverse.magnitude();
+            let grown = V::load(&growth[k]).add(d.magnitude());
+            check.excess = check
+                .excess
+                .max(grown.sub_mul(V::splat(GROWTH), diagonal_scale::<V>(plan.table, base + row_k + k, self.inertia, &self.magnitude)));
+            check.finite = check.finite.add_mul(size, V::splat(0.0));
+            for r in k + 1..n + m {
+                let row = row_start(r, n);
+                let mut w = Cv::<V>::load(&panel[row + k]);
+                for j in 0..k {
+                    w = w.sub_mul(Cv::load(&panel[row + j]), Cv::load(&factors[row_k + j]));
+                }
+                w.store(&mut panel[row + k]);
+                w.mul(inverse).store(&mut factors[row + k]);
+                V::load(&growth[r]).add_mul(w.square(), size).store(&mut growth[r]);
+            }
+        }
+        for r in 0..m {
+            let (row, target) = (row_start(n + r, n), row_start(r, m));
+            for c in 0..=r {
+                let other = row_start(n + c, n);
+                let mut s = Cv::<V>::zero();
+                for k in 0..n {
+                    s = s.add_mul(Cv::load(&panel[row + k]), Cv::load(&factors[other + k]));
+                }
+                s.store(&mut self.schur[target + c]);
+            }
+        }
+        // The next level's growth starts from what this one added to its rows; a component's end leaves zeros.
+        growth.copy_within(n.., 0);
+        let widest = self.growth.len();
+        self.growth[m..widest.min(m + 2 * n)].fill(F4([0.0; WIDTH]));
+        if m == 0 {
+            self.schur.fill(C4::ZERO);
+        }
+        if level >= plan.first_loaded {
+            self.forward::<V>(plan, level, n, m);
+        }
+        check
+    }
+
+    #[inline(always)]
+    fn assemble<V: Lanes>(&mut self, table: &Table, base: usize, count: usize) {
+        let inertia = V::load(&self.inertia);
+        let slots = &table.slots[base..base + count + 1];
+        for (p, pair) in self.panel[..count].iter_mut().zip(slots.windows(2)) {
+            let mut z = Cv { re: V::splat(pair[0].stiffness).add_mul(inertia, V::splat(pair[0].mass)), im: V::splat(0.0) };
+            for term in &table.terms[pair[0].first_term..pair[1].first_term] {
+                z = z.add_scaled(V::splat(term.value), Cv::load(&self.coefficients[term.group]));
+            }
+            z.store(p);
+        }
+    }
+
+    #[inline(always)]
+    fn forward<V: Lanes>(&mut self, plan: &Plan, level: usize, n: usize, m: usize) {
+        let (columns, first) = (plan.loads.len(), plan.levels.start[level]);
+        let factors = &self.factors[plan.table.base[level]..];
+        let x = &mut self.x[first * columns..(first + n + m) * columns];
+        let mut c = 0;
+        while c < columns {
+            c += match columns - c {
+                1 => forward_columns::<V, 1>(factors, x, columns, c, n, m),
+                2 | 3 => forward_columns::<V, 2>(factors, x, columns, c, n, m),
+                _ => forward_columns::<V, 4>(factors, x, columns, c, n, m),
+            };
+        }
+    }
+
+    #[inline(always)]
+    fn backward<V: Lanes>(&mut self, plan: &Plan, level: usize) {
+        let (columns, first) = (plan.loads.len(), plan.levels.start[level]);
+        let (n, reach) = (plan.levels.size(level), plan.levels.reach(level));
+        let factors = &self.factors[plan.table.base[level]..];
+        let x = &mut self.x[first * columns..reach * columns];
+        let mut c = 0;
+        while c < columns {
+            c += match columns - c {
+                1 => backward_columns::<V, 1>(factors, x, columns, c, n, reach - first),
+                2 | 3 => backward_columns::<V, 2>(factors, x, columns, c, n, reach - first),
+                _ => backward_columns::<V, 4>(factors, x, columns, c, n, reach - first),
+            };
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn differentiate_with<V: Lanes>(&mut self, plan: &Plan) {
+        let (columns, groups) = (plan.loads.len(), plan.table.groups);
+        self.sensitivity.clear();
+        self.sensitivity.resize(plan.pairs.len() * groups, C4::ZERO);
+        self.relative.resize(columns, C4::ZERO);
+        for Element { group, row } in &plan.table.elements {
+            for (c, relative) in self.relative.iter_mut().enumerate() {
+                let mut sum = Cv::<V>::zero();
+                for &(position, b) in row {
+                    sum = sum.add_scaled(V::splat(b), Cv::load(&self.x[position * columns + c]));
+                }
+                sum.store(relative);
+            }
+            for (at, &(input, output)) in plan.pairs.iter().enumerate() {
+                let target = &mut self.sensitivity[at * groups + group];
+                let (a, b) = (Cv::<V>::load(&self.relative[input]), Cv::load(&self.relative[output]));
+                Cv::<V>::load(target).sub_mul(a, b).store(target);
+            }
+        }
+    }
+}
+
+/// Largest excess of growth over its limit, and NaN where a pivot was zero or not finite.
+#[derive(Clone, Copy)]
+struct Check<V> {
+    excess: V,
+    finite: V,
+}
+
+#[inline(always)]
+fn diagonal_scale<V: Lanes>(table: &Table, slot: usize, inertia: F4, magnitude: &[F4]) -> V {
+    let (own, next) = (table.slots[slot], table.slots[slot + 1]);
+    let mut sum = V::splat(own.stiffness.abs()).add(V::load(&inertia).mul(V::splat(own.mass)).abs());
+    for term in &table.terms[own.first_term..next.first_term] {
+        sum = sum.add_mul(V::splat(term.value.abs()), V::load(&magnitude[term.group]));
+    }
+    sum
+}
+
+#[inline(always)]
+fn forward_columns<V: Lanes, const C: usize>(factors: &[C4], x: &mut [C4], stride: usize, c: usize, n: usize, m: usize) -> usize {
+    for r in 1..n + m {
+        let row = row_start(r, n);
+        let mut sum: [Cv<V>; C] = load_columns(&x[r * stride + c..]);
+        for k in 0..r.min(n) {
+            let l = Cv::load(&factors[row + k]);
+            let source = &x[k * stride + c..][..C];
+            for (s, y) in sum.iter_mut().zip(source) {
+                *s = s.sub_mul(l, Cv::load(y));
+            }
+        }
+        store_columns(sum, &mut x[r * stride + c..]);
+    }
+    C
+}
+
+#[inline(always)]
+fn backward_columns<V: Lanes, const C: usize>(factors: &[C4], x: &mut [C4], stride: usize, c: usize, n: usize, rows: usize) -> usize {
+    for k in (0..n).rev() {
+        let inverse = Cv::load(&factors[row_start(k, n) + k]);
+        let mut sum: [Cv<V>; C] = load_columns(&x[k * stride + c..]);
+        for s in &mut sum {
+            *s = s.mul(inverse);
+        }
+        for r in k + 1..rows {
+            let l = Cv::load(&factors[row_start(r, n) + k]);
+            let source = &x[r * stride + c..][..C];
+            for (s, y) in sum.iter_mut().zip(source) {
+                *s = s.sub_mul(l, Cv::load(y));
+            }
+        }
+        store_columns(sum, &mut x[k * stride + c..]);
+    }
+    C
+}
+
+#[inline(always)]
+fn load_columns<V: Lanes, const C: usize>(from: &[C4]) -> [Cv<V>; C] {
+    let mut all = [Cv::zero(); C];
+    for (a, f) in all.iter_mut().zip(&from[..C]) {
+        *a = Cv::load(f);
+    }
+    all
+}
+
+#[inline(always)]
+fn store_columns<V: Lanes, const C: usize>(all: [Cv<V>; C], to: &mut [C4]) {
+    for (a, t) in all.iter().zip(&mut to[..C]) {
+        a.store(t);
+    }
+}
