@@ -1,3 +1,14 @@
 //! Engines: what a model does, computed at a cost linear in its parts.
+//!
+//! - [`blocktri`]: ordering, factorisation and frequency sweeps of block-tridiagonal systems;
+//! - [`march`]: implicit time integration with exact sensitivities;
+//! - [`periodic`]: the steady cycle under a periodic drive;
+//! - [`frf`]: receptances and their sensitivities about rest.
 
 pub mod blocktri;
+mod error;
+pub mod frf;
+pub mod march;
+pub mod periodic;
+
+pub use error::EngineError;

@@ -171,6 +171,15 @@ impl Element {
     pub fn n_params(&self) -> usize {
         self.p.len()
     }
+    /// Whether both have the same laws with the same numbers and the same free parameters behind them.
+    pub fn same_law(&self, other: &Element) -> bool {
+        let names = |e: &Element| -> Vec<&'static str> {
+            let forces = e.forces.iter().chain(&e.followers).map(|f| f.law.info().name);
+            forces.chain(e.series.iter().map(|s| s.law.info().name)).collect()
+        };
+        self.p == other.p && self.chains == other.chains && names(self) == names(other)
+    }
+
     /// Whether the force depends on nothing but displacement, velocity and acceleration, linearly.
     pub fn is_linear(&self) -> bool {
         !self.opening && self.forces.iter().all(|f| matches!(f.law.info().name, "linear_stiffness" | "viscous" | "added_mass"))

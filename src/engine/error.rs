@@ -1,0 +1,65 @@
+//! What can go wrong while a model is computed.
+
+use crate::effect::EffectError;
+use crate::explain::Explain;
+
+use super::blocktri::BlockTriError;
+
+/// Errors of the engines.
+#[derive(Clone, Debug, thiserror::Error, PartialEq)]
+pub enum EngineError {
+    /// The linear system is singular or not finite.
+    #[error(transparent)]
+    Linear(#[from] BlockTriError),
+    /// A law refuses.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// No equilibrium was found at a step.
+    #[error("no equilibrium at step {step} of {steps}: the out-of-balance force stays at {residual:.2e} of the forces present")]
+    NoEquilibrium {
+        /// Step.
+        step: usize,
+        /// Steps in the march.
+        steps: usize,
+        /// Relative residual reached.
+        residual: f64,
+    },
+    /// The response grew beyond all numbers.
+    #[error("the response is not finite at step {step}")]
+    NotFinite {
+        /// Step.
+        step: usize,
+    },
+    /// The cycle does not repeat.
+    #[error("the response does not settle into a cycle: the change per cycle stays at {change:.2e} after {cycles} cycles")]
+    NotPeriodic {
+        /// Relative change over the last cycle.
+        change: f64,
+        /// Cycles marched.
+        cycles: usize,
+    },
+}
+
+impl Explain for EngineError {
+    fn stage(&self) -> &'static str {
+        "engine"
+    }
+    fn place(&self) -> String {
+        match self {
+            EngineError::Linear(e) => e.place(),
+            EngineError::Effect(e) => e.place(),
+            EngineError::NoEquilibrium { step, .. } | EngineError::NotFinite { step } => format!("step {step}"),
+            EngineError::NotPeriodic { .. } => "cycle".into(),
+        }
+    }
+    fn accepted(&self) -> String {
+        match self {
+            EngineError::Linear(e) => e.accepted(),
+            EngineError::Effect(e) => e.accepted(),
+            EngineError::NoEquilibrium { .. } | EngineError::NotFinite { .. } => {
+                "parameters for which the structure stands: positive stiffness along every path, softening within its range".into()
+            }
+            EngineError::NotPeriodic { .. } => "a stable structure with damping".into(),
+        }
+    }
+}

@@ -1,0 +1,534 @@
+//! Implicit time integration of `M a + F(x, v, a; states) = f(t)` with direct differentiation.
+//!
+//! Generalised-alpha method (Chung and Hulbert, J. Appl. Mech. 60, 1993), second order, damping of the highest frequencies set by its
+//! spectral radius; the constitutive updates of the elements take the motion at the end of the step. At each step the displacements
+//! follow from Newton's method with the exact tangent, block tridiagonal; afterwards every sensitivity costs one more
+//! back-substitution with the same tangent. Prescribed degrees of freedom enter with given displacement, velocity, acceleration.
+
+use std::sync::Arc;
+
+use crate::effect::Inputs;
+use crate::model::{Bound, ElementScratch, Model, Sensed};
+
+use super::EngineError;
+use super::blocktri::{BlockTri, Layout, Levels};
+
+/// What drives the structure, sampled at the ends of the steps (index 0: the start).
+#[derive(Clone, Debug, Default)]
+pub struct Loads {
+    /// Step length [s].
+    pub dt: f64,
+    /// Degrees of freedom with given displacement, velocity and acceleration.
+    pub prescribed: Vec<(usize, Vec<[f64; 3]>)>,
+    /// External general forces [N or N m].
+    pub forces: Vec<(usize, Vec<f64>)>,
+}
+
+/// What is observed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Probe {
+    /// Displacement of a degree of freedom.
+    Dof(usize),
+    /// Relative displacement of a place.
+    Relative(usize),
+    /// Force of a place's element.
+    Force(usize),
+    /// Force that holds a prescribed degree of freedom, inertia included.
+    Reaction(usize),
+}
+
+/// State of a march, values and sensitivities. Sensitivity arrays hold one column after the other.
+#[derive(Clone, Debug, Default)]
+pub struct State {
+    /// Displacements, velocities, accelerations of all degrees of freedom.
+    pub q: Vec<f64>,
+    /// Velocities.
+    pub v: Vec<f64>,
+    /// Accelerations.
+    pub a: Vec<f64>,
+    /// States of the elements, one after the other.
+    pub s: Vec<f64>,
+    /// States of the followers.
+    pub fs: Vec<f64>,
+    pub(super) g: Vec<f64>,
+    /// Sensitivities of the same.
+    pub dq: Vec<f64>,
+    /// Of the velocities.
+    pub dv: Vec<f64>,
+    /// Of the accelerations.
+    pub da: Vec<f64>,
+    /// Of the element states.
+    pub ds: Vec<f64>,
+    pub(super) dg: Vec<f64>,
+}
+
+/// Coefficients of the method for a spectral radius at infinite frequency.
+#[derive(Clone, Copy, Debug)]
+struct Alpha {
+    m: f64,
+    f: f64,
+    beta: f64,
+    gamma: f64,
+}
+
+impl Alpha {
+    fn new(radius: f64) -> Self {
+        let (m, f) = ((2.0 * radius - 1.0) / (radius + 1.0), radius / (radius + 1.0));
+        Alpha { m, f, beta: 0.25 * (1.0 - m + f).powi(2), gamma: 0.5 - m + f }
+    }
+}
+
+struct Link {
+    to: Option<usize>,
+    from: Option<usize>,
+    s0: usize,
+    fs0: usize,
+    /// Slots of (to,to), (from,from), (to,from), (from,to) where both are free.
+    slots: [Option<usize>; 4],
+}
+
+/// The march of one model under one set of loads.
+pub struct March<'a> {
+    bound: &'a Bound,
+    loads: &'a Loads,
+    mass: Vec<f64>,
+    /// Index among the free degrees of freedom; `None` where prescribed.
+    free: Vec<Option<usize>>,
+    free_dofs: Vec<usize>,
+    prescribed_at: Vec<Option<usize>>,
+    links: Vec<Link>,
+    diagonal: Vec<usize>,
+    matrix: BlockTri<f64>,
+    alpha: Alpha,
+    scratch: ElementScratch,
+    sensed: Vec<Sensed>,
+    n_states: usize,
+    n_follower_states: usize,
+    // Working vectors.
+    old: State,
+    new_s: Vec<f64>,
+    rhs: Vec<f64>,
+    external: Vec<f64>,
+    external_old: Vec<f64>,
+    force: Vec<f64>,
+    h: Vec<f64>,
+    forces: Vec<f64>,
+    scale: f64,
+}
+
+const ITERATIONS: usize = 60;
+
+impl<'a> March<'a> {
+    /// Prepares a march; `radius` is the spectral radius at infinite frequency (0: strongest damping of what is not resolved, 1: none).
+    pub fn new(model: &Model, bound: &'a Bound, loads: &'a Loads, radius: f64) -> Result<Self, EngineError> {
+        let n = model.dofs.len();
+        let mut prescribed_at = vec![None; n];
+        for (k, (dof, _)) in loads.prescribed.iter().enumerate() {
+            prescribed_at[*dof] = Some(k);
+        }
+        let free_dofs: Vec<usize> = (0..n).filter(|d| prescribed_at[*d].is_none()).collect();
+        let mut free = vec![None; n];
+        free_dofs.iter().enumerate().for_each(|(k, d)| free[*d] = Some(k));
+        let pairs: Vec<(usize, usize)> = bound
+            .elements
+            .iter()
+            .filter_map(|e| Some((free[e.to?]?, free[e.from?]?)))
+            .chain((0..free_dofs.len()).map(|k| (k, k)))
+            .collect();
+        let layout = Arc::new(Layout::new(Levels::new(free_dofs.len(), &pairs)?));
+        let (mut s0, mut fs0) = (0, 0);
+        let mut links = Vec::with_capacity(bound.elements.len());
+        for e in &bound.elements {
+            let (t, f) = (e.to.and_then(|d| free[d]), e.from.and_then(|d| free[d]));
+            let slot = |i: Option<usize>, j: Option<usize>| match (i, j) {
+                (Some(i), Some(j)) => layout.slot(i, j).map(Some),
+                _ => Ok(None),
+            };
+            links.push(Link { to: e.to, from: e.from, s0, fs0, slots: [slot(t, t)?, slot(f, f)?, slot(t, f)?, slot(f, t)?] });
+            s0 += e.n_states();
+            fs0 += e.n_follower_states();
+        }
+        let diagonal = (0..free_dofs.len()).map(|k| layout.slot(k, k)).collect::<Result<_, _>>()?;
+        Ok(March {
+            bound,
+            loads,
+            mass: model.dofs.iter().map(|d| d.mass).collect(),
+            matrix: BlockTri::new(layout),
+            free,
+            rhs: vec![0.0; free_dofs.len()],
+            free_dofs,
+            prescribed_at,
+            links,
+            diagonal,
+            alpha: Alpha::new(radius),
+            scratch: ElementScratch::default(),
+            sensed: bound.elements.iter().map(|_| Sensed::default()).collect(),
+            n_states: s0,
+            n_follower_states: fs0,
+            old: State::default(),
+            new_s: vec![0.0; s0],
+            external: vec![0.0; n],
+            external_old: vec![0.0; n],
+            force: vec![0.0; n],
+            h: vec![],
+            forces: vec![0.0; bound.elements.len()],
+            scale: 0.0,
+        })
+    }
+
+    /// Rest, at step 0 of the loads for what is prescribed, with `columns` sensitivities of zero.
+    pub fn rest(&self, columns: usize) -> State {
+        let n = self.mass.len();
+        let mut state = State {
+            q: vec![0.0; n],
+            v: vec![0.0; n],
+            a: vec![0.0; n],
+            s: vec![0.0; self.n_states],
+            fs: vec![0.0; self.n_follower_states],
+            g: vec![0.0; n],
+            ..State::default()
+        };
+        self.set_columns(&mut state, columns);
+        for (dof, path) in &self.loads.prescribed {
+            (state.q[*dof], state.v[*dof], state.a[*dof]) = (path[0][0], path[0][1], path[0][2]);
+        }
+        state
+    }
+
+    /// Zeroes the sensitivities and sets their number.
+    pub fn set_columns(&self, state: &mut State, columns: usize) {
+        let n = self.mass.len();
+        for (vector, len) in
+            [(&mut state.dq, n), (&mut state.dv, n), (&mut state.da, n), (&mut state.dg, n), (&mut state.ds, self.n_states)]
+        {
+            vector.clear();
+            vector.resize(len * columns, 0.0);
+        }
+    }
+
+    /// Makes room for the given number of sensitivities where only those of motion and states are set.
+    pub fn adopt_columns(&self, state: &mut State, columns: usize) {
+        state.dg.clear();
+        state.dg.resize(self.mass.len() * columns, 0.0);
+    }
+
+    /// Degrees of freedom that are not prescribed.
+    pub fn free_dofs(&self) -> &[usize] {
+        &self.free_dofs
+    }
+
+    fn relative(&self, e: usize, u: &[f64]) -> f64 {
+        let link = &self.links[e];
+        link.to.map_or(0.0, |d| u[d]) - link.from.map_or(0.0, |d| u[d])
+    }
+
+    /// Sums the elements at trial motion `q, v, a` into the internal forces; with `newton` also the tangent matrix.
+    fn internal(&mut self, state: &mut State, stage: Stage, force: &mut [f64]) -> f64 {
+        let dt = self.loads.dt;
+        let (big_a, big_v) = (1.0 / (self.alpha.beta * dt * dt), self.alpha.gamma / (self.alpha.beta * dt));
+        force.fill(0.0);
+        let mut scale = 0.0;
+        self.new_s.copy_from_slice(&self.old.s);
+        if stage == Stage::Newton {
+            self.matrix.clear();
+            let weight = (1.0 - self.alpha.m) * big_a;
+            for (k, slot) in self.diagonal.iter().enumerate() {
+                self.matrix.add_at(*slot, weight * self.mass[self.free_dofs[k]]);
+            }
+        }
+        for (e, element) in self.bound.elements.iter().enumerate() {
+            let x = self.relative(e, &state.q);
+            let u = Inputs { x, v: self.relative(e, &state.v), a: self.relative(e, &state.a), dx: x - self.relative(e, &self.old.q) };
+            let link = &self.links[e];
+            let s = &mut self.new_s[link.s0..link.s0 + element.n_states()];
+            let fs = &mut state.fs[link.fs0..link.fs0 + element.n_follower_states()];
+            let f = if stage == Stage::Value {
+                element.value(&u, dt, s, &mut self.scratch)
+            } else {
+                let out = &mut self.sensed[e];
+                element.tangent(&u, dt, s, fs, stage == Stage::Full, out, &mut self.scratch);
+                out.f
+            };
+            scale += f.abs();
+            self.forces[e] = f;
+            if let Some(d) = link.to {
+                force[d] += f;
+            }
+            if let Some(d) = link.from {
+                force[d] -= f;
+            }
+            if stage == Stage::Newton {
+                let d = self.sensed[e].inputs(0);
+                let k = (1.0 - self.alpha.f) * (d[0] + big_v * d[1] + big_a * d[2] + d[3]);
+                for (slot, sign) in link.slots.iter().zip([k, k, -k, -k]) {
+                    if let Some(slot) = slot {
+                        self.matrix.add_at(*slot, sign);
+                    }
+                }
+            }
+        }
+        scale
+    }
+
+    /// One step, to the loads at index `k`.
+    pub fn step(&mut self, k: usize, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        let (dt, alpha, n) = (self.loads.dt, self.alpha, self.mass.len());
+        let steps = self.loads.prescribed.first().map(|p| p.1.len()).or(self.loads.forces.first().map(|f| f.1.len())).unwrap_or(1) - 1;
+        self.old.clone_from(state);
+        self.external.fill(0.0);
+        self.external_old.fill(0.0);
+        for (dof, path) in &self.loads.forces {
+            self.external[*dof] += path[k];
+            self.external_old[*dof] += path[k - 1];
+        }
+        for (dof, path) in &self.loads.prescribed {
+            (state.q[*dof], state.v[*dof], state.a[*dof]) = (path[k][0], path[k][1], path[k][2]);
+        }
+        let mut force = std::mem::take(&mut self.force);
+        let update = |state: &mut State, old: &State, dofs: &[usize]| {
+            for &d in dofs {
+                let a = (state.q[d] - old.q[d] - dt * old.v[d]) / (alpha.beta * dt * dt) - (0.5 / alpha.beta - 1.0) * old.a[d];
+                state.v[d] = old.v[d] + dt * ((1.0 - alpha.gamma) * old.a[d] + alpha.gamma * a);
+                state.a[d] = a;
+            }
+        };
+        let n_free = self.free_dofs.len();
+        if n_free > 0 {
+            for &d in &self.free_dofs {
+                state.q[d] += dt * state.v[d];
+            }
+            update(state, &self.old, &self.free_dofs);
+            let mut best = f64::INFINITY;
+            let mut damping = 1.0;
+            let mut converged = false;
+            let mut last = (f64::INFINITY, f64::INFINITY);
+            for _ in 0..ITERATIONS {
+                let mut scale = self.internal(state, Stage::Newton, &mut force);
+                let mut norm = 0.0f64;
+                for (i, &d) in self.free_dofs.iter().enumerate() {
+                    let inertia = self.mass[d] * ((1.0 - alpha.m) * state.a[d] + alpha.m * self.old.a[d]);
+                    let r = inertia + (1.0 - alpha.f) * (force[d] - self.external[d]) + alpha.f * self.old.g[d];
+                    scale += inertia.abs() + self.external[d].abs();
+                    norm = norm.max(r.abs());
+                    self.rhs[i] = -r;
+                }
+                if !norm.is_finite() {
+                    self.force = force;
+                    return Err(EngineError::NotFinite { step: k });
+                }
+                self.scale = self.scale.max(scale);
+                last = (norm, self.scale);
+                if norm <= 1e-13 * self.scale || norm == 0.0 {
+                    converged = true;
+                    break;
+                }
+                // A residual that no longer falls at rounding level is as good as it gets.
+                if norm >= best && norm <= 1e-10 * self.scale {
+                    converged = true;
+                    break;
+                }
+                // Non-smooth laws can make full steps jump between branches: shorten them when the residual does not fall.
+                damping = if norm < best { 1.0 } else { f64::max(0.5 * damping, 1.0 / 64.0) };
+                best = best.min(norm);
+                self.matrix.factor()?;
+                self.matrix.solve(&mut self.rhs)?;
+                for (i, &d) in self.free_dofs.iter().enumerate() {
+                    state.q[d] += damping * self.rhs[i];
+                }
+                update(state, &self.old, &self.free_dofs);
+            }
+            if !converged && last.0 > 1e-8 * last.1 {
+                self.force = force;
+                return Err(EngineError::NoEquilibrium { step: k, steps, residual: last.0 / last.1 });
+            }
+        }
+        let stage = if columns > 0 || self.n_follower_states > 0 { Stage::Full } else { Stage::Value };
+        self.internal(state, stage, &mut force);
+        if force.iter().any(|f| !f.is_finite()) {
+            self.force = force;
+            return Err(EngineError::NotFinite { step: k });
+        }
+        for d in 0..n {
+            state.g[d] = force[d] - self.external[d];
+        }
+        self.force = force;
+        if columns > 0 {
+            self.sensitivities(state, columns)?;
+        }
+        state.s.copy_from_slice(&self.new_s);
+        Ok(())
+    }
+
+    /// Direct differentiation of the converged step. `columns` may exceed the free parameters: the rest are initial perturbations.
+    fn sensitivities(&mut self, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        let (dt, alpha, n, ns) = (self.loads.dt, self.alpha, self.mass.len(), self.n_states);
+        let (big_a, big_v) = (1.0 / (alpha.beta * dt * dt), alpha.gamma / (alpha.beta * dt));
+        let n_elements = self.bound.elements.len();
+        // Parts of dv', da' that do not depend on dq': stored where dv', da' will stand.
+        for c in 0..columns {
+            let base = c * n;
+            for d in 0..n {
+                let i = base + d;
+                if self.prescribed_at[d].is_some() {
+                    (state.dq[i], state.dv[i], state.da[i]) = (0.0, 0.0, 0.0);
+                    continue;
+                }
+                let (q, v, a) = (self.old.dq[i], self.old.dv[i], self.old.da[i]);
+                let at = -big_a * (q + dt * v) - (0.5 / alpha.beta - 1.0) * a;
+                state.da[i] = at;
+                state.dv[i] = v + dt * ((1.0 - alpha.gamma) * a + alpha.gamma * at);
+                state.dq[i] = 0.0;
+            }
+        }
+        // h: derivative of every element's force at held q'.
+        self.h.clear();
+        self.h.resize(columns * n_elements, 0.0);
+        for (e, element) in self.bound.elements.iter().enumerate() {
+            let (link, sensed) = (&self.links[e], &self.sensed[e]);
+            let (d, by_state) = (sensed.inputs(0), sensed.states(0));
+            for c in 0..columns {
+                let rel = |u: &[f64]| link.to.map_or(0.0, |k| u[c * n + k]) - link.from.map_or(0.0, |k| u[c * n + k]);
+                let mut h = d[1] * rel(&state.dv) + d[2] * rel(&state.da) - d[3] * rel(&self.old.dq);
+                let old = &self.old.ds[c * ns + link.s0..c * ns + link.s0 + by_state.len()];
+                h += by_state.iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
+                self.h[c * n_elements + e] = h;
+            }
+            for (p, chain) in element.chains.iter().enumerate() {
+                for (theta, slope) in chain {
+                    self.h[theta * n_elements + e] += sensed.params(0)[p] * slope;
+                }
+            }
+        }
+        let n_free = self.free_dofs.len();
+        if n_free > 0 {
+            // The tangent of the last iteration may lag behind the converged point.
+            self.refresh_matrix(big_a, big_v);
+            self.matrix.factor()?;
+            let mut rhs = std::mem::take(&mut self.rhs);
+            rhs.resize(n_free * columns, 0.0);
+            for c in 0..columns {
+                for (i, &d) in self.free_dofs.iter().enumerate() {
+                    let at = c * n + d;
+                    rhs[c * n_free + i] =
+                        -(self.mass[d] * ((1.0 - alpha.m) * state.da[at] + alpha.m * self.old.da[at]) + alpha.f * self.old.dg[at]);
+                }
+                for (e, link) in self.links.iter().enumerate() {
+                    let h = (1.0 - alpha.f) * self.h[c * n_elements + e];
+                    if let Some(i) = link.to.and_then(|d| self.free[d]) {
+                        rhs[c * n_free + i] -= h;
+                    }
+                    if let Some(i) = link.from.and_then(|d| self.free[d]) {
+                        rhs[c * n_free + i] += h;
+                    }
+                }
+            }
+            self.matrix.solve(&mut rhs)?;
+            for c in 0..columns {
+                for (i, &d) in self.free_dofs.iter().enumerate() {
+                    let x = rhs[c * n_free + i];
+                    state.dq[c * n + d] = x;
+                    state.dv[c * n + d] += big_v * x;
+                    state.da[c * n + d] += big_a * x;
+                }
+            }
+            rhs.resize(n_free, 0.0);
+            self.rhs = rhs;
+        }
+        state.dg.fill(0.0);
+        for (e, element) in self.bound.elements.iter().enumerate() {
+            let (link, sensed) = (&self.links[e], &self.sensed[e]);
+            let n_s = element.n_states();
+            let k = {
+                let d = sensed.inputs(0);
+                d[0] + big_v * d[1] + big_a * d[2] + d[3]
+            };
+            for c in 0..columns {
+                let rel = |u: &[f64]| link.to.map_or(0.0, |d| u[c * n + d]) - link.from.map_or(0.0, |d| u[c * n + d]);
+                let dx = rel(&state.dq);
+                let df = self.h[c * n_elements + e] + k * dx;
+                self.h[c * n_elements + e] = df;
+                if let Some(d) = link.to {
+                    state.dg[c * n + d] += df;
+                }
+                if let Some(d) = link.from {
+                    state.dg[c * n + d] -= df;
+                }
+                if n_s > 0 {
+                    let (dv, da, step) = (rel(&state.dv), rel(&state.da), dx - rel(&self.old.dq));
+                    let old = &self.old.ds[c * ns + link.s0..c * ns + link.s0 + n_s];
+                    for r in 0..n_s {
+                        let d = sensed.inputs(1 + r);
+                        state.ds[c * ns + link.s0 + r] = d[0] * dx
+                            + d[1] * dv
+                            + d[2] * da
+                            + d[3] * step
+                            + sensed.states(1 + r).iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
+                    }
+                }
+            }
+            for (p, chain) in element.chains.iter().enumerate().filter(|_| n_s > 0) {
+                for (theta, slope) in chain {
+                    for r in 0..n_s {
+                        state.ds[theta * ns + link.s0 + r] += sensed.params(1 + r)[p] * slope;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn refresh_matrix(&mut self, big_a: f64, big_v: f64) {
+        self.matrix.clear();
+        let weight = (1.0 - self.alpha.m) * big_a;
+        for (k, slot) in self.diagonal.iter().enumerate() {
+            self.matrix.add_at(*slot, weight * self.mass[self.free_dofs[k]]);
+        }
+        for (link, sensed) in self.links.iter().zip(&self.sensed) {
+            let d = sensed.inputs(0);
+            let k = (1.0 - self.alpha.f) * (d[0] + big_v * d[1] + big_a * d[2] + d[3]);
+            for (slot, value) in link.slots.iter().zip([k, k, -k, -k]) {
+                if let Some(slot) = slot {
+                    self.matrix.add_at(*slot, value);
+                }
+            }
+        }
+    }
+
+    /// What a probe reads after a step, with its sensitivities written to `d` (one per column).
+    pub fn read(&self, probe: Probe, state: &State, d: &mut [f64]) -> f64 {
+        let (n, n_elements) = (self.mass.len(), self.links.len());
+        match probe {
+            Probe::Dof(dof) => {
+                d.iter_mut().enumerate().for_each(|(c, out)| *out = state.dq[c * n + dof]);
+                state.q[dof]
+            }
+            Probe::Relative(place) => {
+                let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
+                let link = &self.links[e];
+                let rel = |u: &[f64], c: usize| link.to.map_or(0.0, |k| u[c * n + k]) - link.from.map_or(0.0, |k| u[c * n + k]);
+                d.iter_mut().enumerate().for_each(|(c, out)| *out = rel(&state.dq, c));
+                rel(&state.q, 0)
+            }
+            Probe::Force(place) => {
+                let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
+                d.iter_mut().enumerate().for_each(|(c, out)| *out = self.h[c * n_elements + e]);
+                self.forces[e]
+            }
+            Probe::Reaction(dof) => {
+                d.iter_mut().enumerate().for_each(|(c, out)| *out = self.mass[dof] * state.da[c * n + dof] + state.dg[c * n + dof]);
+                self.mass[dof] * state.a[dof] + state.g[dof]
+            }
+        }
+    }
+}
+
+/// What a sum over the elements is for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    /// Forces and new states only.
+    Value,
+    /// Also the tangent matrix.
+    Newton,
+    /// Also the derivatives with respect to parameters; followers advance.
+    Full,
+}

@@ -1,0 +1,331 @@
+//! The steady cycle of a structure under a periodic drive, with sensitivities.
+//!
+//! From rest the drive is ramped up to its value at the start of the cycle (the declared loading path of history-dependent laws), then
+//! cycles are marched until they repeat. What decays slowly is found by shooting: Newton's method on the state at the start of the
+//! cycle, with the monodromy matrix from the march's own sensitivities; directions that never decay (an element that stays stuck) keep
+//! what the loading path left there.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::model::{Bound, Model};
+
+use super::EngineError;
+use super::march::{Loads, March, Probe, State};
+
+/// One steady cycle.
+#[derive(Clone, Debug)]
+pub struct Cycle {
+    /// Steps per cycle.
+    pub steps: usize,
+    /// Number of sensitivities.
+    pub columns: usize,
+    /// Readings, `values[probe][k]` at the end of step `k + 1`; the last is the start of the cycle as well.
+    pub values: Vec<Vec<f64>>,
+    /// Sensitivities, `slopes[probe][k * columns + c]`.
+    pub slopes: Vec<Vec<f64>>,
+    /// Cycles marched before the one reported.
+    pub cycles: usize,
+}
+
+/// Change per cycle, relative to the largest value in the cycle, at which it counts as repeating.
+const TOLERANCE: f64 = 1e-10;
+/// Largest state for which the monodromy matrix is formed.
+const SHOOT: usize = 160;
+const CYCLES: usize = 60;
+
+/// Marches to the steady cycle. `loads` holds one cycle: its first and last sample are equal.
+pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], sensitivities: bool) -> Result<Cycle, EngineError> {
+    let steps = length(loads);
+    let columns = if sensitivities { bound.n_free } else { 0 };
+    let mut state = ramp(model, bound, loads, (steps / 4).max(16))?;
+    let mut march = March::new(model, bound, loads, 0.0)?;
+    let mut z = Shooting::new(&march, &state);
+    let mut cycles = 0;
+    let mut change = f64::INFINITY;
+    while cycles < CYCLES {
+        let before = state.clone();
+        if cycles >= 3 && z.len() <= SHOOT {
+            z.shoot(&mut march, &mut state, steps)?;
+        } else {
+            for k in 1..=steps {
+                march.step(k, &mut state, 0)?;
+                z.widen(&state);
+            }
+        }
+        cycles += 1;
+        change = if cycles > 3 && z.len() <= SHOOT { z.residual } else { z.change(&before, &state) };
+        if change < TOLERANCE {
+            break;
+        }
+    }
+    // Shooting on a non-smooth cycle may hover just above the tolerance; what matters is far above it.
+    if change > 1e-6 {
+        return Err(EngineError::NotPeriodic { change, cycles });
+    }
+    follow(&mut march, &mut state, steps)?;
+    let start = state.clone();
+    if columns == 0 {
+        return record(&mut march, &mut state, steps, probes, 0).map(|mut c| {
+            c.cycles = cycles;
+            c
+        });
+    }
+    let mut cycle = None;
+    if z.len() == 0 || 2 * columns < z.len() || z.len() > SHOOT {
+        cycle = by_repetition(&mut march, &start, &z, steps, probes, columns)?;
+    }
+    let mut cycle = match cycle {
+        Some(cycle) => cycle,
+        None => by_monodromy(&mut march, &start, &z, steps, probes, columns)?,
+    };
+    cycle.cycles = cycles;
+    Ok(cycle)
+}
+
+fn length(loads: &Loads) -> usize {
+    let paths = loads.prescribed.iter().map(|p| p.1.len()).chain(loads.forces.iter().map(|f| f.1.len()));
+    paths.min().unwrap_or(1) - 1
+}
+
+/// From rest to the loads at the start of the cycle along a smooth monotonic path.
+fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize) -> Result<State, EngineError> {
+    let rise = |k: usize| {
+        let t = k as f64 / steps as f64;
+        let per_step = 1.0 / (steps as f64 * loads.dt);
+        (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t) * per_step, (6.0 - 12.0 * t) * per_step * per_step)
+    };
+    let path = Loads {
+        dt: loads.dt,
+        prescribed: loads
+            .prescribed
+            .iter()
+            .map(|(d, p)| (*d, (0..=steps).map(|k| rise(k)).map(|(s, v, a)| [p[0][0] * s, p[0][0] * v, p[0][0] * a]).collect()))
+            .collect(),
+        forces: loads.forces.iter().map(|(d, f)| (*d, (0..=steps).map(|k| f[0] * rise(k).0).collect())).collect(),
+    };
+    let mut march = March::new(model, bound, &path, 0.0)?;
+    let mut state = march.rest(0);
+    for k in 1..=steps {
+        march.step(k, &mut state, 0)?;
+    }
+    for (dof, p) in &loads.prescribed {
+        (state.v[*dof], state.a[*dof]) = (p[0][1], p[0][2]);
+    }
+    Ok(state)
+}
+
+/// Brings the followers' states to their steady cycle: two cycles, then the limit of a geometric approach for what still moves.
+fn follow(march: &mut March, state: &mut State, steps: usize) -> Result<(), EngineError> {
+    if state.fs.is_empty() {
+        return Ok(());
+    }
+    let mut seen = vec![state.fs.clone()];
+    for _ in 0..3 {
+        let start = state.clone();
+        for k in 1..=steps {
+            march.step(k, state, 0)?;
+        }
+        let fs = std::mem::take(&mut state.fs);
+        *state = State { fs, ..start };
+        seen.push(state.fs.clone());
+    }
+    for i in 0..state.fs.len() {
+        let (first, second) = (seen[2][i] - seen[1][i], seen[3][i] - seen[2][i]);
+        let ratio = second / first;
+        if first != 0.0 && ratio.abs() < 1.0 && second.abs() > 1e-12 * seen[3][i].abs() {
+            state.fs[i] += second * ratio / (1.0 - ratio);
+        }
+    }
+    Ok(())
+}
+
+fn record(march: &mut March, state: &mut State, steps: usize, probes: &[Probe], columns: usize) -> Result<Cycle, EngineError> {
+    march.set_columns(state, 0);
+    record_with(march, state, steps, probes, columns, true)
+}
+
+fn record_with(
+    march: &mut March,
+    state: &mut State,
+    steps: usize,
+    probes: &[Probe],
+    columns: usize,
+    fresh: bool,
+) -> Result<Cycle, EngineError> {
+    if fresh {
+        march.set_columns(state, columns);
+    }
+    let mut values = vec![vec![0.0; steps]; probes.len()];
+    let mut slopes = vec![vec![0.0; steps * columns]; probes.len()];
+    for k in 1..=steps {
+        march.step(k, state, columns)?;
+        for (i, probe) in probes.iter().enumerate() {
+            values[i][k - 1] = march.read(*probe, state, &mut slopes[i][(k - 1) * columns..k * columns]);
+        }
+    }
+    Ok(Cycle { steps, columns, values, slopes, cycles: 0 })
+}
+
+/// Sensitivities by marching them until they repeat; `None` where they decay too slowly.
+fn by_repetition(
+    march: &mut March,
+    start: &State,
+    z: &Shooting,
+    steps: usize,
+    probes: &[Probe],
+    columns: usize,
+) -> Result<Option<Cycle>, EngineError> {
+    let mut state = start.clone();
+    march.set_columns(&mut state, columns);
+    let limit = if z.len() > SHOOT { 12 } else { 3 };
+    let mut before = z.pack_columns(&state, columns);
+    for round in 0..limit {
+        let cycle = record_with(march, &mut state, steps, probes, columns, false)?;
+        let after = z.pack_columns(&state, columns);
+        let settled = (0..columns).all(|c| {
+            let (a, b) = (before.column(c), after.column(c));
+            (a - b).amax() <= 1e-9 * b.amax()
+        });
+        if settled || (round + 1 == limit && z.len() > SHOOT) {
+            return Ok(Some(cycle));
+        }
+        before = after;
+        // Values start again exactly from the steady cycle; only the sensitivities go on.
+        let kept = std::mem::take(&mut state);
+        state = State { dq: kept.dq, dv: kept.dv, da: kept.da, ds: kept.ds, ..start.clone() };
+        march.adopt_columns(&mut state, columns);
+    }
+    Ok(None)
+}
+
+/// Sensitivities of the steady cycle: those of the start solve `(I - M) S = b`.
+fn by_monodromy(
+    march: &mut March,
+    start: &State,
+    z: &Shooting,
+    steps: usize,
+    probes: &[Probe],
+    columns: usize,
+) -> Result<Cycle, EngineError> {
+    let mut state = start.clone();
+    let all = columns + z.len();
+    march.set_columns(&mut state, all);
+    z.seed(&mut state, columns);
+    let cycle = record_with(march, &mut state, steps, probes, all, false)?;
+    let end = z.pack_columns(&state, all);
+    let b = end.columns(0, columns).into_owned();
+    let monodromy = end.columns(columns, z.len()).into_owned();
+    let s0 = solve_fixed_point(&monodromy, &b);
+    let slopes = cycle
+        .slopes
+        .iter()
+        .map(|full| {
+            let mut out = vec![0.0; steps * columns];
+            for k in 0..steps {
+                let row = &full[k * all..(k + 1) * all];
+                for c in 0..columns {
+                    out[k * columns + c] = row[c] + row[columns..].iter().zip(s0.column(c).iter()).map(|(a, b)| a * b).sum::<f64>();
+                }
+            }
+            out
+        })
+        .collect();
+    Ok(Cycle { columns, slopes, ..cycle })
+}
+
+/// Solves `(I - M) S = b`, leaving out the directions that never decay.
+fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = monodromy.nrows();
+    let svd = (DMatrix::identity(n, n) - monodromy).svd(true, true);
+    svd.solve(b, 1e-9).unwrap_or_else(|_| DMatrix::zeros(n, b.ncols()))
+}
+
+/// The state at the start of a cycle as one scaled vector: displacement, velocity, acceleration of the free degrees of freedom, states
+/// of the elements.
+struct Shooting {
+    dofs: Vec<usize>,
+    n: usize,
+    ns: usize,
+    scale: [f64; 3],
+    state_scale: Vec<f64>,
+    residual: f64,
+}
+
+impl Shooting {
+    fn new(march: &March, state: &State) -> Self {
+        let dofs = march.free_dofs().to_vec();
+        Shooting { dofs, n: state.q.len(), ns: state.s.len(), scale: [1e-300; 3], state_scale: vec![1e-300; state.s.len()], residual: 0.0 }
+    }
+    fn len(&self) -> usize {
+        3 * self.dofs.len() + self.ns
+    }
+    /// Takes the largest values seen as scales.
+    fn widen(&mut self, state: &State) {
+        for (scale, u) in self.scale.iter_mut().zip([&state.q, &state.v, &state.a]) {
+            *scale = u.iter().fold(*scale, |m, x| m.max(x.abs()));
+        }
+        for (scale, s) in self.state_scale.iter_mut().zip(&state.s) {
+            *scale = scale.max(s.abs());
+        }
+    }
+    fn pack(&self, state: &State) -> DVector<f64> {
+        let parts = [&state.q, &state.v, &state.a];
+        let motion = parts.iter().zip(self.scale).flat_map(|(u, scale)| self.dofs.iter().map(move |d| u[*d] / scale));
+        DVector::from_iterator(self.len(), motion.chain(state.s.iter().zip(&self.state_scale).map(|(s, scale)| s / scale)))
+    }
+    fn unpack(&self, z: &DVector<f64>, state: &mut State) {
+        let m = self.dofs.len();
+        for (i, d) in self.dofs.iter().enumerate() {
+            state.q[*d] = z[i] * self.scale[0];
+            state.v[*d] = z[m + i] * self.scale[1];
+            state.a[*d] = z[2 * m + i] * self.scale[2];
+        }
+        for (i, s) in state.s.iter_mut().enumerate() {
+            *s = z[3 * m + i] * self.state_scale[i];
+        }
+    }
+    fn change(&self, before: &State, after: &State) -> f64 {
+        if self.len() == 0 { 0.0 } else { (self.pack(before) - self.pack(after)).amax() }
+    }
+    /// Unit perturbations of the scaled start in the columns from `first` on.
+    fn seed(&self, state: &mut State, first: usize) {
+        let m = self.dofs.len();
+        for (i, d) in self.dofs.iter().enumerate() {
+            state.dq[(first + i) * self.n + d] = self.scale[0];
+            state.dv[(first + m + i) * self.n + d] = self.scale[1];
+            state.da[(first + 2 * m + i) * self.n + d] = self.scale[2];
+        }
+        for i in 0..self.ns {
+            state.ds[(first + 3 * m + i) * self.ns + i] = self.state_scale[i];
+        }
+    }
+    /// Scaled sensitivities, one column each.
+    fn pack_columns(&self, state: &State, columns: usize) -> DMatrix<f64> {
+        let m = self.dofs.len();
+        DMatrix::from_fn(self.len(), columns, |r, c| match (r / m.max(1), r) {
+            (g @ 0..=2, r) if r < 3 * m => [&state.dq, &state.dv, &state.da][g][c * self.n + self.dofs[r - g * m]] / self.scale[g],
+            _ => state.ds[c * self.ns + r - 3 * m] / self.state_scale[r - 3 * m],
+        })
+    }
+    /// One Newton step on the start of the cycle.
+    fn shoot(&mut self, march: &mut March, state: &mut State, steps: usize) -> Result<(), EngineError> {
+        let before = self.pack(state);
+        let start = state.clone();
+        march.set_columns(state, self.len());
+        self.seed(state, 0);
+        for k in 1..=steps {
+            march.step(k, state, self.len())?;
+        }
+        let gap = self.pack(state) - &before;
+        self.residual = gap.amax();
+        let monodromy = self.pack_columns(state, self.len());
+        let columns = DMatrix::from_column_slice(gap.len(), 1, gap.as_slice());
+        let delta = solve_fixed_point(&monodromy, &columns);
+        *state = start;
+        march.set_columns(state, 0);
+        if self.residual >= TOLERANCE {
+            self.unpack(&(before + delta.column(0)), state);
+        }
+        Ok(())
+    }
+}
