@@ -47,6 +47,9 @@ pub use series::Series;
 
 use dispatch::Dispatch;
 
+#[cfg(test)]
+mod tests;
+
 /// Motion across a connector's axis at the end of a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Inputs<T> {

@@ -12,3 +12,6 @@ pub mod march;
 pub mod periodic;
 
 pub use error::EngineError;
+
+#[cfg(test)]
+mod tests;

@@ -237,7 +237,8 @@ fn by_monodromy(
 fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let n = monodromy.nrows();
     let svd = (DMatrix::identity(n, n) - monodromy).svd(true, true);
-    svd.solve(b, 1e-9).unwrap_or_else(|_| DMatrix::zeros(n, b.ncols()))
+    let cut = 1e-9 * svd.singular_values.max();
+    svd.solve(b, cut).unwrap_or_else(|_| DMatrix::zeros(n, b.ncols()))
 }
 
 /// The state at the start of a cycle as one scaled vector: displacement, velocity, acceleration of the free degrees of freedom, states

@@ -71,7 +71,7 @@ pub struct Sensed {
 
 impl Sensed {
     fn reset(&mut self, n_states: usize, n_params: usize) {
-        (self.n_states, self.n_params) = (n_states, n_params);
+        (self.f, self.n_states, self.n_params) = (0.0, n_states, n_params);
         self.d.clear();
         self.d.resize((1 + n_states) * self.stride(), 0.0);
     }

@@ -14,3 +14,6 @@ pub use element::{Element, ElementScratch, Sensed};
 pub use error::ModelError;
 pub use graph::{Axis, Body, Connector, Dof, Model, Place};
 pub use system::{ChannelSite, FreeParam, Instance, ParamValue, Site, System, Target};
+
+#[cfg(test)]
+mod tests;

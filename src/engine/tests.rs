@@ -1,0 +1,285 @@
+//! Engines against closed forms, against each other, and their sensitivities against differences.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+
+use crate::effect::find;
+use crate::model::{Axis, Body, Bound, Connector, Instance, Model, ParamValue, Site, System};
+
+use super::march::{Loads, March, Probe};
+use super::periodic::periodic;
+
+fn body(name: &str, mass: f64) -> Body {
+    Body { name: name.into(), mass, inertia: 0.0, free: if name == "ground" { vec![] } else { vec![Axis::X] } }
+}
+
+/// ground - m1 - m2 - ... with connectors c0, c1, ...
+fn chain(masses: &[f64]) -> Model {
+    let mut bodies = vec![body("ground", 0.0)];
+    bodies.extend(masses.iter().enumerate().map(|(k, m)| body(&format!("m{}", k + 1), *m)));
+    let connectors = (0..masses.len()).map(|k| Connector { name: format!("c{k}"), from: k, to: k + 1 }).collect();
+    Model::new(bodies, connectors).unwrap()
+}
+
+fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
+    let effect = find(name).unwrap();
+    let params = effect
+        .info()
+        .params
+        .iter()
+        .enumerate()
+        .map(|(k, p)| ParamValue::free(values.get(k).copied().unwrap_or(p.default), p.sign))
+        .collect();
+    Instance { effect, at: at.into(), site: Site::Places(model.places_at(at).unwrap()), params, target: None, follower: false }
+}
+
+fn bind(system: &System) -> Bound {
+    Bound::new(system, &system.free(), "t", &BTreeMap::new()).unwrap()
+}
+
+fn sine(dof: usize, amplitude: f64, omega: f64, steps: usize) -> Loads {
+    let dt = TAU / omega / steps as f64;
+    let path = (0..=steps)
+        .map(|k| {
+            let (s, c) = (TAU * k as f64 / steps as f64).sin_cos();
+            [amplitude * s, amplitude * omega * c, -amplitude * omega * omega * s]
+        })
+        .collect();
+    Loads { dt, prescribed: vec![(dof, path)], forces: vec![] }
+}
+
+fn force(dof: usize, mean: f64, amplitude: f64, omega: f64, steps: usize) -> Loads {
+    let path = (0..=steps).map(|k| mean + amplitude * (TAU * k as f64 / steps as f64).sin()).collect();
+    Loads { dt: TAU / omega / steps as f64, prescribed: vec![], forces: vec![(dof, path)] }
+}
+
+fn first_harmonic(values: &[f64]) -> Complex64 {
+    let n = values.len();
+    let sum: Complex64 = values.iter().enumerate().map(|(k, v)| v * Complex64::from_polar(1.0, -TAU * (k + 1) as f64 / n as f64)).sum();
+    sum * 2.0 / n as f64
+}
+
+#[test]
+fn a_driven_spring_and_damper_have_the_closed_form_loop() {
+    let model = chain(&[0.0]);
+    let instances = vec![instance(&model, "linear_stiffness", "c0.x", &[20e3]), instance(&model, "viscous", "c0.x", &[100.0])];
+    let system = System { model, instances };
+    let loads = sine(0, 1e-3, TAU, 200);
+    let cycle = periodic(&system.model, &bind(&system), &loads, &[Probe::Reaction(0)], true).unwrap();
+    for (k, f) in cycle.values[0].iter().enumerate() {
+        let (s, c) = (TAU * (k + 1) as f64 / 200.0).sin_cos();
+        assert!((f - (20.0 * s + 0.1 * TAU * c)).abs() < 1e-12, "{k}: {f} {}", 20.0 * s + 0.1 * TAU * c);
+        assert!((cycle.slopes[0][2 * k] - 1e-3 * s).abs() < 1e-15);
+        assert!((cycle.slopes[0][2 * k + 1] - 1e-3 * TAU * c).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn a_force_driven_oscillator_has_the_closed_form_amplitude() {
+    let (m, k, c, omega) = (2.0, 800.0, 6.0, 14.0);
+    let model = chain(&[m]);
+    let instances = vec![instance(&model, "linear_stiffness", "c0.x", &[k]), instance(&model, "viscous", "c0.x", &[c])];
+    let system = System { model, instances };
+    let exact = (Complex64::new(k - m * omega * omega, c * omega)).inv() * 5.0;
+    let error = |steps| {
+        let cycle = periodic(&system.model, &bind(&system), &force(0, 3.0, 5.0, omega, steps), &[Probe::Dof(0)], false).unwrap();
+        let mean = cycle.values[0].iter().sum::<f64>() / steps as f64;
+        assert!((mean - 3.0 / k).abs() < 1e-9);
+        (first_harmonic(&cycle.values[0]) * Complex64::I - exact).norm() / exact.norm()
+    };
+    let (coarse, fine) = (error(400), error(800));
+    assert!(fine < 2e-3 && (coarse / fine - 4.0).abs() < 0.3, "second order: {coarse} {fine}");
+}
+
+#[test]
+fn a_jenkins_element_dissipates_four_f_times_the_slipping_amplitude() {
+    let model = chain(&[0.0]);
+    let instances = vec![instance(&model, "elastic_slip", "c0.x", &[3.0, 2e-4])];
+    let system = System { model, instances };
+    let loads = sine(0, 1e-3, TAU, 4000);
+    let cycle = periodic(&system.model, &bind(&system), &loads, &[Probe::Reaction(0)], false).unwrap();
+    let f = &cycle.values[0];
+    let x: Vec<f64> = (1..=4000).map(|k| 1e-3 * (TAU * k as f64 / 4000.0).sin()).collect();
+    let work: f64 = (0..4000).map(|k| 0.5 * (f[k] + f[(k + 1) % 4000]) * (x[(k + 1) % 4000] - x[k])).sum();
+    assert!((work / (4.0 * 3.0 * (1e-3 - 2e-4)) - 1.0).abs() < 1e-5, "{work}");
+}
+
+/// A system with every kind of law on a short chain.
+fn mixed(followers: bool) -> System {
+    let model = chain(&[0.4, 0.3, 0.5]);
+    let mut instances = vec![
+        instance(&model, "linear_stiffness", "c0.x", &[3000.0]),
+        instance(&model, "linear_stiffness", "c1.x", &[2000.0]),
+        instance(&model, "linear_stiffness", "c2.x", &[2500.0]),
+        instance(&model, "viscous", "c0-2.x", &[4.0]),
+        instance(&model, "maxwell", "c0.x", &[500.0, 0.04]),
+        instance(&model, "elastic_slip", "c1.x", &[1.2, 4e-4]),
+        instance(&model, "film", "c2.x", &[0.5, 0.02, 2e-4]),
+        instance(&model, "cubic_stiffness", "c0.x", &[2e8]),
+        instance(&model, "backlash", "c1.x", &[2e-4, 0.5]),
+        instance(&model, "support_compliance", "c2.x", &[4e-5]),
+        instance(&model, "structural_damping", "c1.x", &[150.0, 0.1, 100.0]),
+        instance(&model, "coulomb", "c0.x", &[0.3, 5e-3]),
+    ];
+    if followers {
+        for (name, at, shape) in [
+            ("maxwell", "c1.x", vec![0.0, 0.01]),
+            ("elastic_slip", "c0.x", vec![0.0, 3e-4]),
+            ("film", "c0.x", vec![0.0, 0.01, 0.0]),
+            ("cubic_stiffness", "c2.x", vec![0.0]),
+            ("support_compliance", "c0.x", vec![0.0]),
+            ("backlash", "c0.x", vec![0.0, 0.7]),
+            ("support_compliance", "c1.x", vec![0.0]),
+        ] {
+            let mut i = instance(&model, name, at, &shape);
+            i.follower = true;
+            i.params.iter_mut().skip(1).for_each(|p| p.free = false);
+            instances.push(i);
+        }
+    }
+    System { model, instances }
+}
+
+fn check_cycle(system: &System, loads: &Loads, probes: &[Probe], skip: usize, tolerance: f64) {
+    let free = system.free();
+    let base = periodic(&system.model, &bind(system), loads, probes, true).unwrap();
+    for k in skip..free.len() {
+        let at = |h: f64| {
+            let mut moved = system.clone();
+            let f = &free[k];
+            let i = &mut moved.instances[f.instance];
+            i.follower = false;
+            i.params[f.param].value = if f.log { i.params[f.param].value * h.exp() } else { i.params[f.param].value + h };
+            periodic(&moved.model, &bind(&moved), loads, probes, false).unwrap()
+        };
+        let value = system.instances[free[k].instance].params[free[k].param].value;
+        // Strengths at zero move by a step that suits their unit.
+        let h = match (free[k].log, value) {
+            (true, _) => 1e-5,
+            (_, 0.0) => match system.instances[free[k].instance].name() {
+                "cubic_stiffness" => 10.0,
+                "support_compliance" => 1e-10,
+                "backlash" => 1e-9,
+                _ => 1e-5,
+            },
+            (_, v) => 1e-5 * v,
+        };
+        let (up, down) = (at(h), at(-h));
+        for p in 0..probes.len() {
+            let (mut gap, mut size) = (0.0f64, 0.0f64);
+            for s in 0..base.steps {
+                let numeric = (up.values[p][s] - down.values[p][s]) / (2.0 * h);
+                let analytic = base.slopes[p][s * base.columns + k];
+                gap = gap.max((numeric - analytic).abs());
+                size = size.max(numeric.abs());
+            }
+            assert!(gap <= tolerance * size, "{} at probe {p}: {gap} of {size}", free[k].name);
+        }
+    }
+}
+
+#[test]
+fn cycle_sensitivities_equal_central_differences() {
+    let system = mixed(false);
+    let probes = [Probe::Dof(2), Probe::Dof(0), Probe::Relative(1), Probe::Force(1)];
+    check_cycle(&system, &force(2, 1.0, 4.0, 18.0, 160), &probes, 0, 1e-5);
+    let probes = [Probe::Reaction(2), Probe::Dof(0), Probe::Force(0)];
+    check_cycle(&system, &sine(2, 2e-3, 18.0, 160), &probes, 0, 1e-5);
+}
+
+#[test]
+fn followers_give_the_slope_at_zero_strength() {
+    let system = mixed(true);
+    let first = system.free().iter().position(|f| system.instances[f.instance].follower).unwrap();
+    check_cycle(&system, &force(2, 1.0, 4.0, 18.0, 160), &[Probe::Dof(2), Probe::Dof(0)], first, 2e-4);
+}
+
+#[test]
+fn the_march_keeps_the_energy_of_a_free_oscillator() {
+    let model = chain(&[1.0]);
+    let system = System { instances: vec![instance(&model, "linear_stiffness", "c0.x", &[100.0])], model };
+    let bound = bind(&system);
+    let steps = 2000;
+    let loads = Loads { dt: 1e-3, prescribed: vec![], forces: vec![(0, vec![0.0; steps + 1])] };
+    let mut march = March::new(&system.model, &bound, &loads, 1.0).unwrap();
+    let mut state = march.rest(0);
+    (state.q[0], state.a[0]) = (1e-3, -0.1);
+    state.g[0] = 0.1;
+    for k in 1..=steps {
+        march.step(k, &mut state, 0).unwrap();
+    }
+    let energy = 0.5 * state.v[0].powi(2) + 50.0 * state.q[0].powi(2);
+    assert!((energy / 50e-6 - 1.0).abs() < 1e-6, "{energy}");
+    assert!((state.q[0] - 1e-3 * (20.0f64).cos()).abs() < 2e-6, "{}", state.q[0]);
+}
+
+#[test]
+fn receptance_equals_the_closed_form_and_its_slopes_the_differences() {
+    let mut system = mixed(true);
+    // A rigid law has no small-signal limit.
+    system.instances.retain(|i| i.name() != "coulomb" && i.name() != "film");
+    let free = system.free();
+    let omega: Vec<f64> = (1..60).map(|k| 4.0 * k as f64).collect();
+    let run = |s: &System, sens| super::frf::receptance(&s.model, &bind(s), &omega, &[2], &[0, 2], sens).unwrap();
+    let base = run(&system, true);
+    for k in 0..free.len() {
+        let f = &free[k];
+        let value = system.instances[f.instance].params[f.param].value;
+        let h = if f.log {
+            1e-6
+        } else if value == 0.0 {
+            1e-12
+        } else {
+            1e-6 * value
+        };
+        let h = if system.instances[f.instance].name() == "cubic_stiffness"
+            || system.instances[f.instance].name() == "elastic_slip" && value == 0.0
+        {
+            1e-6
+        } else {
+            h
+        };
+        let h = if system.instances[f.instance].name() == "maxwell" && value == 0.0 { 1e-3 } else { h };
+        let at = |h: f64| {
+            let mut moved = system.clone();
+            let i = &mut moved.instances[f.instance];
+            i.follower = false;
+            i.params[f.param].value = if f.log { value * h.exp() } else { value + h };
+            run(&moved, false)
+        };
+        let (up, down) = (at(h), at(-h));
+        let (mut gap, mut size) = (0.0f64, 0.0f64);
+        for l in 0..base.h.len() {
+            let numeric = (up.h[l] - down.h[l]) / (2.0 * h);
+            gap = gap.max((numeric - base.dh[l * free.len() + k]).norm());
+            size = size.max(numeric.norm());
+        }
+        assert!(gap <= 1e-6 * size + 1e-18, "{}: {gap} of {size}", f.name);
+    }
+    // One oscillator in closed form.
+    let model = chain(&[2.0]);
+    let instances = vec![instance(&model, "linear_stiffness", "c0.x", &[800.0]), instance(&model, "viscous", "c0.x", &[6.0])];
+    let one = System { model, instances };
+    let h = super::frf::receptance(&one.model, &bind(&one), &[14.0], &[0], &[0], false).unwrap().h[0];
+    assert!((h - Complex64::new(800.0 - 2.0 * 196.0, 84.0).inv()).norm() < 1e-15);
+}
+
+#[test]
+fn a_small_marched_cycle_gives_the_receptance() {
+    let mut system = mixed(false);
+    system.instances.retain(|i| !["coulomb", "backlash", "film"].contains(&i.name()));
+    let omega = 25.0;
+    let h = super::frf::receptance(&system.model, &bind(&system), &[omega], &[2], &[0, 2], false).unwrap().h;
+    let marched = |steps| {
+        let cycle =
+            periodic(&system.model, &bind(&system), &force(2, 0.0, 1e-3, omega, steps), &[Probe::Dof(0), Probe::Dof(2)], false).unwrap();
+        [first_harmonic(&cycle.values[0]) * Complex64::I * 1e3, first_harmonic(&cycle.values[1]) * Complex64::I * 1e3]
+    };
+    let (coarse, fine) = (marched(400), marched(800));
+    for o in 0..2 {
+        let limit = fine[o] + (fine[o] - coarse[o]) / 3.0;
+        assert!((limit - h[o]).norm() < 3e-5 * h[o].norm(), "{limit} {}", h[o]);
+    }
+}

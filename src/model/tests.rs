@@ -1,0 +1,117 @@
+//! Elements: condensation of series effects against differences.
+
+use std::collections::BTreeMap;
+
+use crate::effect::dispatch::INPUTS;
+use crate::effect::{Inputs, find};
+
+use super::*;
+
+fn one_place(effects: &[(&str, &[f64])]) -> System {
+    let body = |name: &str, free: Vec<Axis>| Body { name: name.into(), mass: 0.0, inertia: 0.0, free };
+    let model = Model::new(vec![body("ground", vec![]), body("end", vec![Axis::X])], vec![Connector { name: "c1".into(), from: 0, to: 1 }])
+        .unwrap();
+    let instances = effects
+        .iter()
+        .map(|(name, p)| {
+            let effect = find(name).unwrap();
+            let params = effect.info().params.iter().zip(*p).map(|(i, v)| ParamValue::free(*v, i.sign)).collect();
+            Instance { effect, at: "c1.x".into(), site: Site::Places(vec![0]), params, target: None, follower: false }
+        })
+        .collect();
+    System { model, instances }
+}
+
+#[test]
+fn elements_with_openings_have_exact_tangents() {
+    let sets: [&[(&str, &[f64])]; 4] = [
+        &[("linear_stiffness", &[1.0]), ("support_compliance", &[0.5])],
+        &[("linear_stiffness", &[1.0]), ("viscous", &[0.3]), ("support_compliance", &[0.5]), ("backlash", &[0.4, 0.2])],
+        &[("elastic_slip", &[0.5, 0.2]), ("film", &[0.4, 0.3, 0.1]), ("backlash", &[0.4, 0.2]), ("linear_stiffness", &[0.2])],
+        &[("maxwell", &[0.5, 0.2]), ("support_compliance", &[0.5]), ("cubic_stiffness", &[0.5]), ("structural_damping", &[0.2, 0.1, 10.0])],
+    ];
+    for set in sets {
+        let system = one_place(set);
+        let free = system.free();
+        let bound = |s: &System| Bound::new(s, &free, "t", &BTreeMap::new()).unwrap();
+        let base = bound(&system);
+        let element = &base.elements[0];
+        let (ns, dt) = (element.n_states(), 0.02);
+        let mut s = vec![0.0; ns];
+        let (mut out, mut scratch) = (Sensed::default(), ElementScratch::default());
+        let x = |t: f64| t.sin() + 0.3 * (2.7 * t).sin();
+        for k in 1..300 {
+            let t = k as f64 * dt;
+            let u = Inputs { x: x(t), v: t.cos() + 0.81 * (2.7 * t).cos(), a: 0.0, dx: x(t) - x(t - dt) };
+            let old = s.clone();
+            let mut value_states = old.clone();
+            let value = element.value(&u, dt, &mut value_states, &mut scratch);
+            element.tangent(&u, dt, &mut s, &mut [], true, &mut out, &mut scratch);
+            assert!((value - out.f).abs() < 1e-12 && value_states.iter().zip(&s).all(|(a, b)| (a - b).abs() < 1e-12), "step {k}");
+            if k % 11 != 0 {
+                continue;
+            }
+            for column in 0..INPUTS + ns + free.len() {
+                let h = 1e-6;
+                let at = |h: f64| {
+                    let (mut u, mut s, mut system) = (u, old.clone(), system.clone());
+                    match column {
+                        0 => u.x += h,
+                        1 => u.v += h,
+                        2 => u.a += h,
+                        3 => u.dx += h,
+                        c if c < INPUTS + ns => s[c - INPUTS] += h,
+                        c => {
+                            let f = &free[c - INPUTS - ns];
+                            system.instances[f.instance].params[f.param].value += h;
+                        }
+                    }
+                    let f = bound(&system).elements[0].value(&u, dt, &mut s, &mut ElementScratch::default());
+                    [vec![f], s].concat()
+                };
+                let (up, down) = (at(h), at(-h));
+                for row in 0..=ns {
+                    // Parameters stand in the element in another order than among the free ones.
+                    let analytic = if column < INPUTS + ns {
+                        out.row(row)[column]
+                    } else {
+                        let k = column - INPUTS - ns;
+                        let p = element.chains.iter().position(|c| c.iter().any(|(f, _)| *f == k)).unwrap();
+                        out.params(row)[p]
+                    };
+                    let numeric = (up[row] - down[row]) / (2.0 * h);
+                    assert!(
+                        (analytic - numeric).abs() < 1e-6 * (1.0 + numeric.abs()),
+                        "{set:?} step {k} row {row} column {column}: {analytic} {numeric}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_opening_of_zero_is_no_series_effect() {
+    let with =
+        one_place(&[("linear_stiffness", &[1.0]), ("viscous", &[0.3]), ("elastic_slip", &[0.5, 0.2]), ("support_compliance", &[0.0])]);
+    let without = one_place(&[("linear_stiffness", &[1.0]), ("viscous", &[0.3]), ("elastic_slip", &[0.5, 0.2])]);
+    let bind = |s: &System| Bound::new(s, &[], "t", &BTreeMap::new()).unwrap();
+    let (a, b) = (bind(&with), bind(&without));
+    let (mut s, mut t) = (vec![0.0; 3], vec![0.0; 1]);
+    let mut scratch = ElementScratch::default();
+    for k in 1..100 {
+        let x = |k: usize| (0.1 * k as f64).sin();
+        let u = Inputs { x: x(k), v: 0.3, a: 0.0, dx: x(k) - x(k - 1) };
+        assert_eq!(a.elements[0].value(&u, 0.1, &mut s, &mut scratch), b.elements[0].value(&u, 0.1, &mut t, &mut scratch));
+    }
+}
+
+#[test]
+fn places_are_named_and_ranges_resolved() {
+    let model = one_place(&[]).model;
+    assert_eq!(model.places_at("c1.x").unwrap(), vec![0]);
+    for (at, said) in [("c2.x", "c1.x"), ("c1.y", "c1.x"), ("c1-9.x", "c9.x"), ("c1", "no axis"), ("c1.q", "axis")] {
+        let error = model.places_at(at).unwrap_err();
+        assert!(format!("{error} {error:?}").contains(said), "{at}: {error:?}");
+    }
+}
