@@ -1,1 +1,3 @@
-//! (in work)
+//! Measurements: `dataset.toml` beside its files, read strictly, in SI.
+
+pub mod toml_strict;
