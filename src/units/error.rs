@@ -58,9 +58,10 @@ impl Explain for UnitError {
             }
         };
         match self {
-            Self::Empty { expected } | Self::NoNumber { expected, .. } | Self::UnknownUnit { expected, .. } | Self::Syntax { expected, .. } => {
-                expected.as_ref().map_or(any, of)
-            }
+            Self::Empty { expected }
+            | Self::NoNumber { expected, .. }
+            | Self::UnknownUnit { expected, .. }
+            | Self::Syntax { expected, .. } => expected.as_ref().map_or(any, of),
             Self::WrongDimension { expected, .. } | Self::MissingUnit { expected, .. } => of(expected),
             Self::TooLong { limit, .. } => format!("at most {limit} characters"),
             Self::DecimalComma { .. } => "a decimal point, such as \"0.5 mm\"".to_string(),

@@ -77,7 +77,9 @@ impl<'a> Parser<'a> {
             dividing = self.take("/");
             if !dividing {
                 if divided {
-                    return Err(self.syntax("a product after `/` is ambiguous; put brackets, as in N/(m s), or the product first, as in N s/m"));
+                    return Err(
+                        self.syntax("a product after `/` is ambiguous; put brackets, as in N/(m s), or the product first, as in N s/m")
+                    );
                 }
                 let _ = self.take("**") || self.take("*") || self.take("·") || self.take("⋅") || self.take("×");
             }

@@ -61,6 +61,12 @@ impl Unit {
         let number = shorten(self.from_si(si));
         if self.symbol.is_empty() { format!("{number}") } else { format!("{number} {}", self.symbol) }
     }
+
+    /// An SI difference printed in this unit: four significant digits, e.g. `0.0213 N`.
+    pub fn print_difference(&self, si: f64) -> String {
+        let number: f64 = format!("{:.3e}", self.difference_from_si(si)).parse().unwrap_or(f64::NAN);
+        if self.symbol.is_empty() { format!("{number}") } else { format!("{number} {}", self.symbol) }
+    }
 }
 
 /// number * mantissa * 10^exponent with the power of ten as one exact factor or divisor (up to 10^22).
@@ -202,7 +208,8 @@ fn split_number(text: &str, expected: Option<Dimension>) -> Result<(f64, &str), 
 /// Bytes of the leading `[+-]digits[.digits][e[+-]digits]`.
 fn number_length(text: &str) -> usize {
     let digits = |from: usize| text.get(from..).unwrap_or("").bytes().take_while(u8::is_ascii_digit).count();
-    let sign = |from: usize| text.get(from..).and_then(|r| r.chars().next()).filter(|c| matches!(c, '+' | '-' | '−')).map_or(0, char::len_utf8);
+    let sign =
+        |from: usize| text.get(from..).and_then(|r| r.chars().next()).filter(|c| matches!(c, '+' | '-' | '−')).map_or(0, char::len_utf8);
     let mut end = sign(0);
     end += digits(end);
     if text.get(end..).is_some_and(|r| r.starts_with('.')) {

@@ -72,8 +72,7 @@ const ROWS: &[Row] = &[
 ];
 
 /// The second reading of a symbol that has two.
-const SECOND_READING: &[Row] =
-    &[("g", GRAVITY, 0, Dimension::ACCELERATION, false), ("rpm", 1.0 / 60.0, 0, Dimension::FREQUENCY, false)];
+const SECOND_READING: &[Row] = &[("g", GRAVITY, 0, Dimension::ACCELERATION, false), ("rpm", 1.0 / 60.0, 0, Dimension::FREQUENCY, false)];
 
 const PREFIXES: &[(&str, i32)] = &[
     ("T", 12),

@@ -146,7 +146,11 @@ impl<'a> ValueView<'a> {
     pub fn name(&self) -> Result<&'a str, TomlError> {
         let s = self.string()?;
         let fine = s.chars().count() <= 100 && s.chars().all(|c| c.is_alphanumeric() || "_-.:".contains(c));
-        if fine { Ok(s) } else { Err(self.refuse(format!("`{s}` is not a name"), "letters, digits and _ - . : without spaces, at most 100 of them")) }
+        if fine {
+            Ok(s)
+        } else {
+            Err(self.refuse(format!("`{s}` is not a name"), "letters, digits and _ - . : without spaces, at most 100 of them"))
+        }
     }
 
     /// One of a few words.
@@ -232,7 +236,9 @@ impl<'a> ValueView<'a> {
                 }
                 Ok(Spread { quantity: value.quantity, sigma: sigma.or(value.sigma) })
             }
-            _ => Err(self.wrong_type("a quantity such as \"0.4 mm\", \"0.4 mm +- 0.02 mm\" or { value = \"0.4 mm\", sigma = \"0.02 mm\" }")),
+            _ => {
+                Err(self.wrong_type("a quantity such as \"0.4 mm\", \"0.4 mm +- 0.02 mm\" or { value = \"0.4 mm\", sigma = \"0.02 mm\" }"))
+            }
         }
     }
 

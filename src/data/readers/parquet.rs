@@ -1,0 +1,64 @@
+//! Parquet through polars.
+
+use super::{Column, Columns, DataError, Wanted};
+use polars::prelude::*;
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// Rows beyond which a file is not taken for a measurement: a damaged header can claim any number, and memory is taken before a byte is read.
+const MAX_ROWS: usize = 200_000_000;
+
+pub(super) fn read(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
+    let broken = |reason: String| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {reason}") };
+    // The decoder checks less than it should and panics on some damaged files; what it panics on is an unreadable file, nothing more.
+    let outcome = catch_unwind(AssertUnwindSafe(|| decode(path, bytes, wanted)));
+    outcome.unwrap_or_else(|_| Err(broken("the decoder gave up on damaged bytes".to_string())))
+}
+
+fn decode(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
+    let broken = |e: PolarsError| {
+        let reason: String = e.to_string().lines().next().unwrap_or("").chars().take(120).collect();
+        DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {reason}") }
+    };
+    let mut reader = ParquetReader::new(Cursor::new(bytes)).read_parallel(ParallelStrategy::None);
+    let schema = reader.schema().map_err(broken)?;
+    let header: Vec<String> = schema.iter_names().map(|n| n.to_string()).collect();
+    let rows = reader.num_rows().map_err(broken)?;
+    if rows > MAX_ROWS {
+        let reason = format!("not a readable Parquet file: it claims {rows} rows");
+        return Err(DataError::Format { file: path.to_path_buf(), reason });
+    }
+    if rows == 0 {
+        return Err(DataError::NoRows { file: path.to_path_buf() });
+    }
+    let at = super::locate(path, &header, wanted)?;
+    let mut projection = at.clone();
+    projection.sort_unstable();
+    projection.dedup();
+    let frame = reader.with_projection(Some(projection)).finish().map_err(broken)?;
+    let mut columns = Vec::with_capacity(at.len());
+    for w in wanted {
+        let column = frame.column(&w.name).map_err(broken)?;
+        let bad = |row: usize, what: &str| DataError::Cell {
+            file: path.to_path_buf(),
+            row: format!("row {}", row + 1),
+            column: w.name.clone(),
+            what: what.to_string(),
+        };
+        let kind = column.dtype().clone();
+        columns.push(if w.text {
+            let text = column.cast(&DataType::String).map_err(broken)?;
+            Column::Text(text.str().map_err(broken)?.iter().map(|c| c.unwrap_or("").trim().to_string()).collect())
+        } else if kind.is_primitive_numeric() {
+            let values = column.cast(&DataType::Float64).map_err(broken)?;
+            let cell = |(row, v): (usize, Option<f64>)| v.ok_or_else(|| bad(row, "an empty cell"));
+            Column::Numbers(values.f64().map_err(broken)?.iter().enumerate().map(cell).collect::<Result<_, _>>()?)
+        } else {
+            return Err(bad(0, &format!("holds {kind}, not numbers")));
+        });
+    }
+    let columns = Columns { columns, row_name: "row", first_row: 1 };
+    super::finite(path, &columns, wanted)?;
+    Ok(columns)
+}
