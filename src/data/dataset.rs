@@ -198,3 +198,6 @@ pub(super) fn columns(path: &Path, channels: &[super::ChannelSpec]) -> Result<re
     let wanted: Vec<_> = channels.iter().map(|c| readers::Wanted { name: c.column.clone(), text: c.role.is_text() }).collect();
     readers::read(path, &wanted)
 }
+
+#[cfg(test)]
+pub(super) mod tests;

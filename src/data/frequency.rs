@@ -14,12 +14,11 @@ pub struct SineFit {
     pub frequency: f64,
     /// Amplitude of the fundamental.
     pub amplitude: f64,
-    /// Part of the variance that the fit explains.
-    pub explained: f64,
 }
 
 /// Estimates the fundamental frequency of x(t): the highest line of the spectrum, refined by least squares over
-/// x = m + d t + sum_{k=1..3} (a_k cos k w t + b_k sin k w t). None when x does not vary or holds fewer than 8 samples.
+/// x = m + d t + sum_{k=1..3} (a_k cos k w t + b_k sin k w t), weighted by a Hann window so that neither higher harmonics nor a run-up at the
+/// ends pull the frequency. None when x does not vary or holds fewer than 8 samples.
 pub fn estimate(t: &[f64], x: &[f64]) -> Option<SineFit> {
     let n = t.len().min(x.len());
     if n < 8 {
@@ -46,13 +45,11 @@ pub fn estimate(t: &[f64], x: &[f64]) -> Option<SineFit> {
         }
     }
     let frequency = 0.5 * (low + high);
-    let (rest, amplitude) = fit(t, x, frequency)?;
-    let mean = x[..n].iter().sum::<f64>() / n as f64;
-    let total: f64 = x[..n].iter().map(|v| (v - mean).powi(2)).sum();
-    (total > 0.0 && amplitude > 0.0).then_some(SineFit { frequency, amplitude, explained: 1.0 - rest / total })
+    let (_, amplitude) = fit(t, x, frequency)?;
+    (amplitude > 0.0).then_some(SineFit { frequency, amplitude })
 }
 
-/// Residual sum of squares and amplitude of the fundamental at frequency `f`.
+/// Weighted residual sum of squares and amplitude of the fundamental at frequency `f`.
 fn fit(t: &[f64], x: &[f64], f: f64) -> Option<(f64, f64)> {
     let n = t.len().min(x.len());
     let middle = 0.5 * (t[0] + t[n - 1]);
@@ -69,9 +66,10 @@ fn fit(t: &[f64], x: &[f64], f: f64) -> Option<(f64, f64)> {
         let (s3, c3) = (s2 * c1 + c2 * s1, c2 * c1 - s2 * s1);
         row.copy_from_slice(&[1.0, (t - middle) / half, c1, s1, c2, s2, c3, s3]);
         let x = x / scale;
-        ata.ger(1.0, &row, &row, 1.0);
-        atx.axpy(x, &row, 1.0);
-        xx += x * x;
+        let weight = 0.5 + 0.5 * (std::f64::consts::PI * (t - middle) / half).cos() + 1e-3;
+        ata.ger(weight, &row, &row, 1.0);
+        atx.axpy(weight * x, &row, 1.0);
+        xx += weight * x * x;
     }
     let solution = Cholesky::new(ata)?.solve(&atx);
     let rest = (xx - solution.dot(&atx)).max(0.0) * scale * scale;

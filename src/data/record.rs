@@ -61,11 +61,14 @@ pub struct TimeRecord {
     /// s
     pub time: Vec<f64>,
     pub channels: Vec<Channel>,
-    /// How the file counts rows.
-    rows: Columns,
 }
 
 impl TimeRecord {
+    /// A record that is already in memory (simulated, or in tests): time strictly increasing, channels as long as it, one of them `input`.
+    pub fn new(test: &str, file: PathBuf, control: Control, frequency: Option<f64>, time: Vec<f64>, channels: Vec<Channel>) -> Self {
+        Self { test: test.to_string(), file, control: Some(control), discard_cycles: 0, frequency, time, channels }
+    }
+
     /// The controlled channel: of the controlled role, and marked `input = true` where there are several.
     pub fn controlled(&self) -> Option<&Channel> {
         self.channels.iter().find(|c| c.input)
@@ -153,7 +156,7 @@ fn record(table: &TableView<'_>, id: &str, control: Option<Control>, source: &So
     if let Some(spec) = specs.iter().find(|s| s.role == Role::Time) {
         increasing(&file, &rows, id, spec, &time)?;
     }
-    Ok(TimeRecord { test: id.to_string(), file, control, discard_cycles: 0, frequency: None, time, channels: all, rows })
+    Ok(TimeRecord { test: id.to_string(), file, control, discard_cycles: 0, frequency: None, time, channels: all })
 }
 
 /// Settles which channels drive: those marked, or the one of the controlled role.

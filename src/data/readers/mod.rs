@@ -2,6 +2,7 @@
 
 mod csv;
 mod parquet;
+mod parquet_pages;
 
 use super::DataError;
 use super::toml_strict::nearest;
