@@ -16,6 +16,8 @@ const MAX_POINTS: usize = 400;
 const MIN_POINTS: usize = 8;
 /// Declared and measured drive frequency may differ by this much.
 const FREQUENCY_TOLERANCE: f64 = 0.02;
+/// Cycles at the end of a record whose amplitude is below this part of the greatest are its run-down.
+const RUN_DOWN: f64 = 0.9;
 /// Scatter below this part of a channel's range is taken for noise-free data, and floored.
 const SCATTER_FLOOR: f64 = 1e-6;
 /// A drift between cycles is removed when chance would give it less often than this.
@@ -148,19 +150,25 @@ fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<G
     }
     let dt = (time[samples - 1] - time[0]) / (samples - 1) as f64;
     let label = drive.label();
-    let fitted = |from: usize| frequency::estimate(&time[from..], &drive.values[from..]).ok_or(LoopError::Still { channel: label.clone() });
-    let whole = fitted(0)?;
-    let rough = check(record, &label, whole.frequency, time[samples - 1] - time[0])?;
-    // Fit again without the discarded cycles: a run-up from rest shifts the frequency.
+    let still = || LoopError::Still { channel: label.clone() };
+    let fitted = |from: usize, to: usize| {
+        let (t, x) = (time.get(from..to).unwrap_or(&[]), drive.values.get(from..to).unwrap_or(&[]));
+        frequency::estimate(t, x).map(|fit| fit.frequency).ok_or_else(still)
+    };
+    // A rough frequency serves to count cycles; the fit that is used sees neither the discarded cycles nor a run-down.
+    let rough = record.frequency.map_or_else(|| fitted(0, samples), Ok)?;
     let from = time.partition_point(|t| *t < time[0] + f64::from(record.discard_cycles) / rough - 0.5 * dt);
     let seconds = time.get(from).map_or(0.0, |t| time[samples - 1] - t + dt);
-    let enough = |f: f64| seconds * f >= 2.0 - 1e-3 - f * dt;
     let few = |cycles| LoopError::Cycles { cycles, discarded: record.discard_cycles, seconds, frequency: rough };
-    if !enough(rough) {
+    if seconds * rough < 2.0 - 1e-3 - rough * dt {
         return Err(few((seconds * rough).max(0.0) as usize));
     }
-    let settled = fitted(from)?.frequency;
-    check(record, &label, settled, seconds)?;
+    let samples = settled_end(&time[from..], &drive.values[from..], rough, &label, notes) + from;
+    let seconds = time[samples - 1] - time[from] + dt;
+    let settled = fitted(from, samples)?;
+    if let Some(declared) = record.frequency.filter(|f| (f - settled).abs() > FREQUENCY_TOLERANCE * f) {
+        return Err(LoopError::Frequency { channel: label, declared, measured: settled });
+    }
     let frequency = match record.frequency {
         // The declared frequency is exact when the record does not tell them apart: half a percent of a cycle over its whole length.
         Some(declared) if (declared - settled).abs() * seconds < 5e-3 => declared,
@@ -174,7 +182,7 @@ fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<G
     if per_cycle < MIN_POINTS as f64 {
         return Err(LoopError::Coarse { samples: per_cycle });
     }
-    let uniform = time.iter().enumerate().all(|(i, t)| (t - time[0] - i as f64 * dt).abs() < 0.02 * dt);
+    let uniform = time[..samples].iter().enumerate().all(|(i, t)| (t - time[0] - i as f64 * dt).abs() < 0.02 * dt);
     let whole_samples = per_cycle.round();
     if uniform && (per_cycle - whole_samples).abs() * seconds * frequency < 0.02 {
         let m = whole_samples as usize;
@@ -200,15 +208,19 @@ fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<G
     Ok(Grid { frequency, n, cycles, points: Points::Times { start } })
 }
 
-/// The declared frequency, held against the fitted one, or the fitted one. Over few cycles a fit is no better than a tenth of a cycle.
-fn check(record: &TimeRecord, label: &str, measured: f64, seconds: f64) -> Result<f64, LoopError> {
-    match record.frequency {
-        None => Ok(measured),
-        Some(declared) if (declared - measured).abs() <= FREQUENCY_TOLERANCE * declared => Ok(declared),
-        // A record that cannot hold two cycles at the declared frequency is short, whatever the fit says of it.
-        Some(declared) if seconds * declared < 1.9 => Ok(declared),
-        Some(declared) => Err(LoopError::Frequency { channel: label.to_string(), declared, measured }),
+/// Samples up to the end of the last cycle at full amplitude: machines run down at the end of a record. Said, where a cycle is left out.
+fn settled_end(time: &[f64], drive: &[f64], frequency: f64, label: &str, notes: &mut Vec<Note>) -> usize {
+    let start_of = |c: usize| time.partition_point(|t| (t - time[0]) * frequency < c as f64 - 1e-6);
+    let cycles = (((time[time.len() - 1] - time[0]) * frequency) as usize).max(1);
+    let amplitudes: Vec<f64> = (0..cycles).map(|c| super::record::spread(&drive[start_of(c)..start_of(c + 1)])).collect();
+    let full = amplitudes.iter().copied().fold(0.0, f64::max);
+    let kept = amplitudes.iter().rposition(|a| *a >= RUN_DOWN * full).map_or(cycles, |last| last + 1);
+    if kept == cycles || kept < 2 {
+        return time.len();
     }
+    let text = format!("runs down: the last {} of {cycles} cycles have less than {} % of its amplitude and are left out", cycles - kept, RUN_DOWN * 100.0);
+    notes.push(Note::new(label, text));
+    start_of(kept)
 }
 
 /// Mean over cycles and its scatter.

@@ -29,3 +29,6 @@ pub use history::{Derivatives, History, HistoryError, Motion, derivatives};
 pub use loops::{LoopChannel, LoopError, Note, SettledLoop};
 pub use record::{Channel, Control, TimeRecord};
 pub use tables::{EnergyRow, EnergyTable, ModalTable, ModeRow, StoredEnergy, TableValue};
+
+#[cfg(test)]
+mod friction_damper_check;

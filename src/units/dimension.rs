@@ -111,7 +111,7 @@ impl Dimension {
 
 /// Dimension, name, units accepted (the first is the SI unit).
 const KNOWN: &[(Dimension, &str, &str)] = &[
-    (Dimension::DIMENSIONLESS, "dimensionless", "1, %, -"),
+    (Dimension::DIMENSIONLESS, "dimensionless number", "1, %, -"),
     (Dimension::LENGTH, "length", "m, mm, um, in, ft"),
     (Dimension::ANGLE, "angle", "rad, mrad, deg"),
     (Dimension::MASS, "mass", "kg, g, t, lb"),

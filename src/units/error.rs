@@ -20,9 +20,9 @@ pub enum UnitError {
     UnknownUnit { text: String, symbol: String, nearest: Option<String>, expected: Option<Dimension> },
     #[error("`{text}`: {what}")]
     Syntax { text: String, what: String, expected: Option<Dimension> },
-    #[error("`{text}` is a {} ({}), where a {} is expected", found.name(), found, expected.name())]
+    #[error("`{text}` is {} ({found}), where {} is expected", with_article(&found.name()), with_article(&expected.name()))]
     WrongDimension { text: String, found: Dimension, expected: Dimension },
-    #[error("`{text}` has no unit, where a {} is expected", expected.name())]
+    #[error("`{text}` has no unit, where {} is expected", with_article(&expected.name()))]
     MissingUnit { text: String, expected: Dimension },
     #[error("`{text}`: {what}")]
     Spread { text: String, what: String },
@@ -52,7 +52,7 @@ impl Explain for UnitError {
         let any = "a number and a unit, such as \"20 N/mm\"".to_string();
         let of = |d: &Dimension| {
             if d.is_dimensionless() {
-                "a number, or one in 1, %, -".to_string()
+                "a number, or a number in 1, %, -".to_string()
             } else {
                 format!("a number and a unit of {}: {}", d.name(), d.examples())
             }
@@ -69,4 +69,13 @@ impl Explain for UnitError {
             Self::Spread { .. } => "a value with a standard deviation, such as \"0.4 mm +- 0.02 mm\"".to_string(),
         }
     }
+}
+
+fn with_article(name: &str) -> String {
+    let article = match name.chars().next() {
+        Some('a' | 'e' | 'i' | 'o' | 'u') => "an ",
+        Some(c) if c.is_lowercase() => "a ",
+        _ => "",
+    };
+    format!("{article}{name}")
 }

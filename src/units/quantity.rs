@@ -56,9 +56,11 @@ impl Unit {
         scale(si / self.mantissa, 1.0, -self.exponent)
     }
 
-    /// `si` printed in this unit: 15 significant digits at most, e.g. `20 N/mm`.
+    /// `si` printed in this unit, in the fewest digits (15 to 17) that read back to it: `20 N/mm`.
     pub fn print(&self, si: f64) -> String {
-        let number = shorten(self.from_si(si));
+        let exact = self.from_si(si);
+        let digits = |n: usize| format!("{exact:.n$e}").parse::<f64>().ok();
+        let number = [14, 15, 16].into_iter().filter_map(digits).find(|x| self.to_si(*x) == si).unwrap_or(exact);
         if self.symbol.is_empty() { format!("{number}") } else { format!("{number} {}", self.symbol) }
     }
 
@@ -73,11 +75,6 @@ impl Unit {
 fn scale(number: f64, mantissa: f64, exponent: i32) -> f64 {
     let value = number * mantissa;
     if exponent >= 0 { value * 10f64.powi(exponent) } else { value / 10f64.powi(-exponent) }
-}
-
-/// Drops the last digit or two of a double, so that 30 lbf does not print as 30.000000000000004.
-fn shorten(x: f64) -> f64 {
-    format!("{x:.14e}").parse().unwrap_or(x)
 }
 
 /// A value with the unit it was written in. The value is SI; the unit serves printing.

@@ -143,7 +143,7 @@ fn declarations_that_are_wrong_name_their_line() {
     case("unit=\"mm\"", "unit=\"N\"", "is a force (N), where a length is expected", 11);
     case("unit=\"mm\"", "unit=\"deg\"", "where a length is expected", 11);
     case("unit=\"mm\"", "unit=\"mmm\"", "unknown unit `mmm`", 11);
-    case("role=\"displacement\"", "role=\"force\"", "unit", 11);
+    case("role=\"displacement\"", "role=\"force\"", "where a force is expected", 11);
     case("role=\"force\"", "role=\"force\", input = true", "is marked as input, and control is displacement", 2);
     case("sigma=\"0.5 N\"", "sigma=\"0.5 mm\"", "is a length", 12);
     case("sigma=\"0.5 N\"", "sigma=\"0 N\"", "not above 0", 12);
@@ -160,8 +160,8 @@ fn declarations_that_are_wrong_name_their_line() {
     case("respond = \"m8.x\"", "respond = \"m8\"", "`m8` is not a place", 19);
     case("quantity = \"accelerance\"", "quantity = \"inertance\"", "unknown quantity `inertance`", 20);
     // The quantity and the unit are held against each other.
-    case("quantity = \"accelerance\"", "quantity = \"receptance\"", "is a accelerance (m/s2/N), where a receptance is expected", 25);
-    case("unit=\"m/s2/N\"", "unit=\"m/N\"", "is a receptance (m/N), where a accelerance is expected", 25);
+    case("quantity = \"accelerance\"", "quantity = \"receptance\"", "is an accelerance (m/s2/N), where a receptance is expected", 25);
+    case("unit=\"m/s2/N\"", "unit=\"m/N\"", "is a receptance (m/N), where an accelerance is expected", 25);
     case("excitation = \"0.1 N\"", "excitation = \"0.1 mm\"", "is a length", 21);
     case("excitation = \"0.1 N\"", "excitation = \"0 N\"", "an excitation of 0 N", 21);
     case("load = \"80 N\"", "load = \"80 mm\"", "is a length", 22);

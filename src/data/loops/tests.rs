@@ -134,6 +134,16 @@ fn a_run_up_is_discarded() {
 }
 
 #[test]
+fn a_run_down_is_left_out_and_said() {
+    let down = |t: f64| ((9.0 - t) / 2.0).clamp(0.0, 1.0);
+    let r = record(256.0, 9.5, Some(1.0), |t| down(t) * (TAU * t).sin(), |t| down(t) * (TAU * t + 0.2).sin());
+    let l = settle(&r).unwrap();
+    assert_eq!(l.cycles, 7);
+    assert!(l.notes.iter().any(|n| n.text.contains("the last 2 of 9 cycles")), "{:?}", l.notes);
+    assert!((l.input.sin[0] - 1.0).abs() < 1e-6);
+}
+
+#[test]
 fn exactly_two_settled_cycles_are_enough_and_less_is_refused() {
     let sine = |t: f64| (TAU * t).sin();
     let l = settle(&record(50.0, 2.0, Some(1.0), sine, sine)).unwrap();
