@@ -4,6 +4,9 @@ use super::{Channel, Note, Role};
 use realfft::RealFftPlanner;
 use std::f64::consts::PI;
 
+/// Power beyond the cutoff in units of the noise floor over the whole band: noise is seldom white, so twice its rms.
+const SURPLUS: f64 = 4.0;
+
 /// A whole record, SI.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
@@ -105,7 +108,7 @@ pub struct Derivatives {
 /// Smooths uniformly sampled values and differentiates them.
 ///
 /// The line through the end points is taken off and the rest reflected oddly about both, so that the periodic extension of length
-/// 2 (n - 1) is continuous with its slope. Its sine spectrum is cut where it meets its noise floor (the level of the upper quarter of the
+/// 2 (n - 1) is continuous with its slope. Its sine spectrum is cut where no more than noise is left (level: the upper quarter of the
 /// band) with a raised-cosine roll-off up to 1.5 times the cutoff. None below 16 samples.
 pub fn derivatives(values: &[f64], dt: f64) -> Option<Derivatives> {
     let n = values.len();
@@ -164,25 +167,20 @@ pub fn derivatives(values: &[f64], dt: f64) -> Option<Derivatives> {
     Some(Derivatives { value, first, second, cutoff: cut as f64 / (length as f64 * dt) })
 }
 
-/// The last line whose local mean power stands clear of the noise floor.
+/// The lowest line above which no more is left than noise would leave: the power beyond it is at most `SURPLUS` times what the noise floor
+/// holds over the whole band. (A criterion line by line would let a single hum line carry the cutoff up with it.)
 fn cutoff(power: &[f64]) -> usize {
     let lines = power.len();
     let mut top: Vec<f64> = power[lines - lines / 4..].to_vec();
     top.sort_by(f64::total_cmp);
     // Median of an exponential distribution: mean times ln 2.
     let floor = top.get(top.len() / 2).copied().unwrap_or(0.0) / std::f64::consts::LN_2;
-    let half = (lines / 200).max(2);
-    let mut sums = vec![0.0; lines + 1];
-    for (i, p) in power.iter().enumerate() {
-        sums[i + 1] = sums[i] + p;
-    }
-    let local = |k: usize| {
-        let (from, to) = (k.saturating_sub(half), (k + half + 1).min(lines));
-        (sums[to] - sums[from]) / (to - from) as f64
-    };
-    let last = (1..lines).rposition(|k| local(k) > 4.0 * floor).map_or(1, |i| i + 1);
-    // The local mean smears the last strong line over its window.
-    last.saturating_sub(half).clamp(1, lines.saturating_sub(2).max(1))
+    let mut beyond = 0.0;
+    let last = (1..lines).rposition(|k| {
+        beyond += power[k];
+        beyond > SURPLUS * floor * lines as f64
+    });
+    last.map_or(1, |i| i + 1).clamp(1, lines.saturating_sub(2).max(1))
 }
 
 #[cfg(test)]
