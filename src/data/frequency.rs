@@ -33,7 +33,8 @@ pub fn estimate(t: &[f64], x: &[f64]) -> Option<SineFit> {
     let cost = |f: f64| fit(t, x, f).map_or(f64::INFINITY, |s| s.0);
     let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
     let (mut cost_a, mut cost_b) = (cost(a), cost(b));
-    for _ in 0..48 {
+    // 0.618^36 of the valley is 4e-8 of a line: phase errors stay far below a sample.
+    for _ in 0..36 {
         if cost_a < cost_b {
             (high, b, cost_b) = (b, a, cost_a);
             a = high - golden * (high - low);

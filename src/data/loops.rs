@@ -214,11 +214,23 @@ fn settled_end(time: &[f64], drive: &[f64], frequency: f64, label: &str, notes: 
     let cycles = (((time[time.len() - 1] - time[0]) * frequency) as usize).max(1);
     let amplitudes: Vec<f64> = (0..cycles).map(|c| super::record::spread(&drive[start_of(c)..start_of(c + 1)])).collect();
     let full = amplitudes.iter().copied().fold(0.0, f64::max);
+    let rising = amplitudes.iter().take_while(|a| **a < RUN_DOWN * full).count();
+    if rising > 0 {
+        let text = format!(
+            "runs up: the first {rising} of {cycles} cycles kept have less than {} % of its amplitude; discard_cycles leaves them out",
+            RUN_DOWN * 100.0
+        );
+        notes.push(Note::new(label, text));
+    }
     let kept = amplitudes.iter().rposition(|a| *a >= RUN_DOWN * full).map_or(cycles, |last| last + 1);
     if kept == cycles || kept < 2 {
         return time.len();
     }
-    let text = format!("runs down: the last {} of {cycles} cycles have less than {} % of its amplitude and are left out", cycles - kept, RUN_DOWN * 100.0);
+    let text = format!(
+        "runs down: the last {} of {cycles} cycles have less than {} % of its amplitude and are left out",
+        cycles - kept,
+        RUN_DOWN * 100.0
+    );
     notes.push(Note::new(label, text));
     start_of(kept)
 }

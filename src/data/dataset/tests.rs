@@ -186,16 +186,31 @@ fn files_that_are_wrong_name_their_line() {
         lines[n - 1] = new;
         lines.join("\n") + "\n"
     };
-    case("loop.csv", line(loop_csv(), 7, "0.0400,1,1"), "time is repeated: 0.04 s after 0.04 s", "loop.csv, line 7, test loop-1Hz, channel time");
+    case(
+        "loop.csv",
+        line(loop_csv(), 7, "0.0400,1,1"),
+        "time is repeated: 0.04 s after 0.04 s",
+        "loop.csv, line 7, test loop-1Hz, channel time",
+    );
     case("loop.csv", line(loop_csv(), 7, "0.0300,1,1"), "time goes back: 0.03 s after 0.04 s", "loop.csv, line 7");
     case("loop.csv", line(loop_csv(), 7, "0.0500,1,nan"), "not a finite number", "loop.csv, line 7, column `F`");
     case("loop.csv", line(loop_csv(), 7, "0.0500,1"), "2 cells", "loop.csv, line 7");
-    case("loop.csv", loop_csv().lines().take(350).collect::<Vec<_>>().join("\n"), "1 complete cycles after 2 discarded", "loop.csv, test loop-1Hz");
+    case(
+        "loop.csv",
+        loop_csv().lines().take(350).collect::<Vec<_>>().join("\n"),
+        "1 complete cycles after 2 discarded",
+        "loop.csv, test loop-1Hz",
+    );
     case("loop.csv", loop_csv().lines().take(150).collect::<Vec<_>>().join("\n"), "complete cycles", "loop.csv");
     case("loop.csv", loop_csv().lines().take(4).collect::<Vec<_>>().join("\n"), "3 samples are too few", "loop.csv");
     case("loop.csv", loop_csv().replace("t,x,F", "time,x,F"), "no column `t`", "loop.csv");
     case("loop.csv", String::new(), "the file is empty", "loop.csv");
-    case("frf.csv", line(frf_csv(), 4, "11,1,1,0.9"), "the frequency is repeated: 11 Hz after 11 Hz", "frf.csv, line 4, test frf-a, channel frequency");
+    case(
+        "frf.csv",
+        line(frf_csv(), 4, "11,1,1,0.9"),
+        "the frequency is repeated: 11 Hz after 11 Hz",
+        "frf.csv, line 4, test frf-a, channel frequency",
+    );
     case("frf.csv", line(frf_csv(), 4, "1,1,1,0.9"), "the frequency goes back: 1 Hz after 11 Hz", "frf.csv, line 4");
     case("frf.csv", line(frf_csv(), 2, "0,1,1,0.9"), "a frequency of 0 Hz has no receptance", "frf.csv, line 2");
     case("frf.csv", line(frf_csv(), 4, "12,1,1,1.01"), "a coherence of 1.01", "frf.csv, line 4, test frf-a, channel coherence");
@@ -244,10 +259,11 @@ fn frf_noise_and_polar_form() {
 
 #[test]
 fn transient_and_several_channels() {
-    let transient = EXAMPLE
-        .replacen("kind = \"cycle\"", "kind = \"transient\"", 1)
-        .replacen("discard_cycles = 2\n", "", 1)
-        .replacen("control = \"displacement\"     # or \"force\"\n", "", 1);
+    let transient = EXAMPLE.replacen("kind = \"cycle\"", "kind = \"transient\"", 1).replacen("discard_cycles = 2\n", "", 1).replacen(
+        "control = \"displacement\"     # or \"force\"\n",
+        "",
+        1,
+    );
     let files = [("loop.csv", loop_csv()), ("frf.csv", frf_csv())];
     let load = |toml: &str| files.iter().fold(Folder::new(toml), |f, (n, t)| f.with(n, t)).load();
     let e = load(&transient).unwrap_err();

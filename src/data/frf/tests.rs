@@ -11,7 +11,8 @@ fn oscillator(f: f64) -> Complex64 {
 fn coherence_gives_the_deviation_of_each_part() {
     // n averages of input u (no noise) and output v = H u + noise: H^ = sum u* v / sum |u|^2; the scatter of H^ over many trials against the formula.
     let mut rng = ChaCha8Rng::seed_from_u64(11);
-    let mut normal = || Complex64::new((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0, (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
+    let mut normal =
+        || Complex64::new((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0, (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
     let (h, n, trials) = (Complex64::new(0.6, -0.8), 40, 4000);
     let noise = 0.5;
     let g2 = 1.0 / (1.0 + noise * noise);

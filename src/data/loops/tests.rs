@@ -20,17 +20,21 @@ fn record(fs: f64, seconds: f64, frequency: Option<f64>, x: impl Fn(f64) -> f64,
         input,
         values: time.iter().map(|t| f(*t)).collect(),
     };
-    let channels = vec![
-        channel(Role::Displacement, "mm", Dimension::LENGTH, true, &x),
-        channel(Role::Force, "N", Dimension::FORCE, false, &force),
-    ];
+    let channels =
+        vec![channel(Role::Displacement, "mm", Dimension::LENGTH, true, &x), channel(Role::Force, "N", Dimension::FORCE, false, &force)];
     TimeRecord::new("t", PathBuf::from("t.csv"), Control::Displacement, frequency, time, channels)
 }
 
 fn triangle(phase: f64) -> f64 {
     // As sin: zero and rising at 0, amplitude 1.
     let p = (phase / TAU).rem_euclid(1.0);
-    if p < 0.25 { 4.0 * p } else if p < 0.75 { 2.0 - 4.0 * p } else { 4.0 * p - 4.0 }
+    if p < 0.25 {
+        4.0 * p
+    } else if p < 0.75 {
+        2.0 - 4.0 * p
+    } else {
+        4.0 * p - 4.0
+    }
 }
 
 #[test]
@@ -127,6 +131,7 @@ fn scatter_is_the_noise_and_a_drift_is_taken_out_and_said() {
 fn a_run_up_is_discarded() {
     let up = |t: f64| (t / 2.0).min(1.0);
     let mut r = record(256.0, 9.0, None, |t| up(t) * (TAU * t).sin(), |t| up(t) * (TAU * t + 0.2).sin());
+    assert!(settle(&r).unwrap().notes.iter().any(|n| n.text.contains("the first 2 of")), "{:?}", settle(&r).unwrap().notes);
     r.discard_cycles = 2;
     let l = settle(&r).unwrap();
     assert_eq!(l.cycles, 7);

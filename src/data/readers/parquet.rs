@@ -4,9 +4,11 @@ use super::parquet_pages::{self, Chunk};
 use super::{Column, Columns, DataError, Wanted};
 use polars::io::parquet::read::FileMetadata;
 use polars::prelude::*;
+use std::cell::Cell;
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::path::Path;
+use std::sync::Once;
 
 /// Rows beyond which a file is not taken for a measurement: a damaged header can claim any number, and memory is taken before a byte is read.
 const MAX_ROWS: usize = 200_000_000;
@@ -16,8 +18,28 @@ const MAX_CHUNK: i64 = 1 << 31;
 pub(super) fn read(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
     let broken = |reason: String| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {reason}") };
     // The decoder checks less than it should and panics on some damaged files; what it panics on is an unreadable file, nothing more.
+    quiet_while_decoding();
+    DECODING.set(true);
     let outcome = catch_unwind(AssertUnwindSafe(|| decode(path, bytes, wanted)));
+    DECODING.set(false);
     outcome.unwrap_or_else(|_| Err(broken("the decoder gave up on damaged bytes".to_string())))
+}
+
+thread_local! {
+    static DECODING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Keeps the panics that are caught here out of the terminal; every other panic goes to the hook that was there before.
+fn quiet_while_decoding() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let before = take_hook();
+        set_hook(Box::new(move |info| {
+            if !DECODING.get() {
+                before(info);
+            }
+        }));
+    });
 }
 
 fn decode(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
@@ -38,10 +60,8 @@ fn decode(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, Dat
     }
     let at = super::locate(path, &header, wanted)?;
     let metadata = reader.get_metadata().map_err(broken)?.clone();
-    pages(&bytes, &metadata, wanted).map_err(|e| DataError::Format {
-        file: path.to_path_buf(),
-        reason: format!("not a readable Parquet file: {e}"),
-    })?;
+    pages(&bytes, &metadata, wanted)
+        .map_err(|e| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {e}") })?;
     let mut projection = at.clone();
     projection.sort_unstable();
     projection.dedup();
