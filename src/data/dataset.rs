@@ -65,7 +65,8 @@ impl TestKind {
 pub enum Record {
     /// Periodic test, as recorded; [`TimeRecord::settled`] gives the loop.
     Cycle(TimeRecord),
-    Frf(Frf),
+    /// Boxed: an FRF holds many columns.
+    Frf(Box<Frf>),
     /// Whole history.
     Transient(TimeRecord),
     Modal(ModalTable),
@@ -180,7 +181,7 @@ fn test(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<Test, Da
     let record = match kind {
         TestKind::Cycle => Record::Cycle(super::record::cycle(table, id, &conditions, source)?),
         TestKind::Transient => Record::Transient(super::record::transient(table, id, source)?),
-        TestKind::Frf => Record::Frf(super::frf::read(table, id, source)?),
+        TestKind::Frf => Record::Frf(Box::new(super::frf::read(table, id, source)?)),
         TestKind::Modal => Record::Modal(super::tables::modal(table, id, source)?),
         TestKind::Energy => Record::Energy(super::tables::energy(table, id, &conditions, source)?),
     };

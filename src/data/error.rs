@@ -2,6 +2,7 @@
 
 use super::toml_strict::TomlError;
 use crate::explain::Explain;
+use std::fmt;
 use std::path::PathBuf;
 
 /// An error of the stage `data`.
@@ -33,9 +34,34 @@ pub enum DataError {
     Cell { file: PathBuf, row: String, column: String, what: String },
     #[error("{reason}")]
     Format { file: PathBuf, reason: String },
-    /// What was read contradicts itself or the declaration.
-    #[error("test `{test}`{}: {message}", channel.as_ref().map_or(String::new(), |c| format!(", channel {c}")))]
-    Content { file: PathBuf, row: Option<String>, test: String, channel: Option<String>, message: String, accepted: String },
+    #[error("{0}")]
+    Content(Box<Content>),
+}
+
+/// What was read contradicts itself or its declaration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Content {
+    pub file: PathBuf,
+    /// `line 7`, `row 6`.
+    pub row: Option<String>,
+    pub test: String,
+    /// `force at c1.x`.
+    pub channel: Option<String>,
+    pub message: String,
+    pub accepted: String,
+}
+
+impl fmt::Display for Content {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let channel = self.channel.as_ref().map_or(String::new(), |c| format!(", channel {c}"));
+        write!(f, "test `{}`{channel}: {}", self.test, self.message)
+    }
+}
+
+impl From<Content> for DataError {
+    fn from(content: Content) -> Self {
+        Self::Content(Box::new(content))
+    }
 }
 
 fn list(columns: &[String]) -> String {
@@ -67,10 +93,10 @@ impl Explain for DataError {
                 format!("{}, line {line}", file.display())
             }
             Self::Cell { file, row, column, .. } => format!("{}, {row}, column `{column}`", file.display()),
-            Self::Content { file, row, test, channel, .. } => {
-                let row = row.as_ref().map_or(String::new(), |r| format!(", {r}"));
-                let channel = channel.as_ref().map_or(String::new(), |c| format!(", channel {c}"));
-                format!("{}{row}, test {test}{channel}", file.display())
+            Self::Content(c) => {
+                let row = c.row.as_ref().map_or(String::new(), |r| format!(", {r}"));
+                let channel = c.channel.as_ref().map_or(String::new(), |c| format!(", channel {c}"));
+                format!("{}{row}, test {}{channel}", c.file.display(), c.test)
             }
         }
     }
@@ -90,7 +116,7 @@ impl Explain for DataError {
             Self::BlankLine { .. } => "rows without blank lines between them".into(),
             Self::Cell { .. } => "a finite number with a decimal point".into(),
             Self::Format { .. } => "CSV with one header row, comma and decimal point, or Parquet".into(),
-            Self::Content { accepted, .. } => accepted.clone(),
+            Self::Content(c) => c.accepted.clone(),
         }
     }
 }

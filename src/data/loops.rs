@@ -186,7 +186,7 @@ fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<G
     let whole_samples = per_cycle.round();
     if uniform && (per_cycle - whole_samples).abs() * seconds * frequency < 0.02 {
         let m = whole_samples as usize;
-        let n = if m <= MAX_POINTS { Some(m) } else { (MAX_POINTS / 2..=MAX_POINTS).rev().find(|n| m % n == 0) };
+        let n = if m <= MAX_POINTS { Some(m) } else { (MAX_POINTS / 2..=MAX_POINTS).rev().find(|n| m.is_multiple_of(*n)) };
         if let Some(n) = n {
             let cycles = (samples - from) / m;
             if cycles < 2 {

@@ -21,7 +21,7 @@ pub mod toml_strict;
 pub use channel::{ChannelSpec, Role, Sigma};
 pub use condition::{Condition, Conditions};
 pub use dataset::{Dataset, Record, Test, TestKind, schema};
-pub use error::DataError;
+pub use error::{Content, DataError};
 pub use fourier::FourierInput;
 pub use frequency::{SineFit, estimate as estimate_frequency};
 pub use frf::{Frf, FrfQuantity};

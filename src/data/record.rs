@@ -5,7 +5,7 @@ use super::condition::Conditions;
 use super::dataset::{Source, columns, no_channel, only};
 use super::readers::{Column, Columns};
 use super::toml_strict::TableView;
-use super::{DataError, History, LoopError, SettledLoop};
+use super::{Content, DataError, History, LoopError, SettledLoop};
 use std::path::{Path, PathBuf};
 
 /// What the machine controls.
@@ -85,7 +85,7 @@ impl TimeRecord {
     }
 
     fn explain(&self, e: LoopError) -> DataError {
-        DataError::Content {
+        Content {
             file: self.file.clone(),
             row: None,
             test: self.test.clone(),
@@ -93,6 +93,7 @@ impl TimeRecord {
             accepted: e.accepted(),
             message: e.to_string(),
         }
+        .into()
     }
 }
 
@@ -198,7 +199,7 @@ fn increasing(file: &Path, rows: &Columns, id: &str, spec: &ChannelSpec, time: &
 }
 
 pub(super) fn content(file: &Path, row: Option<String>, test: &str, spec: &ChannelSpec, message: &str, accepted: &str) -> DataError {
-    DataError::Content {
+    Content {
         file: file.to_path_buf(),
         row,
         test: test.to_string(),
@@ -206,6 +207,7 @@ pub(super) fn content(file: &Path, row: Option<String>, test: &str, spec: &Chann
         message: message.to_string(),
         accepted: accepted.to_string(),
     }
+    .into()
 }
 
 /// rms about the mean.

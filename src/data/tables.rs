@@ -6,7 +6,7 @@ use super::dataset::{Source, columns, no_channel, only};
 use super::readers::{Column, Columns};
 use super::record::{Control, content};
 use super::toml_strict::{TableView, TomlError, ValueView};
-use super::{DataError, channel};
+use super::{Content, DataError, channel};
 use crate::units::{Dimension, Unit};
 use std::path::{Path, PathBuf};
 
@@ -338,7 +338,7 @@ fn at_row(source: &Source<'_>, id: &str, place: &str, message: String, accepted:
         Some((file, row)) => (PathBuf::from(file), row.to_string()),
         None => (source.toml().to_path_buf(), place.to_string()),
     };
-    DataError::Content { file, row: Some(row), test: id.to_string(), channel: None, message, accepted: accepted.to_string() }
+    Content { file, row: Some(row), test: id.to_string(), channel: None, message, accepted: accepted.to_string() }.into()
 }
 
 #[cfg(test)]

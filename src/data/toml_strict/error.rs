@@ -15,7 +15,8 @@ pub struct TomlError {
     pub line: usize,
     /// The key path, e.g. `test[2].channels[0].unit`; empty for the file as a whole.
     pub key: String,
-    pub problem: TomlProblem,
+    /// Boxed: an error is small to hand on.
+    pub problem: Box<TomlProblem>,
 }
 
 /// What is wrong there.
@@ -58,7 +59,7 @@ impl Explain for TomlError {
     }
 
     fn accepted(&self) -> String {
-        match &self.problem {
+        match self.problem.as_ref() {
             TomlProblem::Unreadable(_) => "a readable UTF-8 text file".to_string(),
             TomlProblem::Syntax(_) => "TOML 1.0".to_string(),
             TomlProblem::MissingKey { accepted, .. } | TomlProblem::Value { accepted, .. } => accepted.clone(),

@@ -59,7 +59,7 @@ fn clip(s: &str) -> String {
 impl TomlFile {
     /// Reads and parses `path`. `stage` names the stage in errors (`data`, `study`).
     pub fn read(path: &Path, stage: &'static str) -> Result<Self, TomlError> {
-        let fail = |problem| TomlError { stage, file: path.to_path_buf(), line: 0, key: String::new(), problem };
+        let fail = |problem| TomlError { stage, file: path.to_path_buf(), line: 0, key: String::new(), problem: Box::new(problem) };
         let bytes = std::fs::read(path).map_err(|e| fail(TomlProblem::Unreadable(e.to_string())))?;
         let text = String::from_utf8(bytes).map_err(|e| {
             let line = 1 + e.as_bytes().iter().take(e.utf8_error().valid_up_to()).filter(|b| **b == b'\n').count();
@@ -72,7 +72,7 @@ impl TomlFile {
     pub fn parse(path: &Path, text: String, stage: &'static str) -> Result<Self, TomlError> {
         let lines = Lines::new(&text);
         let root = {
-            let fail = |line, problem| TomlError { stage, file: path.to_path_buf(), line, key: String::new(), problem };
+            let fail = |line, problem| TomlError { stage, file: path.to_path_buf(), line, key: String::new(), problem: Box::new(problem) };
             let body = text.strip_prefix('\u{feff}').unwrap_or(&text);
             let shift = text.len() - body.len();
             let parsed = DeTable::parse(body).map_err(|e| {

@@ -315,5 +315,5 @@ pub fn unique(seen: &mut Vec<(String, usize)>, what: &str, id: &str, value: &Val
 }
 
 fn error(file: &TomlFile, line: usize, key: &str, problem: TomlProblem) -> TomlError {
-    TomlError { stage: file.stage, file: file.path.clone(), line, key: key.to_string(), problem }
+    TomlError { stage: file.stage, file: file.path.clone(), line, key: key.to_string(), problem: Box::new(problem) }
 }
