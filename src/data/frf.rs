@@ -3,7 +3,7 @@
 use super::channel::{ChannelSpec, Role, Sigma, along_axis, channels, place, sigma};
 use super::dataset::{Source, columns, no_channel, only};
 use super::readers::{Column, Columns};
-use super::record::content;
+use super::record::{content, to_si};
 use super::toml_strict::TableView;
 use super::{DataError, Note};
 use crate::units::{Dimension, Unit};
@@ -105,14 +105,12 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
     }
     let file = source.file(table, id)?;
     let mut rows = columns(&file, &specs)?;
-    let values: Vec<Vec<f64>> = std::mem::take(&mut rows.columns)
-        .into_iter()
-        .zip(&specs)
-        .map(|(c, s)| match c {
-            Column::Numbers(v) => v.into_iter().map(|v| s.unit.to_si(v)).collect(),
-            Column::Text(_) => Vec::new(),
-        })
-        .collect();
+    let mut values = Vec::with_capacity(specs.len());
+    for (column, spec) in std::mem::take(&mut rows.columns).into_iter().zip(&specs) {
+        let Column::Numbers(mut column) = column else { continue };
+        to_si(&file, &rows, id, spec, &mut column)?;
+        values.push(column);
+    }
     let column = |role: Role| specs.iter().zip(&values).find(|(s, _)| s.role == role);
     let lines = Lines { file: &file, rows: &rows, id };
     let Some((spec, frequency)) = column(Role::Frequency) else { return Err(no_channel(table, "role = \"frequency\"").into()) };

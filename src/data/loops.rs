@@ -55,6 +55,8 @@ pub struct LoopChannel {
     pub sigma_sample: f64,
     /// Standard deviation of the mean over the cycles.
     pub sigma_mean: f64,
+    /// Correlation of the scatter between points 0, 1, 2, ... apart in phase, up to where it is lost in chance; [1] for white noise.
+    pub correlation: Vec<f64>,
 }
 
 /// Something done to the data, or found in them, that the reader should know.
@@ -257,7 +259,8 @@ fn average(time: &[f64], channel: &Channel, grid: &Grid, notes: &mut Vec<Note>) 
         ));
     }
     let mean: Vec<f64> = (0..n).map(|j| (0..cycles).map(|c| folded[c * n + j]).sum::<f64>() / cycles as f64).collect();
-    let rest: f64 = folded.iter().enumerate().map(|(i, v)| (v - mean[i % n]).powi(2)).sum();
+    folded.iter_mut().enumerate().for_each(|(i, v)| *v -= mean[i % n]);
+    let rest: f64 = folded.iter().map(|v| v * v).sum();
     let scatter = (rest / ((cycles - 1) * n) as f64).sqrt();
     let sigma_sample = match channel.sigma {
         Some(sigma) => {
@@ -280,7 +283,19 @@ fn average(time: &[f64], channel: &Channel, grid: &Grid, notes: &mut Vec<Note>) 
         mean,
         sigma_sample,
         sigma_mean: sigma_sample / (cycles as f64).sqrt(),
+        correlation: if scatter < floor { vec![1.0] } else { correlation(&folded, n, rest) },
     }
+}
+
+/// Autocorrelation of the deviations from the mean cycle (cycles x n), within cycles. It ends before the first lag inside the band of chance,
+/// two standard deviations of the estimate for white noise.
+fn correlation(deviations: &[f64], n: usize, sum_of_squares: f64) -> Vec<f64> {
+    let chance = 2.0 / (deviations.len() as f64).sqrt();
+    let at = |lag: usize| {
+        let products: f64 = deviations.chunks(n).map(|c| c.iter().zip(&c[lag.min(c.len())..]).map(|(a, b)| a * b).sum::<f64>()).sum();
+        products / sum_of_squares * n as f64 / (n - lag) as f64
+    };
+    std::iter::once(1.0).chain((1..n / 2).map(at).take_while(|r| *r > chance)).collect()
 }
 
 /// cycles x n values, cycle by cycle.

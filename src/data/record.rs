@@ -139,7 +139,7 @@ fn record(table: &TableView<'_>, id: &str, control: Option<Control>, source: &So
     let (mut time, mut all) = (Vec::new(), Vec::new());
     for (spec, column) in specs.iter().zip(std::mem::take(&mut rows.columns)) {
         let Column::Numbers(mut values) = column else { continue };
-        values.iter_mut().for_each(|v| *v = spec.unit.to_si(*v));
+        to_si(&file, &rows, id, spec, &mut values)?;
         match &spec.at {
             None => time = values,
             Some(at) => {
@@ -208,6 +208,19 @@ pub(super) fn content(file: &Path, row: Option<String>, test: &str, spec: &Chann
         accepted: accepted.to_string(),
     }
     .into()
+}
+
+/// Takes a column to SI; a value that is finite in the file may not be in SI.
+pub(super) fn to_si(file: &Path, rows: &Columns, id: &str, spec: &ChannelSpec, values: &mut [f64]) -> Result<(), DataError> {
+    for (i, v) in values.iter_mut().enumerate() {
+        let si = spec.unit.to_si(*v);
+        if !si.is_finite() {
+            let message = format!("{v} {} is beyond any number", spec.unit.symbol);
+            return Err(content(file, Some(rows.place(i)), id, spec, &message, "a finite number"));
+        }
+        *v = si;
+    }
+    Ok(())
 }
 
 /// rms about the mean.

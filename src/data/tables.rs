@@ -4,7 +4,7 @@ use super::channel::{ChannelSpec, Role, Sigma, channels, place};
 use super::condition::{Conditions, conditions};
 use super::dataset::{Source, columns, no_channel, only};
 use super::readers::{Column, Columns};
-use super::record::{Control, content};
+use super::record::{Control, content, to_si};
 use super::toml_strict::{TableView, TomlError, ValueView};
 use super::{Content, DataError, channel};
 use crate::units::{Dimension, Unit};
@@ -309,7 +309,9 @@ fn from_file(table: &TableView<'_>, id: &str, source: &Source<'_>, roles: &[Role
             match column {
                 Column::Text(cells) => row.texts.push((spec.role, cells[i].clone())),
                 Column::Numbers(cells) => {
-                    let value = spec.unit.to_si(cells[i]);
+                    let mut value = [cells[i]];
+                    to_si(&file, &read, id, spec, &mut value)?;
+                    let [value] = value;
                     let sigma = match (sigmas, spec.sigma) {
                         (Some(Column::Numbers(s)), _) => Some(stated(&file, &read, i, id, spec, spec.unit.difference_to_si(s[i]))?),
                         (_, Some(Sigma::Absolute(s))) => Some(s),

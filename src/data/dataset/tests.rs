@@ -194,6 +194,10 @@ fn files_that_are_wrong_name_their_line() {
     );
     case("loop.csv", line(loop_csv(), 7, "0.0300,1,1"), "time goes back: 0.03 s after 0.04 s", "loop.csv, line 7");
     case("loop.csv", line(loop_csv(), 7, "0.0500,1,nan"), "not a finite number", "loop.csv, line 7, column `F`");
+    let kilo = EXAMPLE.replacen("unit=\"N\", sigma=\"0.5 N\"", "unit=\"kN\"", 1);
+    let text = line(loop_csv(), 7, "0.0500,1,1e308");
+    let e = Folder::new(&kilo).with("loop.csv", &text).with("frf.csv", &frf_csv()).load().unwrap_err();
+    assert!(e.to_string().contains("beyond any number") && e.place().contains("loop.csv, line 7"), "{e}");
     case("loop.csv", line(loop_csv(), 7, "0.0500,1"), "2 cells", "loop.csv, line 7");
     case(
         "loop.csv",

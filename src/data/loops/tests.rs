@@ -128,6 +128,23 @@ fn scatter_is_the_noise_and_a_drift_is_taken_out_and_said() {
 }
 
 #[test]
+fn correlated_scatter_is_seen() {
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut r = record(100.0, 60.0, Some(1.0), |t| (TAU * t).sin(), |t| 3.0 * (TAU * t + 0.5).sin());
+    let (mut state, rho) = (0.0, 0.8f64);
+    for v in &mut r.channels[1].values {
+        state = rho * state + (1.0 - rho * rho).sqrt() * noise(&mut rng);
+        *v += 0.05 * state;
+    }
+    let white: Vec<f64> = r.channels[0].values.iter().map(|v| v + 0.01 * noise(&mut rng)).collect();
+    r.channels[0].values = white;
+    let l = settle(&r).unwrap();
+    let c = &l.channels[1].correlation;
+    assert!(c.len() > 5 && (c[1] - 0.8).abs() < 0.03 && (c[3] - 0.512).abs() < 0.06, "{c:?}");
+    assert!(l.channels[0].correlation.len() <= 2, "{:?}", l.channels[0].correlation);
+}
+
+#[test]
 fn a_run_up_is_discarded() {
     let up = |t: f64| (t / 2.0).min(1.0);
     let mut r = record(256.0, 9.0, None, |t| up(t) * (TAU * t).sin(), |t| up(t) * (TAU * t + 0.2).sin());
