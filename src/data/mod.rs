@@ -1,1 +1,34 @@
-//! (in work)
+//! Measurements: `dataset.toml` beside its files, read strictly, in SI.
+//!
+//! [`Dataset::load`] reads a dataset with every file it names; [`TimeRecord::settled`] turns a recorded history into a loop with its
+//! scatter, [`History::motion`] into displacement, velocity and acceleration; [`Frf`] carries the noise of each line; [`ModalTable`] and
+//! [`EnergyTable`] are tables. Noise comes from cycles, coherence or stated deviations, never from the misfit of a model.
+
+mod channel;
+mod condition;
+mod dataset;
+mod error;
+mod fourier;
+mod frequency;
+mod frf;
+mod history;
+mod loops;
+pub mod readers;
+mod record;
+mod tables;
+pub mod toml_strict;
+
+pub use channel::{ChannelSpec, Role, Sigma};
+pub use condition::{Condition, Conditions};
+pub use dataset::{Dataset, Record, Test, TestKind, schema};
+pub use error::{Content, DataError};
+pub use fourier::FourierInput;
+pub use frequency::{SineFit, estimate as estimate_frequency};
+pub use frf::{Frf, FrfQuantity};
+pub use history::{Derivatives, History, HistoryError, Motion, derivatives};
+pub use loops::{LoopChannel, LoopError, Note, SettledLoop};
+pub use record::{Channel, Control, TimeRecord};
+pub use tables::{EnergyRow, EnergyTable, ModalTable, ModeRow, StoredEnergy, TableValue};
+
+#[cfg(test)]
+mod friction_damper_check;

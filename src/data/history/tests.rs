@@ -1,0 +1,33 @@
+use super::*;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+fn rms(v: impl Iterator<Item = f64>) -> f64 {
+    let v: Vec<f64> = v.collect();
+    (v.iter().map(|x| x * x).sum::<f64>() / v.len() as f64).sqrt()
+}
+
+#[test]
+fn derivatives_of_a_noisy_sine_with_trend() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let (dt, w) = (1e-3, 2.0 * PI * 1.3);
+    let t: Vec<f64> = (0..6000).map(|i| i as f64 * dt).collect();
+    let x: Vec<f64> = t.iter().map(|t| (w * t + 0.4).sin() + 0.2 * (3.0 * w * t).cos() + 0.5 * t).collect();
+    let v = |t: f64| w * (w * t + 0.4).cos() - 0.6 * w * (3.0 * w * t).sin() + 0.5;
+    let a = |t: f64| -w * w * (w * t + 0.4).sin() - 1.8 * w * w * (3.0 * w * t).cos();
+    let inner = 300..5700;
+    // Without noise the velocity is good to the ends; the reflection gives the acceleration a jump there.
+    let d = derivatives(&x, dt).unwrap();
+    assert!(rms(inner.clone().map(|i| d.first[i] - v(t[i]))) < 1e-3 * w, "{}", rms(inner.clone().map(|i| d.first[i] - v(t[i]))));
+    let noisy: Vec<f64> = x.iter().map(|x| x + 1e-3 * (rng.random::<f64>() - 0.5) * 12f64.sqrt()).collect();
+    let d = derivatives(&noisy, dt).unwrap();
+    let ev = rms(inner.clone().map(|i| d.first[i] - v(t[i]))) / w;
+    let ea = rms(inner.clone().map(|i| d.second[i] - a(t[i]))) / (w * w);
+    let raw = rms(inner.clone().map(|i| (noisy[i + 1] - noisy[i - 1]) / (2.0 * dt) - v(t[i]))) / w;
+    assert!(ev < 0.01 && ea < 0.25 && ev < 0.2 * raw, "{ev} {ea} {raw} {}", d.cutoff);
+    assert!(d.cutoff > 3.9 && d.cutoff < 40.0, "{}", d.cutoff);
+    assert!(derivatives(&x[..15], dt).is_none());
+    // Degenerate signals pass through.
+    let flat = derivatives(&[2.0; 40], dt).unwrap();
+    assert!(flat.value.iter().all(|v| (v - 2.0).abs() < 1e-12) && flat.first.iter().all(|v| v.abs() < 1e-9));
+}

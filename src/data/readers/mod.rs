@@ -1,0 +1,104 @@
+//! Readers of measurement files, one per file: columns by name, as numbers or text.
+
+mod csv;
+mod parquet;
+mod parquet_pages;
+
+use super::DataError;
+use super::toml_strict::nearest;
+use std::path::Path;
+
+/// A column that is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wanted {
+    pub name: String,
+    /// Text instead of numbers.
+    pub text: bool,
+}
+
+/// The columns that were asked for, in that order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Columns {
+    pub columns: Vec<Column>,
+    /// What a row is called in errors: `line` (CSV, the header is line 1) or `row` (Parquet, from 1).
+    row_name: &'static str,
+    first_row: usize,
+}
+
+/// The cells of a column. Numbers are finite; a missing cell is an error, in text it is empty.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Column {
+    Numbers(Vec<f64>),
+    Text(Vec<String>),
+}
+
+impl Columns {
+    /// Rows.
+    pub fn len(&self) -> usize {
+        self.columns.first().map_or(0, |c| match c {
+            Column::Numbers(v) => v.len(),
+            Column::Text(v) => v.len(),
+        })
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// `line 7` or `row 6` of the row of index `i`.
+    pub fn place(&self, i: usize) -> String {
+        format!("{} {}", self.row_name, i + self.first_row)
+    }
+}
+
+/// Reads the columns `wanted` of `path`; the reader is chosen by the file's extension.
+pub fn read(path: &Path, wanted: &[Wanted]) -> Result<Columns, DataError> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let reader = match extension.as_str() {
+        "csv" => csv::read,
+        "parquet" | "pq" => parquet::read,
+        _ => return Err(DataError::NoReader { file: path.to_path_buf(), extension }),
+    };
+    let bytes = std::fs::read(path).map_err(|e| DataError::Unreadable { file: path.to_path_buf(), reason: e.to_string() })?;
+    if bytes.is_empty() {
+        return Err(DataError::Empty { file: path.to_path_buf() });
+    }
+    reader(path, bytes, wanted)
+}
+
+/// The index of each wanted column in the file's header.
+fn locate(path: &Path, header: &[String], wanted: &[Wanted]) -> Result<Vec<usize>, DataError> {
+    wanted
+        .iter()
+        .map(|w| {
+            let mut found = header.iter().enumerate().filter(|(_, h)| **h == w.name).map(|(i, _)| i);
+            let (first, second) = (found.next(), found.next());
+            match (first, second) {
+                (Some(i), None) => Ok(i),
+                (Some(_), Some(_)) => Err(DataError::DoubleColumn { file: path.to_path_buf(), column: w.name.clone() }),
+                _ => Err(DataError::MissingColumn {
+                    file: path.to_path_buf(),
+                    column: w.name.clone(),
+                    nearest: nearest(&w.name, header.iter().map(String::as_str)),
+                    columns: header.to_vec(),
+                }),
+            }
+        })
+        .collect()
+}
+
+/// Refuses NaN and infinity, naming the row.
+fn finite(path: &Path, columns: &Columns, wanted: &[Wanted]) -> Result<(), DataError> {
+    for (column, w) in columns.columns.iter().zip(wanted) {
+        if let Column::Numbers(values) = column
+            && let Some((i, v)) = values.iter().enumerate().find(|(_, v)| !v.is_finite())
+        {
+            let what = format!("{v} is not a finite number");
+            return Err(DataError::Cell { file: path.to_path_buf(), row: columns.place(i), column: w.name.clone(), what });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

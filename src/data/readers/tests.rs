@@ -1,0 +1,120 @@
+use super::*;
+use crate::explain::Explain;
+use polars::prelude::{Column as Series_, DataFrame, ParquetWriter};
+use proptest::prelude::*;
+
+fn number(name: &str) -> Wanted {
+    Wanted { name: name.to_string(), text: false }
+}
+
+fn read_bytes(name: &str, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataError> {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    read(&path, wanted)
+}
+
+fn csv(text: &str) -> Result<Columns, DataError> {
+    read_bytes("a.csv", text.as_bytes(), &[number("t"), number("F [N]")])
+}
+
+#[test]
+fn csv_forms_that_are_legal() {
+    let expected = vec![Column::Numbers(vec![0.0, 1.5]), Column::Numbers(vec![-3e-3, 4.0])];
+    for text in [
+        "t,x,F [N]\n0,a,-3e-3\n1.5,b,4\n",
+        "t,x,F [N]\n0,a,-3e-3\n1.5,b,4",
+        "t,x,F [N]\r\n0,a,-3e-3\r\n1.5,b,4\r\n",
+        "\u{feff}t,x,F [N]\n0,a,-3e-3\n1.5,b,4\n\n",
+        "F [N],x,x,t\n-3e-3,,,0\n4.0,,,1.5\n",
+        "t, x, F [N]\n0, a, -3e-3\n1.5, b, 4\n",
+        "\"t\",\"x, y\",\"F [N]\"\n0,\"a, b\",-3e-3\n1.5,b,4\n",
+        "t,x,F [N]\r\n0,a,-3e-3\r\n1.5,b,4",
+    ] {
+        assert_eq!(csv(text).unwrap_or_else(|e| panic!("{text:?}: {e}")).columns, expected, "{text:?}");
+    }
+}
+
+#[test]
+fn csv_errors_name_the_place() {
+    let case = |text: &str, message: &str, place: &str| {
+        let e = csv(text).unwrap_err();
+        assert!(e.to_string().contains(message), "{text:?}: {e}");
+        assert!(e.place().ends_with(place), "{text:?}: {}", e.place());
+        assert!(!e.accepted().is_empty());
+    };
+    case("", "the file is empty", "a.csv");
+    case("\n\n", "the file is empty", "a.csv");
+    case("t,F [N]\n", "no rows", "a.csv");
+    case("t,F [N]", "no rows", "a.csv");
+    case("t,F[N]\n0,1\n", "no column `F [N]`, nearest is `F[N]`; the file has `t`, `F[N]`", "a.csv");
+    case("t,F [N],t\n0,1,2\n", "`t` stands twice", "a.csv");
+    case("t;F [N]\n0;1\n", "not separated by commas", "a.csv");
+    case("0.0,1.0\n0.1,1.0\n", "the first line holds numbers", "a.csv");
+    case("t,F [N]\n0,1\n1,x7\n", "`x7` is not a number", "line 3, column `F [N]`");
+    case("t,F [N]\n0,1\n1,\n", "an empty cell", "line 3, column `F [N]`");
+    case("t,F [N]\n0,1\n1, \n", "an empty cell", "line 3, column `F [N]`");
+    case("t,F [N]\n0,1\n1,NaN\n2,3\n", "not a finite", "line 3, column `F [N]`");
+    case("t,F [N]\n0,-inf\n1,2\n", "not a finite", "line 2, column `F [N]`");
+    case("t,F [N]\n0,1e999\n1,2\n", "not a finite", "line 2, column `F [N]`");
+    case("t,F [N]\n0,1\n\n1,2\n", "blank line", "line 3");
+    case("t,F [N]\n0,1,5\n1,2\n", "3 cells, where the header has 2", "line 2");
+    case("t,F [N]\n0,1\n1,2\n2", "stops in the middle", "line 4");
+    case("t,F [N]\n0,1\n1,\"2\n", "quote is not closed", "a.csv");
+    let e = read_bytes("a.csv", b"t,F [N]\n0,1\n1,\xff\xfe\n", &[number("t")]).unwrap_err();
+    assert!(matches!(e, DataError::NotText { line: 3, .. }), "{e:?}");
+    assert!(matches!(read_bytes("a.xls", b"x", &[]).unwrap_err(), DataError::NoReader { .. }));
+}
+
+fn parquet_bytes() -> Vec<u8> {
+    let t: Vec<f64> = (0..300).map(|i| i as f64 * 0.01).collect();
+    let f: Vec<f32> = (0..300).map(|i| (i as f32 * 0.3).sin()).collect();
+    let n: Vec<Option<i64>> = (0..300).map(|i| (i != 7).then_some(i)).collect();
+    let s: Vec<String> = (0..300).map(|i| format!("row {i}")).collect();
+    let mut frame = DataFrame::new(
+        300,
+        vec![Series_::new("t".into(), t), Series_::new("F [N]".into(), f), Series_::new("n".into(), n), Series_::new("s".into(), s)],
+    )
+    .unwrap();
+    let mut bytes = Vec::new();
+    ParquetWriter::new(&mut bytes).finish(&mut frame).unwrap();
+    bytes
+}
+
+#[test]
+fn parquet() {
+    let bytes = parquet_bytes();
+    let c = read_bytes("a.parquet", &bytes, &[number("F [N]"), number("t")]).unwrap();
+    assert_eq!(c.len(), 300);
+    let Column::Numbers(t) = &c.columns[1] else { panic!() };
+    assert_eq!(t[299], 2.99);
+    let e = read_bytes("a.parquet", &bytes, &[number("n")]).unwrap_err();
+    assert!(e.place().ends_with("row 8, column `n`"), "{}", e.place());
+    let e = read_bytes("a.parquet", &bytes, &[number("F")]).unwrap_err();
+    assert!(matches!(e, DataError::MissingColumn { .. }), "{e:?}");
+    let e = read_bytes("a.parquet", &bytes, &[number("s")]).unwrap_err();
+    assert!(e.to_string().contains("not numbers"), "{e}");
+    for cut in [0, 1, 4, 100, bytes.len() / 2, bytes.len() - 1] {
+        assert!(read_bytes("a.parquet", &bytes[..cut], &[number("t")]).is_err(), "{cut}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+    #[test]
+    fn damaged_files_do_not_panic(flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), cut in any::<prop::sample::Index>(), truncate: bool) {
+        let text = "t,x,F [N]\r\n0,a,-3e-3\r\n1.5,b,4\r\n2.5,\"b\",4\r\n";
+        for (name, bytes) in [("a.csv", text.as_bytes().to_vec()), ("a.parquet", parquet_bytes())] {
+            let mut bytes = bytes;
+            for (at, byte) in &flips {
+                let i = at.index(bytes.len());
+                bytes[i] = *byte;
+            }
+            if truncate {
+                bytes.truncate(cut.index(bytes.len()));
+            }
+            let _ = read_bytes(name, &bytes, &[number("t"), number("F [N]"), Wanted { name: "n".into(), text: true }]);
+            let _ = read_bytes(name, &bytes, &[number("t"), number("F [N]")]);
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! Recorded histories: cycle and transient tests.
+
+use super::channel::{ChannelSpec, Role, Sigma, channels};
+use super::condition::Conditions;
+use super::dataset::{Source, columns, no_channel, only};
+use super::readers::{Column, Columns};
+use super::toml_strict::TableView;
+use super::{Content, DataError, History, LoopError, SettledLoop};
+use std::path::{Path, PathBuf};
+
+/// What the machine controls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Control {
+    Displacement,
+    Force,
+}
+
+impl Control {
+    pub const WORDS: [(&'static str, Control); 2] = [("displacement", Control::Displacement), ("force", Control::Force)];
+
+    pub fn role(self) -> Role {
+        match self {
+            Self::Displacement => Role::Displacement,
+            Self::Force => Role::Force,
+        }
+    }
+}
+
+/// A sampled channel, SI.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    pub role: Role,
+    /// `name.axis`.
+    pub at: String,
+    /// Unit of the file, for printing.
+    pub unit: crate::units::Unit,
+    /// Declared standard deviation of one sample, SI.
+    pub sigma: Option<f64>,
+    /// Drives the test.
+    pub input: bool,
+    pub values: Vec<f64>,
+}
+
+impl Channel {
+    /// `force at c1.x`.
+    pub fn label(&self) -> String {
+        format!("{} at {}", self.role.word(), self.at)
+    }
+}
+
+/// A recorded history: time strictly increasing, all channels as long as it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TimeRecord {
+    pub test: String,
+    pub file: PathBuf,
+    /// None for a transient test whose inputs are marked `input = true`.
+    pub control: Option<Control>,
+    pub discard_cycles: u32,
+    /// Declared drive frequency, Hz (cycle tests).
+    pub frequency: Option<f64>,
+    /// s
+    pub time: Vec<f64>,
+    pub channels: Vec<Channel>,
+}
+
+impl TimeRecord {
+    /// A record that is already in memory (simulated, or in tests): time strictly increasing, channels as long as it, one of them `input`.
+    pub fn new(test: &str, file: PathBuf, control: Control, frequency: Option<f64>, time: Vec<f64>, channels: Vec<Channel>) -> Self {
+        Self { test: test.to_string(), file, control: Some(control), discard_cycles: 0, frequency, time, channels }
+    }
+
+    /// The controlled channel: of the controlled role, and marked `input = true` where there are several.
+    pub fn controlled(&self) -> Option<&Channel> {
+        self.channels.iter().find(|c| c.input)
+    }
+
+    /// The settled loop of a cycle test; see [`super::loops`].
+    pub fn settled(&self) -> Result<SettledLoop, DataError> {
+        super::loops::settle(self).map_err(|e| self.explain(e))
+    }
+
+    /// The whole record, for time integration; see [`History`].
+    pub fn history(&self) -> History {
+        History { time: self.time.clone(), channels: self.channels.clone() }
+    }
+
+    fn explain(&self, e: LoopError) -> DataError {
+        Content {
+            file: self.file.clone(),
+            row: None,
+            test: self.test.clone(),
+            channel: e.channel().map(str::to_string),
+            accepted: e.accepted(),
+            message: e.to_string(),
+        }
+        .into()
+    }
+}
+
+const ROLES: [Role; 5] = [Role::Time, Role::Displacement, Role::Velocity, Role::Acceleration, Role::Force];
+
+pub(super) fn cycle(table: &TableView<'_>, id: &str, conditions: &Conditions, source: &Source<'_>) -> Result<TimeRecord, DataError> {
+    only(table, &["file", "control", "discard_cycles", "noise", "channels"])?;
+    let control = table.require("control", "\"displacement\" or \"force\"")?.word("control", &Control::WORDS)?;
+    let discard = table.optional("discard_cycles", |v| v.integer(0, 1_000_000))?.unwrap_or(0) as u32;
+    let mut record = record(table, id, Some(control), source)?;
+    record.discard_cycles = discard;
+    record.frequency = conditions.get("frequency").map(|c| c.value);
+    if !record.channels.iter().any(|c| !c.input) {
+        return Err(no_channel(table, "that answers: a force under displacement control, a displacement under force control").into());
+    }
+    // The loop is checked when the dataset is read, so that an unusable record is known before any run.
+    record.settled()?;
+    Ok(record)
+}
+
+pub(super) fn transient(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<TimeRecord, DataError> {
+    only(table, &["file", "control", "noise", "channels"])?;
+    let control = table.optional("control", |v| v.word("control", &Control::WORDS))?;
+    let record = record(table, id, control, source)?;
+    if record.channels.iter().all(|c| c.input) {
+        return Err(no_channel(table, "that answers (without input = true)").into());
+    }
+    Ok(record)
+}
+
+fn record(table: &TableView<'_>, id: &str, control: Option<Control>, source: &Source<'_>) -> Result<TimeRecord, DataError> {
+    let mut specs = channels(table, &ROLES, &[])?;
+    mark_inputs(table, control, &mut specs)?;
+    let noise = table.optional("noise", |v| super::channel::sigma(&v, &crate::units::Unit::si(crate::units::Dimension::DIMENSIONLESS)))?;
+    let noise = noise.map(|s| match s {
+        Sigma::Absolute(f) | Sigma::Relative(f) => Sigma::Relative(f),
+    });
+    if !specs.iter().any(|s| s.role == Role::Time) {
+        return Err(no_channel(table, "role = \"time\"").into());
+    }
+    let file = source.file(table, id)?;
+    let mut rows = columns(&file, &specs)?;
+    let (mut time, mut all) = (Vec::new(), Vec::new());
+    for (spec, column) in specs.iter().zip(std::mem::take(&mut rows.columns)) {
+        let Column::Numbers(mut values) = column else { continue };
+        to_si(&file, &rows, id, spec, &mut values)?;
+        match &spec.at {
+            None => time = values,
+            Some(at) => {
+                let sigma = spec.sigma.or(noise).map(|s| match s {
+                    Sigma::Absolute(s) => s,
+                    Sigma::Relative(f) => f * spread(&values),
+                });
+                if sigma.is_some_and(|s| s.is_nan() || s <= 0.0) {
+                    return Err(content(&file, None, id, spec, "a relative sigma of a channel that does not vary", "a sigma with a unit"));
+                }
+                all.push(Channel { role: spec.role, at: at.clone(), unit: spec.unit.clone(), sigma, input: spec.input, values });
+            }
+        }
+    }
+    if let Some(spec) = specs.iter().find(|s| s.role == Role::Time) {
+        increasing(&file, &rows, id, spec, &time)?;
+    }
+    Ok(TimeRecord { test: id.to_string(), file, control, discard_cycles: 0, frequency: None, time, channels: all })
+}
+
+/// Settles which channels drive: those marked, or the one of the controlled role.
+fn mark_inputs(table: &TableView<'_>, control: Option<Control>, specs: &mut [ChannelSpec]) -> Result<(), DataError> {
+    let marked = specs.iter().filter(|s| s.input).count();
+    let Some(control) = control else {
+        return if marked > 0 { Ok(()) } else { Err(no_channel(table, "input = true, and no key `control`").into()) };
+    };
+    let role = control.role();
+    if let Some(other) = specs.iter().find(|s| s.input && s.role != role) {
+        let message = format!("the {} is marked as input, and control is {}", other.label(), role.word());
+        return Err(table.refuse(message, format!("input = true on a channel of role {}", role.word())).into());
+    }
+    if marked == 0 {
+        let mut controlled = specs.iter_mut().filter(|s| s.role == role);
+        let (first, second) = (controlled.next(), controlled.next());
+        match (first, second) {
+            (Some(first), None) => first.input = true,
+            (None, _) => return Err(no_channel(table, &format!("role = \"{}\", which is controlled", role.word())).into()),
+            _ => {
+                let message = format!("several channels of role {}, and none is marked as the controlled one", role.word());
+                return Err(table.refuse(message, "input = true on one of them").into());
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Time must increase from row to row.
+fn increasing(file: &Path, rows: &Columns, id: &str, spec: &ChannelSpec, time: &[f64]) -> Result<(), DataError> {
+    match time.windows(2).position(|w| w[1] <= w[0]) {
+        None => Ok(()),
+        Some(i) => {
+            let what = if time[i + 1] == time[i] { "is repeated" } else { "goes back" };
+            let message = format!("time {what}: {} after {}", spec.unit.print(time[i + 1]), spec.unit.print(time[i]));
+            Err(content(file, Some(rows.place(i + 1)), id, spec, &message, "time that increases from row to row"))
+        }
+    }
+}
+
+pub(super) fn content(file: &Path, row: Option<String>, test: &str, spec: &ChannelSpec, message: &str, accepted: &str) -> DataError {
+    Content {
+        file: file.to_path_buf(),
+        row,
+        test: test.to_string(),
+        channel: Some(spec.label()),
+        message: message.to_string(),
+        accepted: accepted.to_string(),
+    }
+    .into()
+}
+
+/// Takes a column to SI; a value that is finite in the file may not be in SI.
+pub(super) fn to_si(file: &Path, rows: &Columns, id: &str, spec: &ChannelSpec, values: &mut [f64]) -> Result<(), DataError> {
+    for (i, v) in values.iter_mut().enumerate() {
+        let si = spec.unit.to_si(*v);
+        if !si.is_finite() {
+            let message = format!("{v} {} is beyond any number", spec.unit.symbol);
+            return Err(content(file, Some(rows.place(i)), id, spec, &message, "a finite number"));
+        }
+        *v = si;
+    }
+    Ok(())
+}
+
+/// rms about the mean.
+pub(super) fn spread(values: &[f64]) -> f64 {
+    let n = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
