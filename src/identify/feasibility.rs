@@ -1,0 +1,98 @@
+//! Is there a feasible point, which constraints conflict, which feasible point is nearest: small problems for Clarabel.
+
+use super::constraints::{Constraints, Inequality};
+use super::{IdentifyError, qp};
+
+/// Decides whether any point satisfies all constraints: minimise t >= 0 subject to a'p <= b + t, each row in units of its own terms.
+/// At t > 0 the multipliers are a certificate of Farkas, and the rows that carry them are the conflict that is named.
+pub(super) fn check(constraints: &Constraints, names: &[String]) -> Result<(), IdentifyError> {
+    // Orders and rows over fixed parameters need these as bounds too, so they enter here as two inequalities.
+    let mut rows = constraints.inequalities();
+    if constraints.orders.is_empty() && constraints.rows.is_empty() {
+        return Ok(()); // bounds alone, and they do not cross
+    }
+    for j in (0..names.len()).filter(|&j| constraints.is_fixed(j)) {
+        let v = constraints.lower[j];
+        rows.push(Inequality { a: vec![(j, 1.0)], b: v, source: super::constraints::Source::Upper(j) });
+        rows.push(Inequality { a: vec![(j, -1.0)], b: -v, source: super::constraints::Source::Lower(j) });
+    }
+    let scale = typical(constraints);
+    let n = scale.len();
+    let mut program = qp::Program::new(n + 1);
+    program.linear[n] = 1.0;
+    // the least curvature that keeps p from running along directions without bounds; t stays exact to 1e-8
+    (0..n).for_each(|j| program.quadratic.push((j, j, 1e-9)));
+    for row in &rows {
+        let size = row.a.iter().map(|&(j, a)| (a * scale[j]).abs()).fold(0.0, f64::max);
+        if size == 0.0 {
+            if row.b < 0.0 {
+                return Err(IdentifyError::Infeasible { constraints: vec![constraints.label(row.source, names)] });
+            }
+            continue;
+        }
+        let mut a: Vec<_> = row.a.iter().map(|&(j, a)| (j, a * scale[j] / size)).collect();
+        a.push((n, -1.0));
+        program.at_most(a, row.b / size);
+    }
+    program.at_most(vec![(n, -1.0)], 0.0);
+    let solution = program.solve().ok_or(IdentifyError::Numerical { while_doing: "deciding whether the constraints can be met" })?;
+    if solution.x[n] <= 1e-6 {
+        return Ok(());
+    }
+    let top = solution.z.iter().copied().fold(0.0, f64::max);
+    let conflict = rows.iter().zip(&solution.z).filter(|(_, z)| **z > 1e-3 * top);
+    Err(IdentifyError::Infeasible { constraints: conflict.map(|(row, _)| constraints.label(row.source, names)).collect() })
+}
+
+/// min sum_j ((x_j - p_j) / scale_j)^2 over the feasible set.
+pub(super) fn project(constraints: &Constraints, p: &[f64], scale: &[f64]) -> Result<Vec<f64>, IdentifyError> {
+    let n = constraints.n_params();
+    if p.len() != n || scale.len() != n {
+        return Err(IdentifyError::Dimension { what: "point to project".into(), got: p.len().min(scale.len()), expected: n });
+    }
+    let scale: Vec<f64> = scale.iter().map(|s| if s.is_finite() && *s > 0.0 { *s } else { 1.0 }).collect();
+    let start: Vec<f64> = (0..n).map(|j| p[j].max(constraints.lower[j]).min(constraints.upper[j])).collect();
+    let mut program = qp::Program::new(n);
+    (0..n).for_each(|j| program.quadratic.push((j, j, 1.0)));
+    (0..n).for_each(|j| program.linear[j] = (start[j] - p[j]) / scale[j]);
+    let mut sources = Vec::new();
+    for row in constraints.inequalities() {
+        let a: Vec<_> = row.a.iter().filter(|&&(j, _)| !constraints.is_fixed(j)).map(|&(j, a)| (j, a * scale[j])).collect();
+        let size = a.iter().map(|&(_, a)| a.abs()).fold(0.0, f64::max);
+        if size > 0.0 {
+            program.at_most(a.iter().map(|&(j, a)| (j, a / size)).collect(), row.slack(&start) / size);
+            sources.push(row.source);
+        }
+    }
+    (0..n).filter(|&j| constraints.is_fixed(j)).for_each(|j| program.equal(vec![(j, 1.0)], 0.0));
+    let solution = program.solve().ok_or(IdentifyError::Numerical { while_doing: "projecting on the constraints" })?;
+    let mut x: Vec<f64> = (0..n).map(|j| start[j] + scale[j] * solution.x[j]).collect();
+    let active: Vec<_> = solution.active().map(|i| sources[i]).collect();
+    constraints.snap(&mut x, &active);
+    // what remains of a linear row is closed by shrinking towards nothing better than the interior point's own accuracy
+    for row in constraints.inequalities() {
+        let slack = row.slack(&x);
+        if slack < 0.0 {
+            let norm: f64 = row.a.iter().map(|&(j, a)| (a * scale[j]).powi(2)).sum();
+            let shift = 2.0 * slack / norm.max(f64::MIN_POSITIVE);
+            row.a.iter().for_each(|&(j, a)| x[j] += shift * a * scale[j] * scale[j]);
+        }
+    }
+    constraints.snap(&mut x, &[]);
+    Ok(x)
+}
+
+/// Typical size of each parameter from its finite bounds; gaps of orders stand in where it has none.
+fn typical(constraints: &Constraints) -> Vec<f64> {
+    let of_bounds = |j: usize| {
+        [constraints.lower[j], constraints.upper[j]].into_iter().filter(|v| v.is_finite()).map(f64::abs).fold(0.0, f64::max)
+    };
+    (0..constraints.n_params())
+        .map(|j| {
+            let gaps = constraints.orders.iter().filter(|o| o.below == j || o.above == j).map(|o| o.gap.abs());
+            let partners = constraints.orders.iter().filter(|o| o.below == j || o.above == j).map(|o| of_bounds(o.below + o.above - j));
+            let size = gaps.chain(partners).fold(of_bounds(j), f64::max);
+            if size > 0.0 { size } else { 1.0 }
+        })
+        .collect()
+}
