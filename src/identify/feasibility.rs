@@ -1,7 +1,10 @@
 //! Is there a feasible point, which constraints conflict, which feasible point is nearest: small problems for Clarabel.
 
 use super::constraints::{Constraints, Inequality};
+use super::linalg::Reduced;
+use super::step::StepProblem;
 use super::{IdentifyError, qp};
+use nalgebra::{DMatrix, DVector};
 
 /// Decides whether any point satisfies all constraints: minimise t >= 0 subject to a'p <= b + t, each row in units of its own terms.
 /// At t > 0 the multipliers are a certificate of Farkas, and the rows that carry them are the conflict that is named.
@@ -69,7 +72,7 @@ pub(super) fn project(constraints: &Constraints, p: &[f64], scale: &[f64]) -> Re
     let mut x: Vec<f64> = (0..n).map(|j| start[j] + scale[j] * solution.x[j]).collect();
     let active: Vec<_> = solution.active().map(|i| sources[i]).collect();
     constraints.snap(&mut x, &active);
-    // what remains of a linear row is closed by shrinking towards nothing better than the interior point's own accuracy
+    // what remains of a linear row, of the interior point's own accuracy, is closed along its gradient
     for row in constraints.inequalities() {
         let slack = row.slack(&x);
         if slack < 0.0 {
@@ -79,6 +82,19 @@ pub(super) fn project(constraints: &Constraints, p: &[f64], scale: &[f64]) -> Re
         }
     }
     constraints.snap(&mut x, &[]);
+    // feasible now, and within the interior point's accuracy of the answer; one step on the exact active set closes the rest
+    let reduced = Reduced {
+        a: DMatrix::from_fn(n, n, |i, j| if i == j { 1.0 / scale[j] } else { 0.0 }),
+        q: DVector::from_fn(n, |j, _| (x[j] - p[j]) / scale[j]),
+    };
+    let d: Vec<f64> = scale.iter().map(|s| 1.0 / s).collect();
+    if let Some(step) = StepProblem::new(&reduced, &d, &x, constraints, &constraints.inequalities()).solve(1e-16) {
+        let mut closer: Vec<f64> = x.iter().zip(step.d.iter()).map(|(x, d)| x + d).collect();
+        constraints.snap(&mut closer, &step.active.iter().map(|a| a.0).collect::<Vec<_>>());
+        if constraints.is_feasible(&closer) {
+            x = closer;
+        }
+    }
     Ok(x)
 }
 
