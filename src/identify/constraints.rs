@@ -116,7 +116,11 @@ impl Constraints {
         }
         for row in &self.rows {
             if let Some(&(index, _)) = row.coefficients.iter().find(|c| c.0 >= n) {
-                return Err(IdentifyError::Dimension { what: format!("linear row on parameter number {index}"), got: index + 1, expected: n });
+                return Err(IdentifyError::Dimension {
+                    what: format!("linear row on parameter number {index}"),
+                    got: index + 1,
+                    expected: n,
+                });
             }
             if let Some(&(index, value)) = row.coefficients.iter().find(|c| !c.1.is_finite()) {
                 return Err(IdentifyError::NotFinite { what: "coefficient", name: names[index].clone(), value });
@@ -310,7 +314,10 @@ mod tests {
         assert!(matches!(c.validate(&names(1)), Err(IdentifyError::NotFinite { .. })));
         assert!(matches!(Constraints::none(2).validate(&names(3)), Err(IdentifyError::Dimension { .. })));
         assert!(matches!(Constraints::none(2).order(0, 2, 0.0).validate(&names(2)), Err(IdentifyError::Dimension { .. })));
-        assert!(matches!(Constraints::none(2).row(vec![(0, f64::INFINITY)], 0.0).validate(&names(2)), Err(IdentifyError::NotFinite { .. })));
+        assert!(matches!(
+            Constraints::none(2).row(vec![(0, f64::INFINITY)], 0.0).validate(&names(2)),
+            Err(IdentifyError::NotFinite { .. })
+        ));
     }
 
     #[test]

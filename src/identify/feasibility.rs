@@ -100,9 +100,8 @@ pub(super) fn project(constraints: &Constraints, p: &[f64], scale: &[f64]) -> Re
 
 /// Typical size of each parameter from its finite bounds; gaps of orders stand in where it has none.
 fn typical(constraints: &Constraints) -> Vec<f64> {
-    let of_bounds = |j: usize| {
-        [constraints.lower[j], constraints.upper[j]].into_iter().filter(|v| v.is_finite()).map(f64::abs).fold(0.0, f64::max)
-    };
+    let of_bounds =
+        |j: usize| [constraints.lower[j], constraints.upper[j]].into_iter().filter(|v| v.is_finite()).map(f64::abs).fold(0.0, f64::max);
     (0..constraints.n_params())
         .map(|j| {
             let gaps = constraints.orders.iter().filter(|o| o.below == j || o.above == j).map(|o| o.gap.abs());

@@ -139,6 +139,7 @@ pub fn fit<P: LeastSquares + ?Sized>(
         options.constraints.snap(&mut p, &[]);
         options.constraints.check_start(&p, &options.names)?;
         (solver.lambda, solver.growth, solver.scale, solver.first_iteration) = (found.lambda, found.growth, found.scale, found.iteration);
+        solver.last_drop = found.last_drop.unwrap_or(f64::INFINITY);
     }
     let start = p.clone();
     let first_iteration = solver.first_iteration;
@@ -159,7 +160,11 @@ pub fn fit<P: LeastSquares + ?Sized>(
     };
     let start_cost = solver.log.first().map_or_else(|| state.get_cost(), |entry| entry.cost);
     let active = solver.active.iter();
-    let active = active.map(|&(source, multiplier)| ActiveConstraint { label: options.constraints.label(source, &options.names), multiplier, source });
+    let active = active.map(|&(source, multiplier)| ActiveConstraint {
+        label: options.constraints.label(source, &options.names),
+        multiplier,
+        source,
+    });
     Ok(FitOutcome {
         start,
         cost: losses.cost(&residuals),

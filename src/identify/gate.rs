@@ -2,7 +2,7 @@
 
 use super::IdentifyError;
 use super::fit::{FitOptions, FitOutcome, fit};
-use super::linalg::{QrReducer, damped_least_squares};
+use super::linalg::{QrReducer, damped_least_squares, svd};
 use super::monitor::Monitor;
 use super::problem::{Augmented, LeastSquares, Losses};
 use nalgebra::DVector;
@@ -48,7 +48,12 @@ const SHORT_FIT: u64 = 25;
 const OUT_OF_REACH: f64 = 3.0;
 
 /// Runs the gate at `p`. Costs a few evaluations per parameter and a short fit.
-pub fn gate<P: LeastSquares + ?Sized>(problem: &P, p: &[f64], options: &FitOptions, monitor: &Monitor<'_>) -> Result<GateReport, IdentifyError> {
+pub fn gate<P: LeastSquares + ?Sized>(
+    problem: &P,
+    p: &[f64],
+    options: &FitOptions,
+    monitor: &Monitor<'_>,
+) -> Result<GateReport, IdentifyError> {
     options.validate(problem)?;
     options.constraints.check_start(p, &options.names)?;
     let plain = Augmented { problem, priors: &[] };
@@ -64,7 +69,13 @@ pub fn gate<P: LeastSquares + ?Sized>(problem: &P, p: &[f64], options: &FitOptio
     for (j, name) in options.names.iter().enumerate().filter(|(j, _)| !options.constraints.is_fixed(*j)) {
         let (lower, upper) = (options.constraints.lower[j], options.constraints.upper[j]);
         let range = upper - lower;
-        let size = if p[j] != 0.0 { p[j].abs() } else if range.is_finite() { range } else { 1.0 };
+        let size = if p[j] != 0.0 {
+            p[j].abs()
+        } else if range.is_finite() {
+            range
+        } else {
+            1.0
+        };
         let mut trial = p.to_vec();
         let (mut sensitivity, mut moves_residual, mut lowers_cost) = (0.0f64, false, false);
         for share in [0.01, -0.01, 0.1, -0.1, 1.0, -0.9, 9.0] {
@@ -123,10 +134,16 @@ fn blocking(best: &FitOutcome, options: &FitOptions, losses: &Losses) -> (f64, V
             all.push(Blocking { label: active.label.clone(), pull: active.multiplier / curvature });
         }
     }
-    for (row, prior) in options.priors.iter().enumerate() {
-        let pull = best.residuals[m + row].abs();
-        if pull > OUT_OF_REACH {
-            all.push(Blocking { label: format!("prior of {}", options.names[prior.index]), pull });
+    // a prior against the data alone: distance of the two estimates over their joint standard deviation
+    if let Some((s, v)) = (!options.priors.is_empty()).then(|| svd(&reduced.a)).flatten() {
+        for prior in options.priors.iter().filter(|prior| norms[prior.index] > 0.0) {
+            let k = prior.index;
+            let known = (0..s.len()).filter(|&c| s[c] > 1e-10 * s[0]);
+            let variance = known.map(|c| (v[(k, c)] / (s[c] * norms[k])).powi(2)).sum::<f64>();
+            let pull = (best.p[k] + u[k] / norms[k] - prior.mean).abs() / (variance + prior.sigma * prior.sigma).sqrt();
+            if pull > OUT_OF_REACH {
+                all.push(Blocking { label: format!("prior of {}", options.names[k]), pull });
+            }
         }
     }
     all.sort_by(|a, b| b.pull.total_cmp(&a.pull));

@@ -62,9 +62,11 @@ pub enum Termination {
     Converged(Convergence),
     /// no step lowers the cost, though the linear model promises one: noise in the model, or a kink
     Stalled,
+
     MaxIterations,
     /// cancelled or out of time; the outcome is the best state so far
     Interrupted,
+    /// no step could be evaluated at all; the outcome is the last state that could
     Failed(String),
 }
 
@@ -99,14 +101,25 @@ pub struct LogEntry {
 #[serde(rename_all = "snake_case")]
 pub enum Event {
     /// step taken, with its gain ratio (achieved / predicted drop)
-    Accepted { ratio: f64, relative_step: f64 },
+    Accepted {
+        ratio: f64,
+        relative_step: f64,
+    },
     /// step damped and tried again
-    Rejected { reason: String },
+    Rejected {
+        reason: String,
+    },
     /// a parameter that moves no residual is held still
-    Held { name: String },
+    Held {
+        name: String,
+    },
     /// checkpoint could not be written; the fit goes on
-    CheckpointFailed { reason: String },
-    Ended { reason: String },
+    CheckpointFailed {
+        reason: String,
+    },
+    Ended {
+        reason: String,
+    },
 }
 
 /// Relative tolerances and limits.
@@ -145,7 +158,9 @@ pub struct ConstrainedLm<'a> {
     pub(crate) log: Vec<LogEntry>,
     pub(crate) termination: Option<Termination>,
     pub(crate) first_iteration: u64,
-    last_drop: f64,
+    /// D as it stood before this iteration, which is what a resumed fit starts from
+    scale_before: Vec<f64>,
+    pub(crate) last_drop: f64,
     reducer: QrReducer,
     second_reducer: QrReducer,
     last_saved: Option<Instant>,
@@ -193,6 +208,7 @@ impl<'a> ConstrainedLm<'a> {
             log: vec![],
             termination: None,
             first_iteration: 0,
+            scale_before: vec![0.0; names.len()],
             last_drop: f64::INFINITY,
             reducer: QrReducer::default(),
             second_reducer: QrReducer::default(),
@@ -209,6 +225,7 @@ impl<'a> ConstrainedLm<'a> {
     fn rescale(&mut self, reduced: &Reduced, p: &V, iteration: u64, cost: f64) {
         let norms: Vec<f64> = reduced.a.column_iter().map(|c| c.norm()).collect();
         let top = norms.iter().zip(p.iter()).map(|(n, p)| n * p.abs()).fold(0.0, f64::max);
+        self.scale_before.clone_from(&self.scale);
         let mut held = vec![];
         for (j, &norm) in norms.iter().enumerate() {
             if norm == 0.0 || (p[j] != 0.0 && norm * p[j].abs() <= 1e-15 * top) {
@@ -225,21 +242,39 @@ impl<'a> ConstrainedLm<'a> {
     }
 
     /// The kind of convergence reached at this point, if any.
-    fn converged(&self, step: &StepProblem, reduced: &Reduced, scale: &[f64], p: &V, cost: f64) -> Option<(Convergence, Step)> {
-        let full = step.solve(UNDAMPED)?;
-        let d = &full.d;
+    fn converged(&self, step: &StepProblem, reduced: &Reduced, scale: &[f64], p: &V, cost: f64) -> Option<Convergence> {
+        let d = &step.solve(UNDAMPED)?.d;
         let drop = predicted_drop(reduced, d);
         let norm = |v: &V| scaled_norm(v, scale);
-        let kind = if (2.0 * drop.max(0.0)).sqrt() <= self.tolerances.g_tol * reduced.q.norm() {
-            Convergence::Gradient
+        if (2.0 * drop.max(0.0)).sqrt() <= self.tolerances.g_tol * reduced.q.norm() {
+            Some(Convergence::Gradient)
         } else if norm(d) <= self.tolerances.x_tol * norm(p) {
-            Convergence::Step
+            Some(Convergence::Step)
         } else if drop <= self.tolerances.f_tol * cost && self.last_drop <= self.tolerances.f_tol * cost {
-            Convergence::Cost
+            Some(Convergence::Cost)
         } else {
-            return None;
-        };
-        Some((kind, full))
+            None
+        }
+    }
+
+    /// Converged: the undamped step is within tolerance and lands closer by a whole order. Taken when the cost does not rise by more than it
+    /// resolves: here the linear model sees further than differences of costs.
+    fn last_step<O>(&self, problem: &mut Problem<O>, at: Point, step: &Step) -> Point
+    where
+        O: Operator<Param = V, Output = V> + Jacobian<Param = V, Jacobian = (V, DMatrix<f64>)>,
+    {
+        let mut p = &at.p + &step.d;
+        let sources: Vec<Source> = step.active.iter().map(|a| a.0).collect();
+        self.constraints.snap(p.as_mut_slice(), &sources);
+        if p == at.p || !self.pull_inside(&mut p, &at.p) {
+            return at;
+        }
+        match problem.problem("jacobian_count", |o| o.jacobian(&p)) {
+            Ok((r, j)) if self.losses.cost(&r) <= at.cost * (1.0 + FLOOR * self.tolerances.f_tol) => {
+                Point { cost: self.losses.cost(&r), p, r, j }
+            }
+            _ => at,
+        }
     }
 
     fn reject(&mut self, iteration: u64, cost: f64, reason: String, at_least: f64) {
@@ -253,11 +288,14 @@ impl<'a> ConstrainedLm<'a> {
     where
         O: Operator<Param = V, Output = V> + Jacobian<Param = V, Jacobian = (V, DMatrix<f64>)>,
     {
+        let mut failure = None; // why no trial could be evaluated, as long as none could
+        let mut evaluated = false;
         for _ in 0..TRIALS {
             if self.monitor.stop().is_some() {
                 return Trial::Ended(Termination::Interrupted);
             }
             let Some(found) = step.solve(self.lambda) else {
+                failure = Some("the step's quadratic program finds no answer".into());
                 self.reject(k, at.cost, "the step's quadratic program found no answer".into(), 10.0);
                 continue;
             };
@@ -285,10 +323,12 @@ impl<'a> ConstrainedLm<'a> {
             let r = match problem.problem("residual_count", |o| o.apply(&p)) {
                 Ok(r) => r,
                 Err(why) => {
+                    failure = Some(format!("the model fails at every step tried: {why}"));
                     self.reject(k, at.cost, format!("the model failed: {why}"), 10.0);
                     continue;
                 }
             };
+            evaluated = true;
             let cost = self.losses.cost(&r);
             let ratio = if predicted > 0.0 { (at.cost - cost) / predicted } else { 0.0 };
             if !(cost < at.cost && ratio > 1e-4) {
@@ -315,6 +355,9 @@ impl<'a> ConstrainedLm<'a> {
             self.lambda = (self.lambda * (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(SHRINK, 2.0)).max(LEAST_DAMPING);
             self.growth = 2.0;
             return Trial::Accepted { point: Point { p, r, j, cost }, relative_step, ratio };
+        }
+        if let Some(why) = failure.filter(|_| !evaluated) {
+            return Trial::Ended(Termination::Failed(why));
         }
         // No step lowers the cost. Where the linear model promises next to nothing either, that is rounding, and the place is the minimum.
         let promised = step.solve(UNDAMPED).map_or(f64::INFINITY, |s| predicted_drop(reduced, &s.d));
@@ -383,7 +426,8 @@ impl<'a> ConstrainedLm<'a> {
             p: point.p.as_slice().to_vec(),
             lambda: self.lambda,
             growth: self.growth,
-            scale: self.scale.clone(),
+            scale: if last { self.scale_before.clone() } else { self.scale.clone() },
+            last_drop: Some(self.last_drop).filter(|d| d.is_finite()),
         };
         if let Err(why) = state.save(&file.path) {
             self.note(iteration, point.cost, Event::CheckpointFailed { reason: why.to_string() });
@@ -428,7 +472,7 @@ where
         let r = state.take_residuals().ok_or_else(incomplete)?;
         let j = state.take_jacobian().ok_or_else(incomplete)?;
         let cost = state.get_cost();
-        let at = Point { p, r, j, cost };
+        let mut at = Point { p, r, j, cost };
 
         let weights = self.losses.sqrt_weights(&at.r);
         let reduced = self.reducer.reduce(&at.j, &at.r, weights.as_deref());
@@ -439,21 +483,20 @@ where
 
         // with constraints the test costs a quadratic program, so it waits until the cost has begun to settle
         let settled = !step.is_constrained() || self.last_drop <= 1e-2 * cost || state.iter == 0;
-        let done = if cost == 0.0 {
-            Some(Convergence::ZeroResidual)
-        } else if settled {
-            let found = self.converged(&step, &reduced, &scale, &at.p, cost);
-            found.map(|(kind, full)| {
-                self.active = full.active; // with the multipliers of the undamped problem
-                kind
-            })
+        let trial = if cost == 0.0 {
+            Trial::Ended(Termination::Converged(Convergence::ZeroResidual))
+        } else if let Some(kind) = settled.then(|| self.converged(&step, &reduced, &scale, &at.p, cost)).flatten() {
+            Trial::Ended(Termination::Converged(kind))
         } else {
-            None
+            self.advance(problem, &at, &step, &reduced, &scale, k)
         };
-        let trial = match done {
-            Some(kind) => Trial::Ended(Termination::Converged(kind)),
-            None => self.advance(problem, &at, &step, &reduced, &scale, k),
-        };
+        if let Trial::Ended(Termination::Converged(_)) = trial
+            && let Some(full) = step.solve(UNDAMPED)
+        {
+            at = self.last_step(problem, at, &full);
+            self.active = full.active; // with the multipliers of the undamped problem
+        }
+        let cost = at.cost;
         match trial {
             Trial::Accepted { point, relative_step, ratio } => {
                 self.last_drop = cost - point.cost;

@@ -105,6 +105,8 @@ pub struct Checkpoint {
     pub lambda: f64,
     pub growth: f64,
     pub scale: Vec<f64>,
+    /// drop of the cost in the last iteration, None before the first
+    pub last_drop: Option<f64>,
 }
 
 impl Checkpoint {

@@ -1,10 +1,10 @@
 //! Several starts, fitted in parallel, ranked.
 
+use super::IdentifyError;
 use super::fit::{FitOptions, FitOutcome, fit};
 use super::lm::Termination;
 use super::monitor::Monitor;
 use super::problem::LeastSquares;
-use super::IdentifyError;
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -33,8 +33,8 @@ macro_rules! datasets {
 
 const DATASETS: [&str; 27] = datasets![
     "Bennett5", "BoxBOD", "Chwirut1", "Chwirut2", "DanWood", "ENSO", "Eckerle4", "Gauss1", "Gauss2", "Gauss3", "Hahn1", "Kirby2",
-    "Lanczos1", "Lanczos2", "Lanczos3", "MGH09", "MGH10", "MGH17", "Misra1a", "Misra1b", "Misra1c", "Misra1d", "Nelson", "Rat42",
-    "Rat43", "Roszman1", "Thurber",
+    "Lanczos1", "Lanczos2", "Lanczos3", "MGH09", "MGH10", "MGH17", "Misra1a", "Misra1b", "Misra1c", "Misra1d", "Nelson", "Rat42", "Rat43",
+    "Roszman1", "Thurber",
 ];
 
 /// All 27 problems, by name.
@@ -51,9 +51,8 @@ fn model<D: DualNumCopy + DualNum<Primitive = f64>>(name: &str, b: &[D], x: &[f6
         let phase = period.recip() * (2.0 * PI * x0);
         c * phase.cos() + s * phase.sin()
     };
-    let poly = |coefficients: &[D], constant: D| {
-        coefficients.iter().enumerate().fold(constant, |sum, (k, &c)| sum + c * x0.powi(k as i32 + 1))
-    };
+    let poly =
+        |coefficients: &[D], constant: D| coefficients.iter().enumerate().fold(constant, |sum, (k, &c)| sum + c * x0.powi(k as i32 + 1));
     let one = D::from(1.0);
     Some(match name {
         "Bennett5" => b[0] * (b[1] + x0).powd(-b[2].recip()),
@@ -163,7 +162,15 @@ pub fn table(scores: &[Score]) -> String {
     for s in scores {
         let (r, j) = s.outcome.evaluations;
         let end = format!("{:?}", s.outcome.termination);
-        out += &format!("{:10} {:>5} {:6.1} {:6.1} {:>5} {:>6}  {end}\n", s.name, s.start, s.digits, s.rss_digits, s.outcome.iterations, r + j);
+        out += &format!(
+            "{:10} {:>5} {:6.1} {:6.1} {:>5} {:>6}  {end}\n",
+            s.name,
+            s.start,
+            s.digits,
+            s.rss_digits,
+            s.outcome.iterations,
+            r + j
+        );
     }
     let good = scores.iter().filter(|s| s.digits >= 6.0).count();
     out + &format!("{good} of {} fits reach 6 digits in every parameter\n", scores.len())

@@ -134,8 +134,16 @@ pub fn profile<P: LeastSquares + ?Sized>(
     let first = usable.map_or(0.1 * size, |s| 1.96 * s);
     let reach = 1e3 * size.max(first);
     let scale = outcome.p.iter().map(|v| if *v != 0.0 { v.abs() } else { 1.0 }).collect();
-    let mut walk =
-        Walk { problem, outcome, index, options: options.clone(), monitor: monitor.quiet(), points: vec![(value, outcome.cost)], better: None, scale };
+    let mut walk = Walk {
+        problem,
+        outcome,
+        index,
+        options: options.clone(),
+        monitor: monitor.quiet(),
+        points: vec![(value, outcome.cost)],
+        better: None,
+        scale,
+    };
     let (lower, upper) = (options.constraints.lower[index], options.constraints.upper[index]);
     let down = walk.end(-first, lower, reach)?;
     let up = walk.end(first, upper, reach)?;

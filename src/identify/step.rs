@@ -142,7 +142,8 @@ impl StepProblem {
             let factor = pivoted_qr(&gradients, 1e-12);
             let u = self.on_active(lambda, &active, &factor);
             let worst = self.rows.iter().enumerate().filter(|(i, _)| !active.contains(i));
-            let worst = worst.map(|(i, row)| (i, row.g.dot(&u) - row.h - row.tolerance - 1e-14 * u.norm())).max_by(|a, b| a.1.total_cmp(&b.1));
+            let worst =
+                worst.map(|(i, row)| (i, row.g.dot(&u) - row.h - row.tolerance - 1e-14 * u.norm())).max_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((i, violation)) = worst
                 && violation > 0.0
             {

@@ -15,11 +15,11 @@
 //! rest held. When the cost stays below the 95 % level there, the interval is open on that side: the stiffness is rigid on this scale. The
 //! test cannot err towards "open": refitting the rest would only lower the cost further.
 
+use super::IdentifyError;
 use super::constraints::Source;
 use super::fit::{FitOptions, FitOutcome};
 use super::linalg::{pivoted_qr, svd};
 use super::problem::{Augmented, LeastSquares, Losses};
-use super::IdentifyError;
 use nalgebra::{DMatrix, DVector};
 
 /// Half the 95 % quantile of chi-square with one degree of freedom: the rise of cost = 1/2 ||r||^2 that bounds a 95 % interval.
@@ -102,7 +102,13 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
         let given = options.scale.as_ref().map(|s| s[k].abs()).filter(|s| s.is_finite() && *s > 0.0);
         let seen = outcome.p[k].abs().max(outcome.start[k].abs());
         let range = fit.constraints.upper[k] - fit.constraints.lower[k];
-        given.unwrap_or(if seen > 0.0 { seen } else if range.is_finite() && range > 0.0 { range } else { 1.0 })
+        given.unwrap_or(if seen > 0.0 {
+            seen
+        } else if range.is_finite() && range > 0.0 {
+            range
+        } else {
+            1.0
+        })
     };
     let sizes: Vec<f64> = (0..n).map(size).collect();
     // D: column norms; a parameter without influence keeps its size's inverse so that its direction can be named
@@ -186,7 +192,8 @@ fn clip(end: Option<f64>, bound: f64, towards: fn(f64, f64) -> f64) -> Option<f6
 /// Constraints that hold at the answer and press: releasing them would lower the cost.
 fn pressing(outcome: &FitOutcome, fit: &FitOptions, j: &DMatrix<f64>, r: &DVector<f64>) -> Vec<Source> {
     let gradient = j.tr_mul(r);
-    let mut holds: Vec<Source> = fit.constraints.at_bound(&outcome.p).into_iter().map(|(k, low)| if low { Source::Lower(k) } else { Source::Upper(k) }).collect();
+    let mut holds: Vec<Source> =
+        fit.constraints.at_bound(&outcome.p).into_iter().map(|(k, low)| if low { Source::Lower(k) } else { Source::Upper(k) }).collect();
     // a bound on which the parameter merely lies, the data pulling inwards, leaves it free
     holds.retain(|s| match *s {
         Source::Lower(k) => gradient[k] > 0.0,

@@ -6,7 +6,10 @@ use proptest::test_runner::{Config, TestRunner};
 fn problem() -> impl Strategy<Value = (Linear, Constraints, Vec<f64>)> {
     (2usize..7, 1usize..4).prop_flat_map(|(n, extra)| {
         let m = n + extra;
-        let values = (proptest::collection::vec(-1.0..1.0f64, m * n + m), proptest::collection::vec((-4.0..4.0f64, 0.0..1.0f64, 0.0..1.0f64, 0u8..4), n));
+        let values = (
+            proptest::collection::vec(-1.0..1.0f64, m * n + m),
+            proptest::collection::vec((-4.0..4.0f64, 0.0..1.0f64, 0.0..1.0f64, 0u8..4), n),
+        );
         (values, proptest::collection::vec((0..n, 0..n, 0.0..0.5f64), 0..4)).prop_map(move |((entries, columns), orders)| {
             let scale: Vec<f64> = columns.iter().map(|c| 10f64.powf(c.0)).collect();
             // parameters live in units 1/scale, so that all pull alike
@@ -110,7 +113,7 @@ fn no_iterate_leaves_the_feasible_set() {
         o.constraints = constraints.clone();
         let found = fit(&bent, &start, &o, &Monitor::default()).map_err(|e| TestCaseError::fail(e.to_string()))?;
         prop_assert_eq!(outside.load(std::sync::atomic::Ordering::Relaxed), 0);
-        prop_assert!(found.cost <= found.start_cost);
+        prop_assert!(found.cost <= found.start_cost * (1.0 + 1e-12)); // the resolution of the cost
         Ok(())
     });
     outcome.unwrap();
@@ -119,7 +122,14 @@ fn no_iterate_leaves_the_feasible_set() {
 #[test]
 fn hostile_numbers_give_errors_never_panics() {
     let value = prop_oneof![
-        Just(f64::NAN), Just(f64::INFINITY), Just(f64::NEG_INFINITY), Just(0.0), Just(1e300), Just(-1e300), Just(1e-300), -1.0..1.0f64
+        Just(f64::NAN),
+        Just(f64::INFINITY),
+        Just(f64::NEG_INFINITY),
+        Just(0.0),
+        Just(1e300),
+        Just(-1e300),
+        Just(1e-300),
+        -1.0..1.0f64
     ];
     let strategy = (proptest::collection::vec(value.clone(), 12), proptest::collection::vec(value, 12));
     let mut runner = TestRunner::new(Config { cases: 2000, failure_persistence: None, ..Config::default() });
