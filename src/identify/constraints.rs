@@ -88,6 +88,12 @@ impl Constraints {
 
     /// Checks sizes, numbers, crossed bounds, circular orders, and that at least one point satisfies everything.
     pub fn validate(&self, names: &[String]) -> Result<(), IdentifyError> {
+        let sorted = self.validate_form(names)?;
+        feasibility::check(self, &sorted, names)
+    }
+
+    /// All of [`Self::validate`] but the search for a feasible point; returns the parameters in the sense of the orders.
+    pub(crate) fn validate_form(&self, names: &[String]) -> Result<Vec<usize>, IdentifyError> {
         let n = names.len();
         for (what, got) in [("lower bounds", self.lower.len()), ("upper bounds", self.upper.len())] {
             if got != n {
@@ -129,10 +135,8 @@ impl Constraints {
                 return Err(IdentifyError::NotFinite { what: "limit", name: self.row_label(row, names), value: row.limit });
             }
         }
-        if let Err(circle) = self.topological() {
-            return Err(IdentifyError::OrderCycle { names: circle.into_iter().map(|j| names[j].clone()).collect() });
-        }
-        feasibility::check(self, names)
+        let circle = |indices: Vec<usize>| IdentifyError::OrderCycle { names: indices.into_iter().map(|j| names[j].clone()).collect() };
+        self.topological().map_err(circle)
     }
 
     /// The start must be finite and feasible; nothing is moved silently.

@@ -1,23 +1,27 @@
 //! Is there a feasible point, which constraints conflict, which feasible point is nearest: small problems for Clarabel.
 
-use super::constraints::{Constraints, Inequality};
+use super::constraints::{Constraints, Inequality, ROUNDING, Source};
 use super::linalg::Reduced;
 use super::step::StepProblem;
 use super::{IdentifyError, qp};
 use nalgebra::{DMatrix, DVector};
 
-/// Decides whether any point satisfies all constraints: minimise t >= 0 subject to a'p <= b + t, each row in units of its own terms.
-/// At t > 0 the multipliers are a certificate of Farkas, and the rows that carry them are the conflict that is named.
-pub(super) fn check(constraints: &Constraints, names: &[String]) -> Result<(), IdentifyError> {
-    // Orders and rows over fixed parameters need these as bounds too, so they enter here as two inequalities.
-    let mut rows = constraints.inequalities();
-    if constraints.orders.is_empty() && constraints.rows.is_empty() {
-        return Ok(()); // bounds alone, and they do not cross
+/// Decides whether any point satisfies all constraints.
+///
+/// Bounds and orders alone are decided exactly: the least value of every parameter, pushed up along the orders, must stay below its upper
+/// bound. With linear rows it is a linear program: minimise t >= 0 subject to a'p <= b + t, each row in units of its own terms; at t > 0 the
+/// multipliers are a certificate of Farkas, and the rows that carry them are the conflict that is named.
+pub(super) fn check(constraints: &Constraints, sorted: &[usize], names: &[String]) -> Result<(), IdentifyError> {
+    check_orders(constraints, sorted, names)?;
+    if constraints.rows.is_empty() {
+        return Ok(());
     }
+    // rows over fixed parameters need their values as inequalities
+    let mut rows = constraints.inequalities();
     for j in (0..names.len()).filter(|&j| constraints.is_fixed(j)) {
         let v = constraints.lower[j];
-        rows.push(Inequality { a: vec![(j, 1.0)], b: v, source: super::constraints::Source::Upper(j) });
-        rows.push(Inequality { a: vec![(j, -1.0)], b: -v, source: super::constraints::Source::Lower(j) });
+        rows.push(Inequality { a: vec![(j, 1.0)], b: v, source: Source::Upper(j) });
+        rows.push(Inequality { a: vec![(j, -1.0)], b: -v, source: Source::Lower(j) });
     }
     let scale = typical(constraints);
     let n = scale.len();
@@ -45,6 +49,31 @@ pub(super) fn check(constraints: &Constraints, names: &[String]) -> Result<(), I
     let top = solution.z.iter().copied().fold(0.0, f64::max);
     let conflict = rows.iter().zip(&solution.z).filter(|(_, z)| **z > 1e-3 * top);
     Err(IdentifyError::Infeasible { constraints: conflict.map(|(row, _)| constraints.label(row.source, names)).collect() })
+}
+
+fn check_orders(constraints: &Constraints, sorted: &[usize], names: &[String]) -> Result<(), IdentifyError> {
+    let mut least = constraints.lower.clone();
+    let mut pushed_by = vec![None; names.len()];
+    for &j in sorted {
+        for (k, o) in constraints.orders.iter().enumerate().filter(|(_, o)| o.below == j) {
+            if least[j] + o.gap > least[o.above] {
+                least[o.above] = least[j] + o.gap;
+                pushed_by[o.above] = Some(k);
+            }
+        }
+        let upper = constraints.upper[j];
+        if least[j] > upper + ROUNDING * (least[j].abs() + upper.abs()) {
+            let mut conflict = vec![constraints.label(Source::Upper(j), names)];
+            let mut at = j;
+            while let Some(k) = pushed_by[at] {
+                conflict.push(constraints.label(Source::Order(k), names));
+                at = constraints.orders[k].below;
+            }
+            conflict.push(constraints.label(Source::Lower(at), names));
+            return Err(IdentifyError::Infeasible { constraints: conflict });
+        }
+    }
+    Ok(())
 }
 
 /// min sum_j ((x_j - p_j) / scale_j)^2 over the feasible set.
@@ -98,16 +127,15 @@ pub(super) fn project(constraints: &Constraints, p: &[f64], scale: &[f64]) -> Re
     Ok(x)
 }
 
-/// Typical size of each parameter from its finite bounds; gaps of orders stand in where it has none.
+/// Typical size of each parameter: its finite bounds, or those of the parameters it is ordered with.
 fn typical(constraints: &Constraints) -> Vec<f64> {
-    let of_bounds =
-        |j: usize| [constraints.lower[j], constraints.upper[j]].into_iter().filter(|v| v.is_finite()).map(f64::abs).fold(0.0, f64::max);
-    (0..constraints.n_params())
-        .map(|j| {
-            let gaps = constraints.orders.iter().filter(|o| o.below == j || o.above == j).map(|o| o.gap.abs());
-            let partners = constraints.orders.iter().filter(|o| o.below == j || o.above == j).map(|o| of_bounds(o.below + o.above - j));
-            let size = gaps.chain(partners).fold(of_bounds(j), f64::max);
-            if size > 0.0 { size } else { 1.0 }
-        })
-        .collect()
+    let of_bounds = |j: usize| {
+        let finite = [constraints.lower[j], constraints.upper[j]].into_iter().filter(|v| v.is_finite());
+        finite.map(f64::abs).fold(0.0, f64::max)
+    };
+    let size = |j: usize| {
+        let partners = constraints.orders.iter().filter(|o| o.below == j || o.above == j).map(|o| of_bounds(o.below + o.above - j));
+        [of_bounds(j), partners.fold(0.0, f64::max), 1.0].into_iter().find(|v| *v > 0.0).unwrap_or(1.0)
+    };
+    (0..constraints.n_params()).map(size).collect()
 }

@@ -1,7 +1,8 @@
 //! One fit: options in, outcome out.
 
 use super::constraints::{Constraints, Source};
-use super::lm::{ConstrainedLm, LmState, LogEntry, Termination, Tolerances};
+use super::ending::{LogEntry, Termination, Tolerances};
+use super::lm::{ConstrainedLm, LmState};
 use super::monitor::{Checkpoint, Monitor};
 use super::problem::{Augmented, LeastSquares, LossBlock, Losses, Prior};
 use super::{EvalError, IdentifyError};
@@ -28,13 +29,24 @@ impl FitOptions {
         Self { names, constraints, priors: vec![], losses: vec![], tolerances: Tolerances::default() }
     }
 
-    /// Checks everything that does not need the model: sizes, numbers, constraints, priors, tolerances.
+    /// Checks everything that does not need the model: sizes, numbers, constraints and that a point satisfies them, priors, tolerances.
     pub fn validate<P: LeastSquares + ?Sized>(&self, problem: &P) -> Result<(), IdentifyError> {
+        self.validate_form(problem)?;
+        self.constraints.validate(&self.names)
+    }
+
+    /// The start is a feasible point when it is one; only when it is not, the question is whether there is any.
+    pub(crate) fn validate_with_start<P: LeastSquares + ?Sized>(&self, problem: &P, start: &[f64]) -> Result<(), IdentifyError> {
+        self.validate_form(problem)?;
+        self.constraints.check_start(start, &self.names).or_else(|why| self.constraints.validate(&self.names).and(Err(why)))
+    }
+
+    fn validate_form<P: LeastSquares + ?Sized>(&self, problem: &P) -> Result<(), IdentifyError> {
         if self.names.len() != problem.n_params() {
             let what = "parameter names".to_string();
             return Err(IdentifyError::Dimension { what, got: self.names.len(), expected: problem.n_params() });
         }
-        self.constraints.validate(&self.names)?;
+        self.constraints.validate_form(&self.names)?;
         for prior in &self.priors {
             let Some(name) = self.names.get(prior.index) else {
                 return Err(IdentifyError::Dimension { what: "prior".into(), got: prior.index + 1, expected: self.names.len() });
@@ -125,13 +137,12 @@ pub fn fit<P: LeastSquares + ?Sized>(
     monitor: &Monitor<'_>,
 ) -> Result<FitOutcome, IdentifyError> {
     let clock = Instant::now();
-    options.validate(problem)?;
+    options.validate_with_start(problem, start)?;
     let augmented = Augmented { problem, priors: &options.priors };
     let losses = Losses::new(&options.losses, problem.n_residuals())?;
     let mut solver = ConstrainedLm::new(options.tolerances, &options.constraints, losses.clone(), &options.names, monitor);
 
     let mut p = start.to_vec();
-    options.constraints.check_start(&p, &options.names)?;
     if let Some(file) = monitor.checkpoint.as_ref().filter(|f| f.resume && f.path.exists()) {
         let found = Checkpoint::load(&file.path, &options.names, augmented.n_rows())?;
         p = found.p;

@@ -54,8 +54,7 @@ pub fn gate<P: LeastSquares + ?Sized>(
     options: &FitOptions,
     monitor: &Monitor<'_>,
 ) -> Result<GateReport, IdentifyError> {
-    options.validate(problem)?;
-    options.constraints.check_start(p, &options.names)?;
+    options.validate_with_start(problem, p)?;
     let plain = Augmented { problem, priors: &[] };
     let full = Augmented { problem, priors: &options.priors };
     let losses = Losses::new(&options.losses, problem.n_residuals())?;

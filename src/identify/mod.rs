@@ -11,6 +11,7 @@
 //! [`nist`] scores the solver against certified answers.
 
 mod constraints;
+mod ending;
 mod error;
 mod feasibility;
 mod fit;
@@ -29,10 +30,10 @@ mod tests;
 mod uncertainty;
 
 pub use constraints::{Constraints, LinearRow, Order};
+pub use ending::{Convergence, Event, LogEntry, Termination, Tolerances};
 pub use error::{EvalError, IdentifyError};
 pub use fit::{ActiveConstraint, FitOptions, FitOutcome, fit};
 pub use gate::{Blocking, GateParameter, GateReport, gate};
-pub use lm::{Convergence, Event, LogEntry, Termination, Tolerances};
 pub use monitor::{Checkpoint, CheckpointFile, Monitor, Progress, interrupt_flag};
 pub use multi_start::{StartResult, latin_hypercube, multi_start};
 pub use problem::{LeastSquares, Loss, LossBlock, Prior};

@@ -20,6 +20,9 @@ pub struct Progress {
     pub step: f64,
 }
 
+/// Called after every accepted iteration, from the thread of the fit.
+pub type Callback<'a> = Box<dyn Fn(&Progress) + Sync + 'a>;
+
 /// Keeps the best state in a file, written whole or not at all.
 #[derive(Debug, Clone)]
 pub struct CheckpointFile {
@@ -37,7 +40,7 @@ pub struct Monitor<'a> {
     pub cancel: Option<Arc<AtomicBool>>,
     /// stop with the best state at this moment
     pub deadline: Option<Instant>,
-    pub on_iteration: Option<Box<dyn Fn(&Progress) + Sync + 'a>>,
+    pub on_iteration: Option<Callback<'a>>,
     pub checkpoint: Option<CheckpointFile>,
 }
 

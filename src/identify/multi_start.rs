@@ -1,8 +1,8 @@
 //! Several starts, fitted in parallel, ranked.
 
 use super::IdentifyError;
+use super::ending::Termination;
 use super::fit::{FitOptions, FitOutcome, fit};
-use super::lm::Termination;
 use super::monitor::Monitor;
 use super::problem::LeastSquares;
 use rand::seq::SliceRandom;

@@ -33,6 +33,9 @@ pub(crate) struct StepProblem {
     rows: Vec<ScaledRow>,
 }
 
+/// A step in u with the rows it rests on and their multipliers.
+type Rested = (DVector<f64>, Vec<(usize, f64)>);
+
 struct ScaledRow {
     /// unit gradient in u
     g: DVector<f64>,
@@ -102,8 +105,7 @@ impl StepProblem {
 
     /// The QP in units of ||q||, where everything is of order one. A row far away is brought to a cap: when the answer stays clear of
     /// it, the answer is that of the uncapped problem too (convexity); when not, the cap is raised.
-    #[allow(clippy::type_complexity)]
-    fn by_clarabel(&self, lambda: f64, size: f64, plain: f64) -> Option<((DVector<f64>, Vec<(usize, f64)>), Vec<usize>)> {
+    fn by_clarabel(&self, lambda: f64, size: f64, plain: f64) -> Option<(Rested, Vec<usize>)> {
         let (k, nf) = self.b.shape();
         let mut cap = 1e3 * (plain / size).max(1.0);
         for _ in 0..6 {
@@ -136,7 +138,7 @@ impl StepProblem {
     }
 
     /// Recomputes the step on an active set held as equalities; rows that turn out violated join, rows that pull the wrong way leave.
-    fn polish(&self, lambda: f64, mut active: Vec<usize>) -> Option<(DVector<f64>, Vec<(usize, f64)>)> {
+    fn polish(&self, lambda: f64, mut active: Vec<usize>) -> Option<Rested> {
         for _ in 0..2 * self.rows.len() + 2 {
             let gradients = DMatrix::from_fn(self.free.len(), active.len(), |i, c| self.rows[active[c]].g[i]);
             let factor = pivoted_qr(&gradients, 1e-12);

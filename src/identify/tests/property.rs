@@ -2,6 +2,11 @@ use super::*;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 
+/// `CASES=20000 cargo test ...` runs more of them than every day's test.
+fn cases(usual: u32) -> u32 {
+    std::env::var("CASES").ok().and_then(|c| c.parse().ok()).unwrap_or(usual)
+}
+
 /// A random linear problem with bounds, a chain of orders and a feasible start; columns differ by up to eight decades.
 fn problem() -> impl Strategy<Value = (Linear, Constraints, Vec<f64>)> {
     (2usize..7, 1usize..4).prop_flat_map(|(n, extra)| {
@@ -78,7 +83,7 @@ fn kkt_residual(problem: &Linear, constraints: &Constraints, p: &[f64]) -> f64 {
 
 #[test]
 fn random_constrained_linear_problems_meet_the_optimality_conditions() {
-    let mut runner = TestRunner::new(Config { cases: 400, failure_persistence: None, ..Config::default() });
+    let mut runner = TestRunner::new(Config { cases: cases(400), failure_persistence: None, ..Config::default() });
     let outcome = runner.run(&problem(), |(problem, constraints, start)| {
         let mut o = options(start.len());
         o.constraints = constraints.clone();
@@ -96,7 +101,7 @@ fn random_constrained_linear_problems_meet_the_optimality_conditions() {
 
 #[test]
 fn no_iterate_leaves_the_feasible_set() {
-    let mut runner = TestRunner::new(Config { cases: 200, failure_persistence: None, ..Config::default() });
+    let mut runner = TestRunner::new(Config { cases: cases(200), failure_persistence: None, ..Config::default() });
     let outcome = runner.run(&problem(), |(linear, constraints, start)| {
         // every point the model is asked for must be feasible; a bent residual makes it ask for several
         let outside = std::sync::atomic::AtomicUsize::new(0);
@@ -132,7 +137,7 @@ fn hostile_numbers_give_errors_never_panics() {
         -1.0..1.0f64
     ];
     let strategy = (proptest::collection::vec(value.clone(), 12), proptest::collection::vec(value, 12));
-    let mut runner = TestRunner::new(Config { cases: 2000, failure_persistence: None, ..Config::default() });
+    let mut runner = TestRunner::new(Config { cases: cases(2000), failure_persistence: None, ..Config::default() });
     let outcome = runner.run(&strategy, |(a, b)| {
         let problem = Linear { a: DMatrix::from_row_slice(4, 3, &a), b: DVector::from_row_slice(&b[..4]) };
         let mut o = options(3);
