@@ -141,8 +141,10 @@ impl Constraints {
 
     /// The start must be finite and feasible; nothing is moved silently.
     pub fn check_start(&self, p: &[f64], names: &[String]) -> Result<(), IdentifyError> {
-        if p.len() != self.n_params() {
-            return Err(IdentifyError::Dimension { what: "start values".into(), got: p.len(), expected: self.n_params() });
+        for (what, got) in [("start values", p.len()), ("upper bounds", self.upper.len()), ("parameter names", names.len())] {
+            if got != self.n_params() {
+                return Err(IdentifyError::Dimension { what: what.into(), got, expected: self.n_params() });
+            }
         }
         for (j, (&value, name)) in p.iter().zip(names).enumerate() {
             if !value.is_finite() {
@@ -164,7 +166,9 @@ impl Constraints {
 
     /// Bounds hold to the bit, rows of several parameters to the rounding of their own terms.
     pub fn is_feasible(&self, p: &[f64]) -> bool {
-        p.iter().zip(&self.lower).zip(&self.upper).all(|((p, l), u)| l <= p && p <= u)
+        p.len() == self.lower.len()
+            && p.len() == self.upper.len()
+            && p.iter().zip(&self.lower).zip(&self.upper).all(|((p, l), u)| l <= p && p <= u)
             && self.inequalities().iter().all(|i| i.slack(p) >= -ROUNDING * i.magnitude(p))
     }
 
@@ -277,14 +281,17 @@ impl Constraints {
         // upwards: lift the upper end; downwards: lower the lower end where a bound stopped the lifting
         for &j in &sorted {
             for (k, o) in self.orders.iter().enumerate().filter(|(_, o)| o.below == j) {
-                if p[o.above] < p[j] + o.gap || active.contains(&Source::Order(k)) {
+                let slack = p[o.above] - p[j] - o.gap;
+                // what rounding leaves is left alone: moving it would break rows that share the parameter
+                let rounding = ROUNDING * (p[o.above].abs() + p[j].abs() + o.gap.abs());
+                if slack < -rounding || (slack > rounding && active.contains(&Source::Order(k))) {
                     p[o.above] = self.floor_of(o.above, p).min(self.upper[o.above]);
                 }
             }
         }
         for &j in sorted.iter().rev() {
             for o in self.orders.iter().filter(|o| o.above == j) {
-                if p[o.below] + o.gap > p[j] {
+                if p[o.below] + o.gap - p[j] > ROUNDING * (p[o.below].abs() + p[j].abs() + o.gap.abs()) {
                     p[o.below] = (p[j] - o.gap).max(self.lower[o.below]);
                 }
             }

@@ -42,7 +42,10 @@ pub(super) fn check(constraints: &Constraints, sorted: &[usize], names: &[String
         program.at_most(a, row.b / size);
     }
     program.at_most(vec![(n, -1.0)], 0.0);
-    let solution = program.solve().ok_or(IdentifyError::Numerical { while_doing: "deciding whether the constraints can be met" })?;
+    let solution = program
+        .solve()
+        .filter(|s| s.trusted)
+        .ok_or(IdentifyError::Numerical { while_doing: "deciding whether the constraints can be met" })?;
     if solution.x[n] <= 1e-6 {
         return Ok(());
     }
@@ -97,7 +100,8 @@ pub(super) fn project(constraints: &Constraints, p: &[f64], scale: &[f64]) -> Re
         }
     }
     (0..n).filter(|&j| constraints.is_fixed(j)).for_each(|j| program.equal(vec![(j, 1.0)], 0.0));
-    let solution = program.solve().ok_or(IdentifyError::Numerical { while_doing: "projecting on the constraints" })?;
+    let solution =
+        program.solve().filter(|s| s.trusted).ok_or(IdentifyError::Numerical { while_doing: "projecting on the constraints" })?;
     let mut x: Vec<f64> = (0..n).map(|j| start[j] + scale[j] * solution.x[j]).collect();
     let active: Vec<_> = solution.active().map(|i| sources[i]).collect();
     constraints.snap(&mut x, &active);

@@ -41,7 +41,7 @@ impl FitOptions {
         self.constraints.check_start(start, &self.names).or_else(|why| self.constraints.validate(&self.names).and(Err(why)))
     }
 
-    fn validate_form<P: LeastSquares + ?Sized>(&self, problem: &P) -> Result<(), IdentifyError> {
+    pub(crate) fn validate_form<P: LeastSquares + ?Sized>(&self, problem: &P) -> Result<(), IdentifyError> {
         if self.names.len() != problem.n_params() {
             let what = "parameter names".to_string();
             return Err(IdentifyError::Dimension { what, got: self.names.len(), expected: problem.n_params() });

@@ -61,6 +61,7 @@ pub fn multi_start<P: LeastSquares + ?Sized>(
 /// Samples that violate orders or rows are moved to the nearest feasible point.
 pub fn latin_hypercube(around: &[f64], options: &FitOptions, count: usize, seed: u64) -> Result<Vec<Vec<f64>>, IdentifyError> {
     let constraints = &options.constraints;
+    constraints.validate(&options.names)?;
     constraints.check_start(around, &options.names)?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let extra = count.saturating_sub(1);

@@ -124,6 +124,7 @@ pub fn profile<P: LeastSquares + ?Sized>(
     options: &FitOptions,
     monitor: &Monitor<'_>,
 ) -> Result<Profile, IdentifyError> {
+    options.validate_form(problem)?;
     let Some(name) = options.names.get(index).cloned() else {
         return Err(IdentifyError::Dimension { what: "parameter to profile".into(), got: index + 1, expected: options.names.len() });
     };

@@ -18,6 +18,8 @@ pub(crate) struct Solution {
     pub x: Vec<f64>,
     pub z: Vec<f64>,
     pub s: Vec<f64>,
+    /// false when the interior point stopped short of its tolerances: then the active rows are a good guess and x is not to be used
+    pub trusted: bool,
 }
 
 impl Solution {
@@ -40,7 +42,7 @@ impl Program {
         self.inequalities.push((a, b));
     }
 
-    /// None when the interior point finds no acceptable answer.
+    /// None when the interior point finds nothing at all.
     pub fn solve(&self) -> Option<Solution> {
         let triplets = |entries: &mut dyn Iterator<Item = (usize, usize, f64)>| {
             let mut t: (Vec<usize>, Vec<usize>, Vec<f64>) = Default::default();
@@ -76,8 +78,10 @@ impl Program {
         solver.solve();
         let found = &solver.solution;
         // close to the tightest tolerances the interior point may run out of digits: its answer is then good to the reduced ones
-        use SolverStatus::{AlmostSolved, InsufficientProgress, Solved};
-        let good = matches!(found.status, Solved | AlmostSolved | InsufficientProgress) && found.x.iter().all(|v| v.is_finite());
-        good.then(|| Solution { x: found.x.clone(), z: found.z[n_equal..].to_vec(), s: found.s[n_equal..].to_vec() })
+        use SolverStatus::{AlmostSolved, InsufficientProgress, MaxIterations, NumericalError, Solved};
+        let trusted = matches!(found.status, Solved | AlmostSolved | InsufficientProgress);
+        let usable = trusted || matches!(found.status, NumericalError | MaxIterations);
+        let finite = found.x.iter().chain(&found.z).chain(&found.s).all(|v| v.is_finite());
+        (usable && finite).then(|| Solution { x: found.x.clone(), z: found.z[n_equal..].to_vec(), s: found.s[n_equal..].to_vec(), trusted })
     }
 }

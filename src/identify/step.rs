@@ -83,14 +83,11 @@ impl StepProblem {
         if self.is_feasible(&u) {
             return Some(self.finish(&u, vec![]));
         }
-        let (interior, active) = self.by_clarabel(lambda, size, u.norm())?;
-        match self.polish(lambda, active) {
-            Some((u, active)) => Some(self.finish(&u, active)),
-            None => {
-                let (u, active) = interior;
-                Some(self.finish(&u, active))
-            }
-        }
+        let found = self.by_clarabel(lambda, size, u.norm());
+        // without any answer the rows that the plain step violates are the guess to start from
+        let violated = || (0..self.rows.len()).filter(|&i| self.rows[i].g.dot(&u) > self.rows[i].h + self.rows[i].tolerance).collect();
+        let (interior, guess) = found.map_or_else(|| (None, violated()), |(interior, guess)| (interior, guess));
+        self.polish(lambda, guess).or(interior).map(|(u, active)| self.finish(&u, active))
     }
 
     fn is_feasible(&self, u: &DVector<f64>) -> bool {
@@ -105,7 +102,7 @@ impl StepProblem {
 
     /// The QP in units of ||q||, where everything is of order one. A row far away is brought to a cap: when the answer stays clear of
     /// it, the answer is that of the uncapped problem too (convexity); when not, the cap is raised.
-    fn by_clarabel(&self, lambda: f64, size: f64, plain: f64) -> Option<(Rested, Vec<usize>)> {
+    fn by_clarabel(&self, lambda: f64, size: f64, plain: f64) -> Option<(Option<Rested>, Vec<usize>)> {
         let (k, nf) = self.b.shape();
         let mut cap = 1e3 * (plain / size).max(1.0);
         for _ in 0..6 {
@@ -126,13 +123,14 @@ impl StepProblem {
                 cap *= 1e3;
                 continue;
             }
-            // an interior point may sit a hair outside: scale back to the set (u = 0 is feasible, the set is convex)
+            // an interior point may sit outside: a hair is for snapping, from more scale back (u = 0 is feasible, the set is convex)
             let mut u = DVector::from_fn(nf, |c, _| found.x[c] * size);
-            let reach = self.rows.iter().map(|row| (row.g.dot(&u), row.h)).filter(|(gu, h)| gu > h);
+            let hair = 1e-8 * u.norm();
+            let reach = self.rows.iter().map(|row| (row.g.dot(&u), row.h)).filter(|(gu, h)| gu - h > hair);
             let back = reach.map(|(gu, h)| h / gu).fold(1.0, f64::min);
             u *= back;
             let multipliers = active.iter().map(|&i| (i, found.z[i] * size)).collect();
-            return Some(((u, multipliers), active));
+            return Some((found.trusted.then_some((u, multipliers)), active));
         }
         None
     }

@@ -90,6 +90,7 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
             return Err(IdentifyError::Dimension { what: what.into(), got, expected: n });
         }
     }
+    fit.constraints.validate_form(names)?;
     let mut j = outcome.jacobian.clone();
     let mut r = outcome.residuals.clone();
     if let Some(w) = Losses::new(&fit.losses, outcome.n_residuals)?.sqrt_weights(&outcome.residuals) {
@@ -302,6 +303,7 @@ impl Uncertainty {
     /// moved a thousandfold away from zero (or to the bound on that side), the others held; where the cost rises by less than the 95 %
     /// level, that end is open and the parameter is not identifiable. A model that fails there proves nothing and changes nothing.
     pub fn probe<P: LeastSquares + ?Sized>(&mut self, problem: &P, outcome: &FitOutcome, fit: &FitOptions) -> Result<(), IdentifyError> {
+        fit.validate_form(problem)?;
         let augmented = Augmented { problem, priors: &fit.priors };
         let losses = Losses::new(&fit.losses, problem.n_residuals())?;
         for (k, parameter) in self.parameters.iter_mut().enumerate() {

@@ -15,30 +15,38 @@ fn problem() -> impl Strategy<Value = (Linear, Constraints, Vec<f64>)> {
             proptest::collection::vec(-1.0..1.0f64, m * n + m),
             proptest::collection::vec((-4.0..4.0f64, 0.0..1.0f64, 0.0..1.0f64, 0u8..4), n),
         );
-        (values, proptest::collection::vec((0..n, 0..n, 0.0..0.5f64), 0..4)).prop_map(move |((entries, columns), orders)| {
-            let scale: Vec<f64> = columns.iter().map(|c| 10f64.powf(c.0)).collect();
-            // parameters live in units 1/scale, so that all pull alike
-            let a = DMatrix::from_fn(m, n, |i, j| entries[i * n + j] * scale[j]);
-            let b = DVector::from_fn(m, |i, _| 2.0 * entries[m * n + i]);
-            let start: Vec<f64> = columns.iter().zip(&scale).map(|(c, s)| (2.0 * c.1 - 1.0) / s).collect();
-            let mut constraints = Constraints::none(n);
-            for (j, c) in columns.iter().enumerate() {
-                if c.3 & 1 == 1 {
-                    constraints.lower[j] = start[j] - 0.4 * c.2 / scale[j];
+        (values, proptest::collection::vec((0..n, 0..n, 0.0..0.5f64), 0..4), proptest::collection::vec(-1.0..1.0f64, n + 1)).prop_map(
+            move |((entries, columns), orders, row)| {
+                let scale: Vec<f64> = columns.iter().map(|c| 10f64.powf(c.0)).collect();
+                // parameters live in units 1/scale, so that all pull alike
+                let a = DMatrix::from_fn(m, n, |i, j| entries[i * n + j] * scale[j]);
+                let b = DVector::from_fn(m, |i, _| 2.0 * entries[m * n + i]);
+                let start: Vec<f64> = columns.iter().zip(&scale).map(|(c, s)| (2.0 * c.1 - 1.0) / s).collect();
+                let mut constraints = Constraints::none(n);
+                for (j, c) in columns.iter().enumerate() {
+                    if c.3 & 1 == 1 {
+                        constraints.lower[j] = start[j] - 0.4 * c.2 / scale[j];
+                    }
+                    if c.3 & 2 == 2 {
+                        constraints.upper[j] = start[j] + 0.4 * (1.0 - c.2) / scale[j];
+                    }
                 }
-                if c.3 & 2 == 2 {
-                    constraints.upper[j] = start[j] + 0.4 * (1.0 - c.2) / scale[j];
+                // orders the start satisfies, from the smaller to the larger, hence without a circle
+                for (x, y, share) in orders {
+                    let (below, above) = if start[x] < start[y] { (x, y) } else { (y, x) };
+                    if start[below] < start[above] {
+                        constraints = constraints.order(below, above, share * (start[above] - start[below]));
+                    }
                 }
-            }
-            // orders the start satisfies, from the smaller to the larger, hence without a circle
-            for (x, y, share) in orders {
-                let (below, above) = if start[x] < start[y] { (x, y) } else { (y, x) };
-                if start[below] < start[above] {
-                    constraints = constraints.order(below, above, share * (start[above] - start[below]));
+                // in half of the cases a row over all parameters, the start on its inner side or on it
+                if row[n] > 0.0 {
+                    let terms: Vec<_> = (0..n).map(|j| (j, row[j] * scale[j])).collect();
+                    let here: f64 = terms.iter().map(|&(j, a)| a * start[j]).sum();
+                    constraints = constraints.row(terms, here + if row[n] > 0.5 { row[n] - 0.5 } else { 0.0 });
                 }
-            }
-            (Linear { a, b }, constraints, start)
-        })
+                (Linear { a, b }, constraints, start)
+            },
+        )
     })
 }
 
@@ -46,7 +54,7 @@ fn problem() -> impl Strategy<Value = (Linear, Constraints, Vec<f64>)> {
 /// in column-normalised variables. Returns ||gradient + sum y_i a_i|| / ||r|| at the best y >= 0 over the active rows.
 fn kkt_residual(problem: &Linear, constraints: &Constraints, p: &[f64]) -> f64 {
     let r = problem.residuals(p).unwrap();
-    let norms: Vec<f64> = problem.a.column_iter().map(|c| c.norm()).collect();
+    let norms: Vec<f64> = problem.a.column_iter().map(|c| if c.norm() > 0.0 { c.norm() } else { 1.0 }).collect();
     let n = p.len();
     let gradient = DVector::from_fn(n, |j, _| problem.a.column(j).dot(&r) / norms[j]);
     let mut normals: Vec<DVector<f64>> = vec![];
@@ -63,6 +71,11 @@ fn kkt_residual(problem: &Linear, constraints: &Constraints, p: &[f64]) -> f64 {
     for o in &constraints.orders {
         let size = p[o.above].abs() + p[o.below].abs();
         add(&[(o.below, 1.0), (o.above, -1.0)], p[o.above] - p[o.below] - o.gap, size);
+    }
+    for row in &constraints.rows {
+        let terms: Vec<(usize, f64)> = row.coefficients.clone();
+        let slack = row.limit - terms.iter().map(|&(j, a)| a * p[j]).sum::<f64>();
+        add(&terms, slack, row.limit.abs() + terms.iter().map(|&(j, a)| (a * p[j]).abs()).sum::<f64>());
     }
     let mut left = gradient;
     let mut y = vec![0.0; normals.len()];
