@@ -101,9 +101,10 @@ pub(crate) fn pivoted_qr(a: &DMatrix<f64>, relative_tolerance: f64) -> PivotedQr
     PivotedQr { q: to_nalgebra(qr.compute_Q().as_ref()), r, perm: qr.P().arrays().0.to_vec(), rank }
 }
 
-/// Thin singular value decomposition A = U diag(s) V', s descending; None when it does not converge.
+/// Singular values (descending, one per column) and V of A = U diag(s) V'; None when the iteration does not converge. A tall A is reduced to
+/// its triangle first, which has the same s and V: U, rows by rows, is never formed.
 pub(crate) fn svd(a: &DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let svd = view(a).svd().ok()?;
+    let svd = if a.nrows() > a.ncols() { view(a).qr().thin_R().svd() } else { view(a).svd() }.ok()?;
     let s = svd.S().column_vector();
     let n = a.ncols();
     let values = DVector::from_fn(n, |i, _| if i < s.nrows() { s[i] } else { 0.0 });
@@ -126,6 +127,18 @@ mod tests {
         let weighted = reducer.reduce(&j, &r, Some(&w));
         let full = DVector::from_iterator(7, (&j * &d + &r).iter().zip(&w).map(|(a, b)| a * b));
         approx::assert_relative_eq!((&weighted.a * &d + &weighted.q).norm(), full.norm(), max_relative = 1e-14);
+    }
+
+    #[test]
+    fn singular_values_of_tall_and_wide() {
+        let tall = DMatrix::from_fn(9, 3, |i, j| ((i * 3 + j) as f64).sin() + if j == 2 { 2.0 } else { 0.0 });
+        let (s, v) = svd(&tall).unwrap();
+        for k in 0..3 {
+            approx::assert_relative_eq!((&tall * v.column(k)).norm(), s[k], max_relative = 1e-13);
+        }
+        let (s, v) = svd(&tall.transpose()).unwrap();
+        assert_eq!((s.len(), v.shape()), (9, (9, 9)));
+        assert!((tall.transpose() * v.column(8)).norm() < 1e-14 && s[8] == 0.0);
     }
 
     #[test]

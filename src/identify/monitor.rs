@@ -144,3 +144,45 @@ impl Checkpoint {
         Ok(found)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_signal_sets_the_flag_and_the_monitor_stops() {
+        let flag = interrupt_flag().unwrap();
+        let monitor = Monitor::default().cancel(flag.clone());
+        assert!(monitor.stop().is_none());
+        signal_hook::low_level::raise(signal_hook::consts::SIGINT).unwrap();
+        assert!(flag.load(Ordering::Relaxed) && monitor.stop().is_some() && monitor.quiet().stop().is_some());
+    }
+
+    #[test]
+    fn a_checkpoint_comes_back_as_it_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("best.json");
+        let names = vec!["k".to_string()];
+        let (p, scale) = (vec![1.0 / 3.0], vec![7.5]);
+        let state = Checkpoint {
+            schema: 1,
+            names: names.clone(),
+            n_residuals: 4,
+            iteration: 3,
+            cost: 0.5,
+            p,
+            lambda: 1e-3,
+            growth: 2.0,
+            scale,
+            last_drop: None,
+        };
+        state.save(&path).unwrap();
+        let back = Checkpoint::load(&path, &names, 4).unwrap();
+        assert_eq!((back.iteration, back.scale.clone()), (3, vec![7.5]));
+        approx::assert_relative_eq!(back.p[0], 1.0 / 3.0, max_relative = 1e-15);
+        assert!(matches!(Checkpoint::load(&path, &names, 5), Err(IdentifyError::Checkpoint { .. })));
+        assert!(matches!(Checkpoint::load(&folder.path().join("none.json"), &names, 4), Err(IdentifyError::Checkpoint { .. })));
+        assert!(state.save(&folder.path().join("no/such/folder/best.json")).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing half-written is left behind");
+    }
+}
