@@ -254,3 +254,25 @@ fn large_problems_with_many_constraints_converge() {
     );
     assert!(found.termination.is_converged() && o.constraints.is_feasible(&found.p) && found.active.len() > 10);
 }
+
+#[test]
+fn nothing_to_fit_is_no_panic() {
+    let nothing = Linear { a: DMatrix::zeros(3, 0), b: DVector::from_element(3, 1.0) };
+    let found = fit(&nothing, &[], &options(0), &Monitor::default()).unwrap();
+    assert!(found.termination.is_converged() && found.cost == 1.5);
+    uncertainty(&found, &options(0), &UncertaintyOptions::default()).unwrap();
+    gate(&nothing, &[], &options(0), &Monitor::default()).unwrap();
+    let empty = Linear { a: DMatrix::zeros(0, 2), b: DVector::zeros(0) };
+    let found = fit(&empty, &[1.0, 2.0], &options(2), &Monitor::default()).unwrap();
+    assert_eq!(found.p, [1.0, 2.0]);
+    let u = uncertainty(&found, &options(2), &UncertaintyOptions::default()).unwrap();
+    assert!(u.parameters.iter().all(|p| p.std.is_none() && !p.identifiable));
+    gate(&empty, &[1.0, 2.0], &options(2), &Monitor::default()).unwrap();
+    // fewer residuals than parameters: the null space is named
+    let wide = Linear { a: DMatrix::from_row_slice(1, 2, &[1.0, 1.0]), b: DVector::from_element(1, 4.0) };
+    let found = fit(&wide, &[1.0, 1.0], &options(2), &Monitor::default()).unwrap();
+    assert!(found.termination.is_converged());
+    let u = uncertainty(&found, &options(2), &UncertaintyOptions::default()).unwrap();
+    assert_eq!(u.unidentifiable.len(), 1);
+    assert_eq!(u.unidentifiable[0].label, "p0 - p1");
+}
