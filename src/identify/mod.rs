@@ -1,1 +1,41 @@
-//! (in work)
+//! Identification: constrained nonlinear least squares on whitened residuals, and what can be said of its answer.
+//!
+//! minimise cost(p) = 1/2 ||r(p)||^2 + prior rows, subject to bounds, orders and linear rows. The stage knows nothing of physics: anything
+//! that implements [`LeastSquares`] can be identified.
+//!
+//! | before | [`gate()`]: does every parameter move the residual, can the data be reached |
+//! |---|---|
+//! | the fit | [`fit()`]: constrained Levenberg-Marquardt ([`lm`]) under a [`Monitor`]; [`multi_start`] runs several |
+//! | after | [`uncertainty()`]: covariance, named null space; [`profile()`]: interval of one parameter by refitting |
+//!
+//! [`nist`] scores the solver against certified answers.
+
+mod constraints;
+mod ending;
+mod error;
+mod feasibility;
+mod fit;
+mod gate;
+mod linalg;
+pub mod lm;
+mod monitor;
+mod multi_start;
+pub mod nist;
+mod problem;
+mod profile;
+mod qp;
+mod step;
+#[cfg(test)]
+mod tests;
+mod uncertainty;
+
+pub use constraints::{Constraints, LinearRow, Order};
+pub use ending::{Convergence, Event, LogEntry, Termination, Tolerances};
+pub use error::{EvalError, IdentifyError};
+pub use fit::{ActiveConstraint, FitOptions, FitOutcome, fit};
+pub use gate::{Blocking, GateParameter, GateReport, gate};
+pub use monitor::{Checkpoint, CheckpointFile, Monitor, Progress, interrupt_flag};
+pub use multi_start::{StartResult, latin_hypercube, multi_start};
+pub use problem::{LeastSquares, Loss, LossBlock, Prior};
+pub use profile::{Profile, profile};
+pub use uncertainty::{NullCombination, ParameterUncertainty, Uncertainty, UncertaintyOptions, uncertainty};

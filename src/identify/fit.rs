@@ -1,0 +1,195 @@
+//! One fit: options in, outcome out.
+
+use super::constraints::{Constraints, Source};
+use super::ending::{LogEntry, Termination, Tolerances};
+use super::lm::{ConstrainedLm, LmState};
+use super::monitor::{Checkpoint, Monitor};
+use super::problem::{Augmented, LeastSquares, LossBlock, Losses, Prior};
+use super::{EvalError, IdentifyError};
+use argmin::core::{Error, Executor, Jacobian, Operator, State};
+use nalgebra::{DMatrix, DVector};
+use std::time::Instant;
+
+/// The statement of a fit beside the problem itself.
+#[derive(Debug, Clone)]
+pub struct FitOptions {
+    /// one per parameter, for messages
+    pub names: Vec<String>,
+    pub constraints: Constraints,
+    pub priors: Vec<Prior>,
+    pub losses: Vec<LossBlock>,
+    pub tolerances: Tolerances,
+}
+
+impl FitOptions {
+    /// Plain least squares without constraints on `names`.
+    pub fn new<S: Into<String>>(names: impl IntoIterator<Item = S>) -> Self {
+        let names: Vec<String> = names.into_iter().map(Into::into).collect();
+        let constraints = Constraints::none(names.len());
+        Self { names, constraints, priors: vec![], losses: vec![], tolerances: Tolerances::default() }
+    }
+
+    /// Checks everything that does not need the model: sizes, numbers, constraints and that a point satisfies them, priors, tolerances.
+    pub fn validate<P: LeastSquares + ?Sized>(&self, problem: &P) -> Result<(), IdentifyError> {
+        self.validate_form(problem)?;
+        self.constraints.validate(&self.names)
+    }
+
+    /// The start is a feasible point when it is one; only when it is not, the question is whether there is any.
+    pub(crate) fn validate_with_start<P: LeastSquares + ?Sized>(&self, problem: &P, start: &[f64]) -> Result<(), IdentifyError> {
+        self.validate_form(problem)?;
+        self.constraints.check_start(start, &self.names).or_else(|why| self.constraints.validate(&self.names).and(Err(why)))
+    }
+
+    pub(crate) fn validate_form<P: LeastSquares + ?Sized>(&self, problem: &P) -> Result<(), IdentifyError> {
+        if self.names.len() != problem.n_params() {
+            let what = "parameter names".to_string();
+            return Err(IdentifyError::Dimension { what, got: self.names.len(), expected: problem.n_params() });
+        }
+        self.constraints.validate_form(&self.names)?;
+        for prior in &self.priors {
+            let Some(name) = self.names.get(prior.index) else {
+                return Err(IdentifyError::Dimension { what: "prior".into(), got: prior.index + 1, expected: self.names.len() });
+            };
+            if !prior.mean.is_finite() {
+                return Err(IdentifyError::NotFinite { what: "prior mean", name: name.clone(), value: prior.mean });
+            }
+            if !(prior.sigma.is_finite() && prior.sigma > 0.0) {
+                return Err(IdentifyError::NotFinite { what: "prior sigma", name: name.clone(), value: prior.sigma });
+            }
+        }
+        let t = &self.tolerances;
+        for (option, value) in [("f_tol", t.f_tol), ("x_tol", t.x_tol), ("g_tol", t.g_tol), ("lambda", t.lambda)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(IdentifyError::Option { option, value: value.to_string(), accepted: "a positive number" });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A constraint the outcome rests on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ActiveConstraint {
+    /// "k1 >= 0"
+    pub label: String,
+    /// drop of the cost per unit the limit is relaxed by, >= 0
+    pub multiplier: f64,
+    pub(crate) source: Source,
+}
+
+/// What a fit found. `residuals` and `jacobian` hold the problem's rows first and one row per prior after them, raw (not weighted by a
+/// robust loss).
+#[derive(Debug, Clone)]
+pub struct FitOutcome {
+    pub p: Vec<f64>,
+    pub start: Vec<f64>,
+    /// 1/2 ||r||^2, or the sum of the robust losses
+    pub cost: f64,
+    pub start_cost: f64,
+    pub residuals: DVector<f64>,
+    pub jacobian: DMatrix<f64>,
+    /// rows that belong to the problem; the rest are priors
+    pub n_residuals: usize,
+    pub termination: Termination,
+    pub iterations: u64,
+    /// (residual, Jacobian) evaluations
+    pub evaluations: (u64, u64),
+    pub wall_s: f64,
+    pub active: Vec<ActiveConstraint>,
+    /// parameters that moved no residual at the last point
+    pub held: Vec<usize>,
+    pub log: Vec<LogEntry>,
+}
+
+impl FitOutcome {
+    /// rms of the whitened residuals of the data: 1 for a model that is right.
+    pub fn whitened_rms(&self) -> f64 {
+        (self.residuals.rows(0, self.n_residuals).norm_squared() / self.n_residuals.max(1) as f64).sqrt()
+    }
+}
+
+/// argmin's view of the problem.
+struct Evaluated<'a, P: LeastSquares + ?Sized>(Augmented<'a, P>);
+
+impl<P: LeastSquares + ?Sized> Operator for Evaluated<'_, P> {
+    type Param = DVector<f64>;
+    type Output = DVector<f64>;
+    fn apply(&self, p: &Self::Param) -> Result<Self::Output, Error> {
+        Ok(self.0.residuals(p.as_slice())?)
+    }
+}
+
+impl<P: LeastSquares + ?Sized> Jacobian for Evaluated<'_, P> {
+    type Param = DVector<f64>;
+    type Jacobian = (DVector<f64>, DMatrix<f64>);
+    fn jacobian(&self, p: &Self::Param) -> Result<Self::Jacobian, Error> {
+        Ok(self.0.jacobian(p.as_slice())?)
+    }
+}
+
+/// Fits `problem` from `start`. Errors are for what cannot begin (bad constraints, a start that cannot be evaluated); whatever happens
+/// after that is in the outcome's `termination`, with the best state found.
+pub fn fit<P: LeastSquares + ?Sized>(
+    problem: &P,
+    start: &[f64],
+    options: &FitOptions,
+    monitor: &Monitor<'_>,
+) -> Result<FitOutcome, IdentifyError> {
+    let clock = Instant::now();
+    options.validate_with_start(problem, start)?;
+    let augmented = Augmented { problem, priors: &options.priors };
+    let losses = Losses::new(&options.losses, problem.n_residuals())?;
+    let mut solver = ConstrainedLm::new(options.tolerances, &options.constraints, losses.clone(), &options.names, monitor);
+
+    let mut p = start.to_vec();
+    if let Some(file) = monitor.checkpoint.as_ref().filter(|f| f.resume && f.path.exists()) {
+        let found = Checkpoint::load(&file.path, &options.names, augmented.n_rows())?;
+        p = found.p;
+        // decimal digits may move a bound by its last bit
+        options.constraints.snap(&mut p, &[]);
+        options.constraints.check_start(&p, &options.names)?;
+        (solver.lambda, solver.growth, solver.scale, solver.first_iteration) = (found.lambda, found.growth, found.scale, found.iteration);
+        solver.last_drop = found.last_drop.unwrap_or(f64::INFINITY);
+    }
+    let start = p.clone();
+    let first_iteration = solver.first_iteration;
+    let limit = options.tolerances.max_iterations.saturating_sub(first_iteration);
+
+    let configure = |state: LmState| state.param(DVector::from_vec(p)).max_iters(limit).counting(true);
+    let result = Executor::new(Evaluated(augmented), solver).configure(configure).timer(false).run();
+    let mut result = result.map_err(|why| match why.downcast_ref::<EvalError>() {
+        Some(eval) => IdentifyError::StartFails { reason: eval.reason.clone() },
+        None => IdentifyError::StartFails { reason: why.to_string() },
+    })?;
+    let count = |name: &str| result.problem.counts.get(name).copied().unwrap_or(0);
+    let evaluations = (count("residual_count"), count("jacobian_count"));
+    let solver = result.solver;
+    let state = &mut result.state;
+    let (Some(p), Some(residuals), Some(jacobian)) = (state.take_param(), state.take_residuals(), state.take_jacobian()) else {
+        return Err(IdentifyError::Numerical { while_doing: "taking the outcome of the fit" });
+    };
+    let start_cost = solver.log.first().map_or_else(|| state.get_cost(), |entry| entry.cost);
+    let active = solver.active.iter();
+    let active = active.map(|&(source, multiplier)| ActiveConstraint {
+        label: options.constraints.label(source, &options.names),
+        multiplier,
+        source,
+    });
+    Ok(FitOutcome {
+        start,
+        cost: losses.cost(&residuals),
+        start_cost,
+        n_residuals: problem.n_residuals(),
+        termination: solver.termination.clone().unwrap_or(Termination::MaxIterations),
+        iterations: first_iteration + state.get_iter(),
+        evaluations,
+        wall_s: clock.elapsed().as_secs_f64(),
+        active: active.collect(),
+        held: solver.held.clone(),
+        log: solver.log,
+        p: p.as_slice().to_vec(),
+        residuals,
+        jacobian,
+    })
+}

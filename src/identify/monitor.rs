@@ -1,0 +1,188 @@
+//! Watching, stopping and resuming a fit.
+
+use super::IdentifyError;
+use serde::{Deserialize, Serialize};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// What a callback sees after every accepted iteration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    pub iteration: u64,
+    /// 1/2 ||r||^2
+    pub cost: f64,
+    /// damping
+    pub lambda: f64,
+    /// ||D d|| / ||D p||, the relative length of the last step
+    pub step: f64,
+}
+
+/// Called after every accepted iteration, from the thread of the fit.
+pub type Callback<'a> = Box<dyn Fn(&Progress) + Sync + 'a>;
+
+/// Keeps the best state in a file, written whole or not at all.
+#[derive(Debug, Clone)]
+pub struct CheckpointFile {
+    pub path: PathBuf,
+    /// continue from the file when it exists
+    pub resume: bool,
+    /// least time between two writings; the last state is always written
+    pub every: Duration,
+}
+
+/// Watches a fit from outside. All of it is optional; [`Monitor::default`] does nothing.
+#[derive(Default)]
+pub struct Monitor<'a> {
+    /// set from anywhere (a signal handler, another thread) to stop with the best state
+    pub cancel: Option<Arc<AtomicBool>>,
+    /// stop with the best state at this moment
+    pub deadline: Option<Instant>,
+    pub on_iteration: Option<Callback<'a>>,
+    pub checkpoint: Option<CheckpointFile>,
+}
+
+impl<'a> Monitor<'a> {
+    #[must_use]
+    pub fn cancel(mut self, flag: Arc<AtomicBool>) -> Self {
+        self.cancel = Some(flag);
+        self
+    }
+
+    /// Stops `seconds` from now.
+    #[must_use]
+    pub fn max_seconds(mut self, seconds: f64) -> Self {
+        // what no Duration can hold is as good as no limit
+        self.deadline = Duration::try_from_secs_f64(seconds.max(0.0)).ok().and_then(|d| Instant::now().checked_add(d));
+        self
+    }
+
+    #[must_use]
+    pub fn on_iteration(mut self, callback: impl Fn(&Progress) + Sync + 'a) -> Self {
+        self.on_iteration = Some(Box::new(callback));
+        self
+    }
+
+    #[must_use]
+    pub fn checkpoint(mut self, path: impl Into<PathBuf>, resume: bool) -> Self {
+        self.checkpoint = Some(CheckpointFile { path: path.into(), resume, every: Duration::from_secs(1) });
+        self
+    }
+
+    /// Same flag and deadline, neither callback nor checkpoint: for the members of a multi-start.
+    pub fn quiet(&self) -> Monitor<'static> {
+        Monitor { cancel: self.cancel.clone(), deadline: self.deadline, on_iteration: None, checkpoint: None }
+    }
+
+    /// Why to stop now, if at all.
+    pub(crate) fn stop(&self) -> Option<&'static str> {
+        if self.cancel.as_ref().is_some_and(|f| f.load(Ordering::Relaxed)) {
+            return Some("interrupted");
+        }
+        self.deadline.filter(|d| Instant::now() >= *d).map(|_| "the time allowed is used up")
+    }
+}
+
+/// A flag that Ctrl-C (SIGINT) and SIGTERM set; hand it to [`Monitor::cancel`]. A second signal ends the program at once.
+pub fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        // order matters: the shutdown looks at the flag before this signal sets it
+        signal_hook::flag::register_conditional_shutdown(signal, 130, flag.clone())?;
+        signal_hook::flag::register(signal, flag.clone())?;
+    }
+    Ok(flag)
+}
+
+/// The solver's state at the best point: what a resumed fit needs to go on as if nothing had happened.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    pub schema: u32,
+    pub names: Vec<String>,
+    pub n_residuals: usize,
+    pub iteration: u64,
+    pub cost: f64,
+    pub p: Vec<f64>,
+    pub lambda: f64,
+    pub growth: f64,
+    pub scale: Vec<f64>,
+    /// drop of the cost in the last iteration, None before the first
+    pub last_drop: Option<f64>,
+}
+
+impl Checkpoint {
+    /// Writes beside the target and renames, so that a crash leaves the old file or the new one, never half of one.
+    pub fn save(&self, path: &Path) -> Result<(), IdentifyError> {
+        let failed = |reason: String| IdentifyError::Checkpoint { path: path.to_path_buf(), reason };
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|e| failed(e.to_string()))?;
+        serde_json::to_writer_pretty(&mut file, self).map_err(|e| failed(e.to_string()))?;
+        file.flush().and_then(|()| file.as_file().sync_all()).map_err(|e| failed(e.to_string()))?;
+        file.persist(path).map(|_| ()).map_err(|e| failed(e.to_string()))
+    }
+
+    /// Reads a checkpoint and checks that it belongs to this problem.
+    pub fn load(path: &Path, names: &[String], n_residuals: usize) -> Result<Self, IdentifyError> {
+        let failed = |reason: String| IdentifyError::Checkpoint { path: path.to_path_buf(), reason };
+        let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
+        let found: Self = serde_json::from_str(&text).map_err(|e| failed(e.to_string()))?;
+        if found.schema != 1 {
+            return Err(failed(format!("schema {} is unknown", found.schema)));
+        }
+        if found.names != names {
+            return Err(failed(format!("it belongs to the parameters [{}], not [{}]", found.names.join(", "), names.join(", "))));
+        }
+        if found.n_residuals != n_residuals {
+            return Err(failed(format!("it belongs to {} residuals, not {n_residuals}", found.n_residuals)));
+        }
+        let numbers = found.p.iter().chain(&found.scale).chain([&found.cost, &found.lambda, &found.growth]);
+        if found.p.len() != names.len() || found.scale.len() != names.len() || numbers.into_iter().any(|v| !v.is_finite()) {
+            return Err(failed("its numbers are incomplete".into()));
+        }
+        Ok(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_signal_sets_the_flag_and_the_monitor_stops() {
+        let flag = interrupt_flag().unwrap();
+        let monitor = Monitor::default().cancel(flag.clone());
+        assert!(monitor.stop().is_none());
+        signal_hook::low_level::raise(signal_hook::consts::SIGINT).unwrap();
+        assert!(flag.load(Ordering::Relaxed) && monitor.stop().is_some() && monitor.quiet().stop().is_some());
+    }
+
+    #[test]
+    fn a_checkpoint_comes_back_as_it_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("best.json");
+        let names = vec!["k".to_string()];
+        let (p, scale) = (vec![1.0 / 3.0], vec![7.5]);
+        let state = Checkpoint {
+            schema: 1,
+            names: names.clone(),
+            n_residuals: 4,
+            iteration: 3,
+            cost: 0.5,
+            p,
+            lambda: 1e-3,
+            growth: 2.0,
+            scale,
+            last_drop: None,
+        };
+        state.save(&path).unwrap();
+        let back = Checkpoint::load(&path, &names, 4).unwrap();
+        assert_eq!((back.iteration, back.scale.clone()), (3, vec![7.5]));
+        approx::assert_relative_eq!(back.p[0], 1.0 / 3.0, max_relative = 1e-15);
+        assert!(matches!(Checkpoint::load(&path, &names, 5), Err(IdentifyError::Checkpoint { .. })));
+        assert!(matches!(Checkpoint::load(&folder.path().join("none.json"), &names, 4), Err(IdentifyError::Checkpoint { .. })));
+        assert!(state.save(&folder.path().join("no/such/folder/best.json")).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing half-written is left behind");
+    }
+}

@@ -1,0 +1,208 @@
+use super::*;
+
+#[test]
+fn nist_standard_errors_agree_with_the_certified_ones() {
+    let mut worst = (f64::INFINITY, String::new());
+    for problem in nist::problems().unwrap() {
+        let (m, n) = (problem.y.len(), problem.certified.len());
+        // whitened by the certified residual standard deviation, the noise is one and `std` itself is what NIST certifies
+        let noise = (problem.certified_rss / (m - n) as f64).sqrt();
+        let f = |p: &[f64]| problem.jacobian(p).map(|(r, j)| (r / noise, j / noise));
+        let o = FitOptions::new((0..n).map(|j| format!("b{}", j + 1)));
+        let found = fit(&With { n, m, f }, &problem.starts[1], &o, &Monitor::default()).unwrap();
+        let u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
+        for (parameter, certified) in u.parameters.iter().zip(&problem.certified_std) {
+            let std = parameter.std.unwrap_or_else(|| panic!("{} {}: {:?}", problem.name, parameter.name, parameter.note));
+            let digits = nist::digits(std, *certified);
+            if digits < worst.0 {
+                worst = (digits, format!("{} {}", problem.name, parameter.name));
+            }
+            assert!(digits >= 4.0, "{} {}: {std:e} against {certified:e}", problem.name, parameter.name);
+        }
+    }
+    println!("standard errors: at least {:.1} digits ({})", worst.0, worst.1);
+}
+
+fn linear(rows: &[&[f64]], b: &[f64]) -> Linear {
+    let n = rows[0].len();
+    Linear { a: DMatrix::from_fn(rows.len(), n, |i, j| rows[i][j]), b: DVector::from_row_slice(b) }
+}
+
+#[test]
+fn a_null_combination_is_named_and_gives_no_small_number() {
+    // only k1 + k2 is seen, in unlike units; k3 is well seen; k4 not at all
+    let problem = linear(
+        &[&[1e3, 1e-3, 0.0, 0.0], &[2e3, 2e-3, 1.0, 0.0], &[0.0, 0.0, 1.0, 0.0], &[1e3, 1e-3, -1.0, 0.0], &[3e3, 3e-3, 0.0, 0.0]],
+        &[5.0, 11.0, 1.2, 4.1, 15.2],
+    );
+    let o = FitOptions::new(["k1", "k2", "k3", "k4"]);
+    let found = fit(&problem, &[2e-3, 3e3, 1.0, 5.0], &o, &Monitor::default()).unwrap();
+    assert!(found.termination.is_converged());
+    let u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
+    let identifiable: Vec<bool> = u.parameters.iter().map(|p| p.identifiable).collect();
+    assert_eq!(identifiable, [false, false, true, false]);
+    assert!(u.parameters[0].std.is_none() && u.parameters[1].std.is_none() && u.parameters[3].std.is_none());
+    assert_eq!(u.unidentifiable.len(), 2, "{:?}", u.unidentifiable);
+    let pair = u.unidentifiable.iter().find(|c| c.coefficients.len() == 2).unwrap();
+    assert!(pair.label.contains("k1") && pair.label.contains("k2") && pair.label.contains(" - "), "{}", pair.label);
+    assert!(u.unidentifiable.iter().any(|c| c.label == "k4"));
+    // with k1 k2 merged into one column c = 1, 2, 0, 1, 3 the variance of k3 is that of an ordinary regression
+    let merged = linear(&[&[1.0, 0.0], &[2.0, 1.0], &[0.0, 1.0], &[1.0, -1.0], &[3.0, 0.0]], &[5.0, 11.0, 1.2, 4.1, 15.2]);
+    let inverse = (merged.a.transpose() * &merged.a).try_inverse().unwrap();
+    approx::assert_relative_eq!(u.parameters[2].std.unwrap(), inverse[(1, 1)].sqrt(), max_relative = 1e-9);
+}
+
+#[test]
+fn constraints_that_press_are_held() {
+    // p0 wants to be negative; p1 and p2 want the wrong order and are tied to one value
+    let problem = linear(&[&[1.0, 0.0, 0.0], &[0.0, 1.0, 0.0], &[0.0, 0.0, 1.0], &[1.0, 1.0, 0.0]], &[-3.0, 4.0, 2.0, 3.0]);
+    let mut o = options(3);
+    o.constraints = Constraints::bounds(vec![0.0, f64::NEG_INFINITY, f64::NEG_INFINITY], vec![f64::INFINITY; 3]).order(1, 2, 0.0);
+    let found = fit(&problem, &[1.0, 0.0, 1.0], &o, &Monitor::default()).unwrap();
+    assert_eq!(found.p[0], 0.0);
+    approx::assert_relative_eq!(found.p[1], 3.0, epsilon = 1e-12);
+    let u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
+    assert!(u.parameters[0].at_bound && u.parameters[0].std.is_none() && u.parameters[0].identifiable);
+    // tied: one value from three rows
+    for k in [1, 2] {
+        approx::assert_relative_eq!(u.parameters[k].std.unwrap(), (1.0f64 / 3.0).sqrt(), max_relative = 1e-9);
+    }
+    approx::assert_relative_eq!(u.correlation(1, 2).unwrap(), 1.0, max_relative = 1e-9);
+}
+
+/// Two springs in series, k1 = 400 seen well, k2 rigid: displacement F/k1 + F/k2 with noise 1e-3 of it.
+fn series() -> impl LeastSquares {
+    let f = |p: &[f64]| {
+        let force = |i: usize| 10.0 * (i + 1) as f64;
+        let sigma = 1e-4;
+        let wobble = |i: usize| 0.7 * (5.0 * i as f64).sin();
+        // the first spring is also measured alone
+        let r = DVector::from_fn(20, |i, _| {
+            let x = if i < 10 { force(i) * (1.0 / p[0] + 1.0 / p[1]) } else { force(i - 10) / p[0] };
+            let y = if i < 10 { force(i) * (1.0 / 400.0 + 1.0 / 30e6) } else { force(i - 10) / 400.0 };
+            (x - y) / sigma + wobble(i)
+        });
+        let j = DMatrix::from_fn(20, 2, |i, c| {
+            let force = force(i % 10);
+            if c == 1 && i >= 10 { 0.0 } else { -force / (p[c] * p[c]) / sigma }
+        });
+        Ok((r, j))
+    };
+    With { n: 2, m: 20, f }
+}
+
+#[test]
+fn a_rigid_stiffness_has_an_infinite_interval() {
+    let mut o = FitOptions::new(["k1", "k2"]);
+    o.constraints.lower = vec![1.0, 1.0];
+    let problem = series();
+    let mut found = fit(&problem, &[300.0, 30e6], &o, &Monitor::default()).unwrap();
+    // wherever the fit left k2, the statement is about the published value
+    found.p[1] = 30e6;
+    let (r, j) = problem.jacobian(&found.p).unwrap();
+    (found.cost, found.residuals, found.jacobian) = (0.5 * r.norm_squared(), r, j);
+    let mut u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
+    u.probe(&problem, &found, &o).unwrap();
+    let k2 = &u.parameters[1];
+    assert!(!k2.identifiable && k2.std.is_none() && k2.interval.1.is_none(), "{k2:?}");
+    assert!(u.unidentifiable.iter().any(|c| c.label == "k2"));
+    assert!(u.parameters[0].identifiable);
+}
+
+#[test]
+fn an_absent_strength_is_identified_as_nothing() {
+    // y = a t + b t^2 with b = 0 within its noise: b is known, as small
+    let t = |i: usize| 0.1 * i as f64;
+    let rows = DMatrix::from_fn(50, 2, |i, c| [t(i), t(i).powi(2)][c] / 0.1);
+    let b = DVector::from_fn(50, |i, _| 2.0 * t(i) / 0.1 + (9.0 * i as f64).sin());
+    let problem = Linear { a: rows, b };
+    let mut o = FitOptions::new(["a", "b"]);
+    o.constraints.lower[1] = -10.0;
+    let found = fit(&problem, &[1.0, 1.0], &o, &Monitor::default()).unwrap();
+    let mut u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
+    u.probe(&problem, &found, &o).unwrap();
+    assert!(u.parameters[1].identifiable && u.parameters[1].std.is_some(), "{:?}", u.parameters[1]);
+}
+
+#[test]
+fn coverage_of_the_95_percent_intervals() {
+    use rand::{Rng, SeedableRng};
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(11);
+    let truth = [1.0, 1.5, 0.3];
+    let (draws, mut inside) = (400, 0);
+    for _ in 0..draws {
+        // unit normal noise by Box-Muller, 40 residuals, signal over noise 50
+        let noise: Vec<f64> = (0..40)
+            .map(|_| (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt() * (std::f64::consts::TAU * rng.random::<f64>()).cos())
+            .collect();
+        let f = |p: &[f64]| {
+            let t = |i: usize| 0.1 * i as f64;
+            let y = |p: &[f64], i: usize| 50.0 * (p[0] * (-p[1] * t(i)).exp() + p[2]);
+            let r = DVector::from_fn(40, |i, _| y(p, i) - y(&truth, i) - noise[i]);
+            let j = DMatrix::from_fn(40, 3, |i, c| 50.0 * [(-p[1] * t(i)).exp(), -p[0] * t(i) * (-p[1] * t(i)).exp(), 1.0][c]);
+            Ok((r, j))
+        };
+        let found = fit(&With { n: 3, m: 40, f }, &[2.0, 1.0, 0.0], &options(3), &Monitor::default()).unwrap();
+        let u = uncertainty(&found, &options(3), &UncertaintyOptions::default()).unwrap();
+        inside += u.parameters.iter().zip(truth).filter(|(p, t)| p.interval.0.unwrap() <= *t && *t <= p.interval.1.unwrap()).count();
+    }
+    let coverage = inside as f64 / (3 * draws) as f64;
+    println!("coverage of the 95 % intervals: {:.1} %", 100.0 * coverage);
+    assert!((0.93..=0.97).contains(&coverage), "{coverage}");
+}
+
+#[test]
+fn profiles_equal_the_covariance_on_a_linear_problem_and_show_open_ends() {
+    let problem = linear(&[&[1.0, 0.5], &[0.3, 1.0], &[1.0, -1.0], &[2.0, 0.1]], &[1.0, 2.0, 0.0, 3.0]);
+    let o = options(2);
+    let found = fit(&problem, &[0.5, 0.5], &o, &Monitor::default()).unwrap();
+    let u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
+    for k in 0..2 {
+        let shape = profile(&problem, &found, k, u.parameters[k].std, &o, &Monitor::default()).unwrap();
+        approx::assert_relative_eq!(shape.interval.0.unwrap(), u.parameters[k].interval.0.unwrap(), max_relative = 1e-3);
+        approx::assert_relative_eq!(shape.interval.1.unwrap(), u.parameters[k].interval.1.unwrap(), max_relative = 1e-3);
+        assert!(shape.better.is_none());
+    }
+    // the rigid spring: a lower end, no upper one
+    let problem = series();
+    let mut o = options(2);
+    o.constraints.lower = vec![1.0, 1.0];
+    let mut found = fit(&problem, &[300.0, 1e6], &o, &Monitor::default()).unwrap();
+    found.start[1] = found.p[1];
+    let shape = profile(&problem, &found, 1, None, &o, &Monitor::default()).unwrap();
+    assert!(shape.interval.1.is_none(), "{shape:?}");
+    let lower = shape.interval.0.unwrap();
+    assert!((1e4..1e7).contains(&lower), "{lower:e}");
+}
+
+#[test]
+fn the_gate_names_what_moves_nothing_and_what_is_out_of_reach() {
+    let problem = linear(&[&[1.0, 0.0], &[1.0, 0.0], &[2.0, 0.0]], &[50.0, 51.0, 99.0]);
+    let mut o = options(2);
+    let report = gate(&problem, &[1.0, 1.0], &o, &Monitor::default()).unwrap();
+    assert!(report.free[0].moves_residual && report.free[0].lowers_cost && !report.free[1].moves_residual && !report.free[1].lowers_cost);
+    assert!(report.reachable && report.blocking.is_empty());
+    o.constraints.upper[0] = 5.0;
+    let report = gate(&problem, &[1.0, 1.0], &o, &Monitor::default()).unwrap();
+    assert!(!report.reachable && report.blocked_share > 0.99, "{report:?}");
+    assert_eq!(report.blocking[0].label, "p0 <= 5");
+    // the data ask for 49.8 with sigma 1/sqrt(6): 110 standard deviations above the bound
+    approx::assert_relative_eq!(report.blocking[0].pull, (299.0 / 6.0 - 5.0) * 6f64.sqrt(), max_relative = 1e-6);
+    o.constraints.upper[0] = f64::INFINITY;
+    o.priors = vec![Prior { index: 0, mean: 5.0, sigma: 0.01 }];
+    let report = gate(&problem, &[1.0, 1.0], &o, &Monitor::default()).unwrap();
+    assert!(!report.reachable && report.blocking[0].label == "prior of p0", "{report:?}");
+}
+
+#[test]
+fn a_prior_is_one_more_measurement() {
+    let problem = linear(&[&[1.0], &[1.0]], &[2.0, 4.0]);
+    let mut o = options(1);
+    o.priors = vec![Prior { index: 0, mean: 9.0, sigma: 0.5 }];
+    let found = fit(&problem, &[0.0], &o, &Monitor::default()).unwrap();
+    approx::assert_relative_eq!(found.p[0], (2.0 + 4.0 + 4.0 * 9.0) / 6.0, max_relative = 1e-12);
+    let u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
+    approx::assert_relative_eq!(u.parameters[0].std.unwrap(), (1.0f64 / 6.0).sqrt(), max_relative = 1e-12);
+    o.priors[0].sigma = 0.0;
+    assert!(matches!(fit(&problem, &[0.0], &o, &Monitor::default()), Err(IdentifyError::NotFinite { .. })));
+}

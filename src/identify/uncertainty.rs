@@ -1,0 +1,352 @@
+//! How well a fit knows its parameters, and which combinations it does not know at all.
+//!
+//! The residuals are whitened, the noise is known: the covariance of the free parameters is (J'J)^-1 as it stands, computed by singular
+//! values of J, never by forming J'J. Constraints that press (positive multiplier) are held as equalities: with Z an orthonormal basis of
+//! the directions they leave, cov = Z (Z'J'J Z)^-1 Z'.
+//!
+//! **Identifiability** is decided free of units, in two stages.
+//! 1. *Structural*: in column-normalised variables x_j = ||J_j|| p_j, directions whose singular value is below 1e-10 of the largest do not
+//!    move the residual at all. Every parameter that takes part in one has no standard deviation, and the direction is named.
+//! 2. *Practical*: a parameter may move the residual and still be unknown. It is called unidentifiable when its 1-sigma exceeds the width
+//!    of its bounds, or `vague` (1000) times its size, the size being the larger of |p| and |start| or a scale given. A strength that is
+//!    zero within its noise is not caught by this (its sigma is small against its start): it is identified, as nothing.
+//!
+//! [`Uncertainty::probe`] adds what linearisation cannot see: the parameter is moved far off (a thousandfold, or to its bound) with the
+//! rest held. When the cost stays below the 95 % level there, the interval is open on that side: the stiffness is rigid on this scale. The
+//! test cannot err towards "open": refitting the rest would only lower the cost further.
+
+use super::IdentifyError;
+use super::constraints::Source;
+use super::fit::{FitOptions, FitOutcome};
+use super::linalg::{pivoted_qr, svd};
+use super::problem::{Augmented, LeastSquares, Losses};
+use nalgebra::{DMatrix, DVector};
+
+/// Half the 95 % quantile of chi-square with one degree of freedom: the rise of cost = 1/2 ||r||^2 that bounds a 95 % interval.
+pub(crate) const RISE_95: f64 = 1.920_729_410_347_062;
+const Z_95: f64 = 1.959_963_984_540_054;
+const STRUCTURAL: f64 = 1e-10;
+
+/// How the judgement is made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UncertaintyOptions {
+    /// size of each parameter where it is known better than by its value and start
+    pub scale: Option<Vec<f64>>,
+    /// 1-sigma beyond this many times the size means: not identifiable
+    pub vague: f64,
+}
+
+impl Default for UncertaintyOptions {
+    fn default() -> Self {
+        Self { scale: None, vague: 1e3 }
+    }
+}
+
+/// What is known of one parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterUncertainty {
+    pub name: String,
+    pub value: f64,
+    /// 1-sigma from the stated noise; None at a bound and where not identifiable
+    pub std: Option<f64>,
+    /// the same times sqrt(chi2 / degrees of freedom), for noise known up to a factor
+    pub std_rescaled: Option<f64>,
+    pub identifiable: bool,
+    /// held at one of its bounds by the data
+    pub at_bound: bool,
+    /// 95 % interval; an end that is None is infinite
+    pub interval: (Option<f64>, Option<f64>),
+    /// why there is no standard deviation
+    pub note: Option<String>,
+}
+
+/// A direction in parameter space that the data do not see.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NullCombination {
+    /// "k1 + 0.98 k2", in relative variables (each parameter over its size), moving along which changes nothing
+    pub label: String,
+    /// (parameter, coefficient in relative variables), largest 1
+    pub coefficients: Vec<(usize, f64)>,
+}
+
+/// Uncertainty of a whole fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Uncertainty {
+    pub parameters: Vec<ParameterUncertainty>,
+    /// covariance of the identifiable part, n x n; rows of parameters without std are NaN
+    pub covariance: DMatrix<f64>,
+    pub unidentifiable: Vec<NullCombination>,
+    /// ||r||^2 over the problem's residuals and priors
+    pub chi2: f64,
+    pub degrees_of_freedom: i64,
+}
+
+/// Linear uncertainty at the fit's answer. For a robust loss J is weighted as in the last step.
+pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &UncertaintyOptions) -> Result<Uncertainty, IdentifyError> {
+    let n = outcome.p.len();
+    let names = &fit.names;
+    for (what, got) in [("parameter names", names.len()), ("scales", options.scale.as_ref().map_or(n, Vec::len))] {
+        if got != n {
+            return Err(IdentifyError::Dimension { what: what.into(), got, expected: n });
+        }
+    }
+    fit.constraints.validate_form(names)?;
+    let mut j = outcome.jacobian.clone();
+    let mut r = outcome.residuals.clone();
+    if let Some(w) = Losses::new(&fit.losses, outcome.n_residuals)?.sqrt_weights(&outcome.residuals) {
+        for (i, w) in w.iter().enumerate() {
+            j.row_mut(i).scale_mut(*w);
+            r[i] *= w;
+        }
+    }
+    let size = |k: usize| {
+        let given = options.scale.as_ref().map(|s| s[k].abs()).filter(|s| s.is_finite() && *s > 0.0);
+        let seen = outcome.p[k].abs().max(outcome.start[k].abs());
+        let range = fit.constraints.upper[k] - fit.constraints.lower[k];
+        given.unwrap_or(if seen > 0.0 {
+            seen
+        } else if range.is_finite() && range > 0.0 {
+            range
+        } else {
+            1.0
+        })
+    };
+    let sizes: Vec<f64> = (0..n).map(size).collect();
+    // D: column norms; a parameter without influence keeps its size's inverse so that its direction can be named
+    let norms: Vec<f64> = j.column_iter().map(|c| c.norm()).collect();
+    let inert: Vec<bool> = norms.iter().enumerate().map(|(k, v)| *v == 0.0 || outcome.held.contains(&k)).collect();
+    let d: Vec<f64> = (0..n).map(|k| if inert[k] { 1.0 / sizes[k] } else { norms[k] }).collect();
+
+    let holds = pressing(outcome, fit, &j, &r);
+    let fixed = |k: usize| fit.constraints.is_fixed(k) || holds.iter().any(|s| matches!(s, Source::Lower(b) | Source::Upper(b) if *b == k));
+    let z = allowed_directions(&holds, fit, &d, n);
+    let x = DMatrix::from_fn(j.nrows(), n, |i, k| if inert[k] { 0.0 } else { j[(i, k)] / d[k] });
+    let m = &x * &z;
+    let (s, v) = if m.ncols() == 0 {
+        (DVector::zeros(0), DMatrix::zeros(0, 0))
+    } else {
+        svd(&m).ok_or(IdentifyError::Numerical { while_doing: "decomposing the sensitivities" })?
+    };
+    let top = s.iter().copied().fold(0.0, f64::max);
+    let known: Vec<usize> = (0..s.len()).filter(|&k| s[k] > STRUCTURAL * top).collect();
+    let unknown: Vec<usize> = (0..s.len()).filter(|&k| s[k] <= STRUCTURAL * top).collect();
+
+    // square root of the covariance in p: one column per known singular direction
+    let zv = &z * &v;
+    let root = DMatrix::from_fn(n, known.len(), |i, c| zv[(i, known[c])] / (s[known[c]] * d[i]));
+    let null = DMatrix::from_fn(n, unknown.len(), |i, c| zv[(i, unknown[c])] / (d[i] * sizes[i])); // in relative variables p / size
+    let in_null: Vec<bool> = (0..n).map(|i| unknown.iter().map(|&c| zv[(i, c)].powi(2)).sum::<f64>().sqrt() > 1e-6).collect();
+
+    let degrees = r.len() as i64 - known.len() as i64;
+    let chi2 = r.norm_squared();
+    let rescale = (degrees > 0).then(|| (chi2 / degrees as f64).sqrt());
+    let at_bounds = fit.constraints.at_bound(&outcome.p);
+    let mut vague = vec![false; n];
+    let parameters = (0..n).map(|k| {
+        let at_bound = at_bounds.iter().any(|b| b.0 == k) && fixed(k);
+        let sigma = root.row(k).norm();
+        let range = fit.constraints.upper[k] - fit.constraints.lower[k];
+        vague[k] = sigma > options.vague * sizes[k] || (range.is_finite() && sigma > range);
+        let note = if fixed(k) {
+            Some(if inert[k] { "held, and it moves no residual" } else { "held at its bound" }.to_string())
+        } else if inert[k] {
+            Some("it moves no residual".into())
+        } else if in_null[k] {
+            Some("only a combination with others is seen".into())
+        } else if vague[k] {
+            Some(format!("the data leave it free: 1-sigma {sigma:.3e} against a size of {:.3e}", sizes[k]))
+        } else {
+            None
+        };
+        let std = note.is_none().then_some(sigma);
+        let value = outcome.p[k];
+        let interval = match std {
+            Some(s) => (Some(value - Z_95 * s), Some(value + Z_95 * s)),
+            None if fixed(k) => (Some(value), Some(value)),
+            None => (None, None),
+        };
+        let interval = (clip(interval.0, fit.constraints.lower[k], f64::max), clip(interval.1, fit.constraints.upper[k], f64::min));
+        let identifiable = std.is_some() || (fixed(k) && !inert[k]);
+        let std_rescaled = std.zip(rescale).map(|(s, f)| s * f);
+        ParameterUncertainty { name: names[k].clone(), value, std, std_rescaled, identifiable, at_bound, interval, note }
+    });
+    let parameters: Vec<_> = parameters.collect();
+    let mut covariance = &root * root.transpose();
+    for (k, parameter) in parameters.iter().enumerate().filter(|(_, p)| p.std.is_none()) {
+        let fill = if fixed(k) && parameter.identifiable { 0.0 } else { f64::NAN };
+        covariance.row_mut(k).fill(fill);
+        covariance.column_mut(k).fill(fill);
+    }
+    let mut unidentifiable = combinations(null, names);
+    // practically unknown parameters: their own directions, in relative variables, by the largest axes of the relative covariance
+    unidentifiable.extend(vague_combinations(&root, &sizes, &vague, &in_null, options.vague, names));
+    Ok(Uncertainty { parameters, covariance, unidentifiable, chi2, degrees_of_freedom: degrees })
+}
+
+fn clip(end: Option<f64>, bound: f64, towards: fn(f64, f64) -> f64) -> Option<f64> {
+    match end {
+        Some(v) => Some(towards(v, bound)),
+        None => bound.is_finite().then_some(bound),
+    }
+}
+
+/// Constraints that hold at the answer and press: releasing them would lower the cost.
+fn pressing(outcome: &FitOutcome, fit: &FitOptions, j: &DMatrix<f64>, r: &DVector<f64>) -> Vec<Source> {
+    let gradient = j.tr_mul(r);
+    let mut holds: Vec<Source> =
+        fit.constraints.at_bound(&outcome.p).into_iter().map(|(k, low)| if low { Source::Lower(k) } else { Source::Upper(k) }).collect();
+    // a bound on which the parameter merely lies, the data pulling inwards, leaves it free
+    holds.retain(|s| match *s {
+        Source::Lower(k) => gradient[k] > 0.0,
+        Source::Upper(k) => gradient[k] < 0.0,
+        _ => true,
+    });
+    for active in outcome.active.iter().filter(|a| a.multiplier > 0.0) {
+        if matches!(active.source, Source::Order(_) | Source::Row(_)) || !holds.contains(&active.source) {
+            let still = fit.constraints.inequalities().into_iter().find(|i| i.source == active.source);
+            if still.is_some_and(|i| i.slack(&outcome.p).abs() <= 1e-9 * i.magnitude(&outcome.p)) && !holds.contains(&active.source) {
+                holds.push(active.source);
+            }
+        }
+    }
+    holds
+}
+
+/// Orthonormal basis, in x = D p, of the directions that held constraints and fixed parameters leave; n x free.
+fn allowed_directions(holds: &[Source], fit: &FitOptions, d: &[f64], n: usize) -> DMatrix<f64> {
+    let all = fit.constraints.inequalities();
+    let mut normals: Vec<DVector<f64>> = Vec::new();
+    for source in holds {
+        let mut g = DVector::zeros(n);
+        all.iter().filter(|i| i.source == *source).flat_map(|i| &i.a).for_each(|&(k, a)| g[k] += a / d[k]);
+        if g.norm() > 0.0 {
+            normals.push(g.normalize());
+        }
+    }
+    for k in (0..n).filter(|&k| fit.constraints.is_fixed(k)) {
+        normals.push(DVector::from_fn(n, |i, _| if i == k { 1.0 } else { 0.0 }));
+    }
+    if normals.is_empty() {
+        return DMatrix::identity(n, n);
+    }
+    let factor = pivoted_qr(&DMatrix::from_columns(&normals), 1e-10);
+    factor.q.columns(factor.rank, n - factor.rank).into_owned()
+}
+
+/// Reduces a basis of null directions to few parameters each (Gauss-Jordan with full pivoting) and names them.
+fn combinations(mut null: DMatrix<f64>, names: &[String]) -> Vec<NullCombination> {
+    let (n, count) = null.shape();
+    let mut done: Vec<usize> = Vec::new();
+    let mut used = vec![false; n];
+    for _ in 0..count {
+        let open = (0..count).filter(|c| !done.contains(c)).flat_map(|c| (0..n).map(move |i| (i, c))).filter(|&(i, _)| !used[i]);
+        let Some((i, c)) = open.max_by(|a, b| null[*a].abs().total_cmp(&null[*b].abs())) else { break };
+        let pivot = null[(i, c)];
+        if pivot == 0.0 {
+            break;
+        }
+        null.column_mut(c).unscale_mut(pivot);
+        let column = null.column(c).into_owned();
+        (0..count).filter(|&o| o != c).for_each(|o| {
+            let factor = null[(i, o)];
+            null.column_mut(o).axpy(-factor, &column, 1.0);
+        });
+        used[i] = true;
+        done.push(c);
+    }
+    done.into_iter().map(|c| named(&null.column(c).into_owned(), names)).collect()
+}
+
+fn vague_combinations(
+    root: &DMatrix<f64>,
+    sizes: &[f64],
+    vague: &[bool],
+    in_null: &[bool],
+    limit: f64,
+    names: &[String],
+) -> Vec<NullCombination> {
+    if root.ncols() == 0 || !vague.iter().zip(in_null).any(|(v, n)| *v && !*n) {
+        return vec![];
+    }
+    let relative = DMatrix::from_fn(root.ncols(), sizes.len(), |c, i| if in_null[i] { 0.0 } else { root[(i, c)] / sizes[i] });
+    let Some((s, v)) = svd(&relative) else { return vec![] };
+    let wide: Vec<_> = (0..s.len()).filter(|&k| s[k] > limit).map(|k| named(&v.column(k).into_owned(), names)).collect();
+    if !wide.is_empty() {
+        return wide;
+    }
+    // wider than its bounds though not than its size: the parameter by itself
+    let alone = (0..vague.len()).filter(|&k| vague[k] && !in_null[k]);
+    alone.map(|k| NullCombination { label: names[k].clone(), coefficients: vec![(k, 1.0)] }).collect()
+}
+
+/// Largest coefficient 1, what is below 1 % of it left out.
+fn named(direction: &DVector<f64>, names: &[String]) -> NullCombination {
+    let largest = direction.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).filter(|v| *v != 0.0).unwrap_or(1.0);
+    let mut coefficients: Vec<(usize, f64)> = direction.iter().map(|v| v / largest).enumerate().filter(|(_, v)| v.abs() >= 0.01).collect();
+    // equal sizes keep the order of the parameters
+    coefficients.sort_by(|a, b| (b.1.abs() * 1e3).round().total_cmp(&(a.1.abs() * 1e3).round()).then(a.0.cmp(&b.0)));
+    if let Some(&(_, first)) = coefficients.first() {
+        coefficients.iter_mut().for_each(|c| c.1 /= first);
+    }
+    let mut label = String::new();
+    for (place, &(k, c)) in coefficients.iter().enumerate() {
+        let sign = if c < 0.0 { "-" } else { "+" };
+        let size = format!("{:.2}", c.abs());
+        let factor = if size == "1.00" { String::new() } else { format!("{size} ") };
+        label += &if place == 0 { format!("{factor}{}", names[k]) } else { format!(" {sign} {factor}{}", names[k]) };
+    }
+    NullCombination { label, coefficients }
+}
+
+impl Uncertainty {
+    /// Looks for intervals without an end. Parameters whose 1-sigma exceeds a quarter of their value, and those already unidentifiable, are
+    /// moved a thousandfold away from zero (or to the bound on that side), the others held; where the cost rises by less than the 95 %
+    /// level, that end is open and the parameter is not identifiable. A model that fails there proves nothing and changes nothing.
+    pub fn probe<P: LeastSquares + ?Sized>(&mut self, problem: &P, outcome: &FitOutcome, fit: &FitOptions) -> Result<(), IdentifyError> {
+        fit.validate_form(problem)?;
+        let augmented = Augmented { problem, priors: &fit.priors };
+        let losses = Losses::new(&fit.losses, problem.n_residuals())?;
+        for (k, parameter) in self.parameters.iter_mut().enumerate() {
+            let value = parameter.value;
+            let wide = parameter.std.is_none_or(|s| s > 0.25 * value.abs());
+            if value == 0.0 || parameter.at_bound || !wide || fit.constraints.is_fixed(k) {
+                continue;
+            }
+            let upwards = value > 0.0;
+            let far = (value * 1e3).max(fit.constraints.lower[k]).min(fit.constraints.upper[k]);
+            if (far / value).abs() < 2.0 {
+                continue; // the bound is near: the interval ends there anyway
+            }
+            let mut p = outcome.p.clone();
+            p[k] = far;
+            let Ok(r) = augmented.residuals(&p) else { continue };
+            if losses.cost(&r) - outcome.cost > RISE_95 {
+                continue;
+            }
+            let sigma = parameter.std.take();
+            (parameter.std_rescaled, parameter.identifiable) = (None, false);
+            // the near end: where 1/p, which such a parameter acts through, leaves its own 95 % interval
+            let near = sigma.map(|s| value / (1.0 + Z_95 * s / value.abs()));
+            let (lower, upper) = (fit.constraints.lower[k], fit.constraints.upper[k]);
+            parameter.interval = if upwards {
+                (near.or(parameter.interval.0), upper.is_finite().then_some(upper))
+            } else {
+                (lower.is_finite().then_some(lower), near.or(parameter.interval.1))
+            };
+            parameter.note = Some(format!("open: even {far:.3e} agrees with the data, on this scale it is infinite"));
+            self.covariance.row_mut(k).fill(f64::NAN);
+            self.covariance.column_mut(k).fill(f64::NAN);
+            if !self.unidentifiable.iter().any(|c| c.coefficients.iter().any(|&(i, _)| i == k)) {
+                self.unidentifiable.push(NullCombination { label: parameter.name.clone(), coefficients: vec![(k, 1.0)] });
+            }
+        }
+        Ok(())
+    }
+
+    /// Correlation of two parameters, None where either has no standard deviation.
+    pub fn correlation(&self, a: usize, b: usize) -> Option<f64> {
+        let (sa, sb) = (self.parameters.get(a)?.std?, self.parameters.get(b)?.std?);
+        let covariance = self.covariance.get((a, b))?;
+        (sa > 0.0 && sb > 0.0).then(|| covariance / (sa * sb))
+    }
+}
