@@ -7,7 +7,7 @@ use num_complex::Complex;
 use rayon::prelude::*;
 
 use super::lanes::{C4, F4, WIDTH};
-use super::symmetric::{Batch, Plan};
+use super::symmetric::{Batch, Column, Plan};
 use super::table::{Element, Table, row_start};
 use super::{BlockTri, BlockTriError, Layout};
 
@@ -136,13 +136,13 @@ impl FrfSystem {
 /// A sweep with its dofs turned into positions and columns.
 struct Job<'a> {
     system: &'a FrfSystem,
-    loads: Vec<usize>,
+    columns: Vec<Column>,
+    /// Column of the input and, where the output has a column too, of the output, for every entry of a line of H.
     pairs: Vec<(usize, usize)>,
-    /// Positions of the outputs.
-    outputs: Vec<usize>,
-    inputs: usize,
+    /// Position of the output and column of the input, for every entry of a line of H.
+    entries: Vec<(usize, usize)>,
     sensitivities: bool,
-    first_loaded: usize,
+    keep: bool,
     last_wanted: usize,
 }
 
@@ -155,33 +155,27 @@ impl<'a> Job<'a> {
         if let Some(line) = request.omega.iter().position(|w| !w.is_finite()) {
             return Err(BlockTriError::FrequencyNotFinite { line });
         }
-        let mut columns = request.inputs.to_vec();
-        let mut pairs = Vec::new();
-        for input in 0..request.inputs.len() {
-            for output in request.outputs {
-                // Sensitivities need the solution under a unit load at the output as well (Z is symmetric).
-                let column = columns.iter().position(|c| c == output).unwrap_or_else(|| {
-                    if request.sensitivities {
-                        columns.push(*output);
-                    }
-                    columns.len() - 1
-                });
-                pairs.push((input, column));
-            }
-        }
-        let level_of = |dof: &usize| levels.start.partition_point(|&s| s <= levels.position[*dof]) - 1;
-        let first_loaded = columns.iter().map(level_of).min().unwrap_or(0);
-        let last_wanted = if request.sensitivities { 0 } else { request.outputs.iter().map(level_of).min().unwrap_or(0) };
-        Ok(Self {
-            system,
-            loads: columns.iter().map(|&d| levels.position[d]).collect(),
-            pairs,
-            outputs: request.outputs.iter().map(|&d| levels.position[d]).collect(),
-            inputs: request.inputs.len(),
-            sensitivities: request.sensitivities,
-            first_loaded,
-            last_wanted,
-        })
+        let distinct = |dofs: &mut dyn Iterator<Item = &usize>| {
+            let mut columns: Vec<_> = dofs.map(|&dof| Column::new(levels, dof)).collect();
+            columns.sort_by_key(|c| c.position);
+            columns.dedup();
+            columns
+        };
+        let loads = distinct(&mut request.inputs.iter());
+        let all = distinct(&mut request.inputs.iter().chain(request.outputs));
+        let wanted = distinct(&mut request.outputs.iter());
+        let last_wanted = if request.sensitivities { 0 } else { wanted.first().map_or(0, |c| c.level) };
+        // Level substitutions of the two ways to H: forward with every column, or forward and back with the loads.
+        let forward = |columns: &[Column]| columns.iter().map(|c| c.component.1 - c.level).sum::<usize>();
+        let back: usize = loads.iter().map(|c| c.component.1 - c.component.0.max(last_wanted).min(c.component.1)).sum();
+        let keep = request.sensitivities || forward(&all) > forward(&loads) + back;
+        // Sensitivities need the solution under a unit load at the output as well (Z is symmetric).
+        let columns = if keep && !request.sensitivities { loads } else { all };
+        let column_of = |dof: &usize| columns.iter().position(|c| c.position == levels.position[*dof]).unwrap_or(0);
+        let each = || request.inputs.iter().flat_map(|i| request.outputs.iter().map(move |o| (i, o)));
+        let pairs = each().map(|(i, o)| (column_of(i), column_of(o))).collect();
+        let entries = each().map(|(i, o)| (levels.position[*o], column_of(i))).collect();
+        Ok(Self { system, columns, pairs, entries, sensitivities: request.sensitivities, keep, last_wanted })
     }
 
     fn run<F>(&self, omega: &[f64], coefficients: &F, h: &mut [C64], dh: &mut [C64]) -> Result<(), BlockTriError>
@@ -201,9 +195,8 @@ impl<'a> Job<'a> {
         F: Fn(f64, &mut [C64]),
     {
         let (levels, table) = (&self.system.layout.levels, &self.system.table);
-        let pairs: &[(usize, usize)] = if self.sensitivities { &self.pairs } else { &[] };
-        let (first_loaded, last_wanted) = (self.first_loaded, self.last_wanted);
-        let plan = Plan { levels, table, loads: &self.loads, first_loaded, last_wanted, pairs };
+        let (columns, pairs) = (self.columns.as_slice(), self.pairs.as_slice());
+        let plan = Plan { levels, table, columns, pairs, keep: self.keep, last_wanted: self.last_wanted };
         for (at, lines) in omega.chunks(WIDTH).enumerate() {
             for lane in 0..WIDTH {
                 // A last batch that is not full repeats its last line.
@@ -235,17 +228,15 @@ impl<'a> Job<'a> {
     }
 
     fn scatter(&self, batch: &Batch, lines: usize, h: &mut [C64]) {
-        let columns = self.loads.len();
+        let columns = self.columns.len();
         for (lane, line) in h.chunks_exact_mut(self.pairs.len()).take(lines).enumerate() {
-            for (input, row) in line.chunks_exact_mut(self.outputs.len()).enumerate().take(self.inputs) {
-                for (to, &position) in row.iter_mut().zip(&self.outputs) {
-                    *to = lane_of(&batch.x[position * columns + input], lane);
-                }
+            for (at, (to, &(position, input))) in line.iter_mut().zip(&self.entries).enumerate() {
+                *to = lane_of(if self.keep { &batch.x[position * columns + input] } else { &batch.h[at] }, lane);
             }
         }
     }
 
-    /// Solves one line with pivoting and puts its columns in place of the batch's.
+    /// Solves one line with pivoting and puts its solution in place of the batch's.
     fn solve_pivoting(&self, space: &mut Workspace, lane: usize, w: f64) -> Result<(), BlockTriError> {
         let (layout, table) = (&self.system.layout, &self.system.table);
         let z = space.pivoting.get_or_insert_with(|| BlockTri::new(Arc::clone(layout)));
@@ -271,14 +262,20 @@ impl<'a> Job<'a> {
             BlockTriError::Singular { dof, pivot } => BlockTriError::SingularLine { dof, pivot, frequency: w / TAU },
             other => other,
         })?;
-        let columns = self.loads.len();
-        for (c, &load) in self.loads.iter().enumerate() {
+        let columns = self.columns.len();
+        for (c, load) in self.columns.iter().enumerate() {
             space.column.fill(C64::ZERO);
-            space.column[layout.levels.order[load]] = C64::ONE;
+            space.column[layout.levels.order[load.position]] = C64::ONE;
             z.solve(&mut space.column)?;
-            for (position, &dof) in layout.levels.order.iter().enumerate() {
-                let to = &mut space.batch.x[position * columns + c];
-                (to.re.0[lane], to.im.0[lane]) = (space.column[dof].re, space.column[dof].im);
+            let put = |to: &mut C4, position: usize| {
+                let x = space.column[layout.levels.order[position]];
+                (to.re.0[lane], to.im.0[lane]) = (x.re, x.im);
+            };
+            if self.keep {
+                (0..layout.n()).for_each(|p| put(&mut space.batch.x[p * columns + c], p));
+            } else {
+                let of_load = self.entries.iter().zip(&mut space.batch.h).filter(|((_, input), _)| *input == c);
+                of_load.for_each(|((position, _), h)| put(h, *position));
             }
         }
         Ok(())

@@ -1,7 +1,8 @@
 //! Four lines of Z(w) X = E at once: assembly, L D L' without pivoting, substitution, sensitivities.
 //!
 //! Assembly, elimination and forward substitution go together level by level, so that a level's panel is still in the first cache
-//! when it is used. What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to
+//! when it is used. Where only a few responses are wanted the factors are not even kept: with Z = L D L', H_oi = y_o' D^-1 y_i for the
+//! forward-substituted unit loads y = L^-1 e, accumulated on the way. What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to
 //! z_kk|, the factors satisfy |Z - L D L'|_kl <= c eps g sqrt(s_k s_l), g = max_k sum_j |l_kj|^2 |d_j| / s_k. Lines whose g
 //! exceeds [`GROWTH`], or that meet a zero pivot, are reported for the pivoting factorisation.
 
@@ -26,7 +27,9 @@ pub(super) struct Batch {
     /// What the current level takes off the next one's diagonal block (packed lower triangle), and the growth sums of its rows.
     schur: Vec<C4>,
     growth: Vec<F4>,
-    /// Solution columns, all columns of a position side by side.
+    /// H at the plan's pairs.
+    pub h: Vec<C4>,
+    /// Solution columns, all columns of a position side by side; only a window of two levels where they are not kept.
     pub x: Vec<C4>,
     relative: Vec<C4>,
     /// dH/dz: (input, output, group).
@@ -39,14 +42,33 @@ pub(super) struct Batch {
 pub(super) struct Plan<'a> {
     pub levels: &'a Levels,
     pub table: &'a Table,
-    /// Position of the unit load of each solution column.
-    pub loads: &'a [usize],
-    /// Levels before this one carry no load.
-    pub first_loaded: usize,
-    /// Levels before this one are not needed in the solution.
-    pub last_wanted: usize,
-    /// Columns of the (input, output) pairs for the sensitivities; empty where these are not wanted.
+    /// In the order of their levels.
+    pub columns: &'a [Column],
+    /// H at (column of the input, column of the output).
     pub pairs: &'a [(usize, usize)],
+    /// Whether whole solution columns are wanted in `x`; if so H is left to the caller.
+    pub keep: bool,
+    /// Levels before this one are not needed in the kept solution.
+    pub last_wanted: usize,
+}
+
+/// A unit load.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Column {
+    pub position: usize,
+    pub level: usize,
+    /// First level of the load's component, and one past its last.
+    pub component: (usize, usize),
+}
+
+impl Column {
+    pub fn new(levels: &Levels, dof: usize) -> Self {
+        let position = levels.position[dof];
+        let level = levels.start.partition_point(|&s| s <= position) - 1;
+        let first = (0..level).rev().find(|&l| !levels.linked(l)).map_or(0, |l| l + 1);
+        let last = (level..levels.count()).find(|&l| !levels.linked(l)).unwrap_or(level);
+        Self { position, level, component: (first, last + 1) }
+    }
 }
 
 impl Batch {
@@ -60,6 +82,7 @@ impl Batch {
             panel: vec![C4::ZERO; widest * widest],
             schur: vec![C4::ZERO; widest * (widest + 1) / 2],
             growth: vec![zero; 2 * widest],
+            h: Vec::new(),
             x: Vec::new(),
             relative: Vec::new(),
             sensitivity: Vec::new(),
@@ -101,12 +124,11 @@ impl Batch {
 
     #[inline(always)]
     pub(super) fn solve_with<V: Lanes>(&mut self, plan: &Plan) -> [bool; WIDTH] {
-        let (levels, columns) = (plan.levels, plan.loads.len());
+        let (levels, columns) = (plan.levels, plan.columns.len());
         self.x.clear();
-        self.x.resize(levels.n() * columns, C4::ZERO);
-        for (column, &position) in plan.loads.iter().enumerate() {
-            self.x[position * columns + column] = C4::ONE;
-        }
+        self.x.resize(if plan.keep { levels.n() } else { self.growth.len() } * columns, C4::ZERO);
+        self.h.clear();
+        self.h.resize(plan.pairs.len(), C4::ZERO);
         for (m, z) in self.magnitude.iter_mut().zip(&self.coefficients) {
             Cv::<V>::load(z).magnitude().store(m);
         }
@@ -123,8 +145,10 @@ impl Batch {
                 _ => self.level::<V, 0, 0>(plan, level, n, below, check),
             };
         }
-        for level in (plan.last_wanted..levels.count()).rev() {
-            self.backward::<V>(plan, level);
+        if plan.keep {
+            for level in (plan.last_wanted..levels.count()).rev() {
+                self.backward::<V>(plan, level);
+            }
         }
         let (mut excess, mut finite) = (F4([0.0; WIDTH]), F4([0.0; WIDTH]));
         check.excess.store(&mut excess);
@@ -151,7 +175,8 @@ impl Batch {
             let one = Cv { re: V::splat(1.0), im: V::splat(0.0) };
             Cv::<V>::load(p).sub_mul(one, Cv::load(s)).store(p);
         }
-        let factors = &mut self.factors[base..base + count];
+        let kept = if plan.keep { base } else { 0 };
+        let factors = &mut self.factors[kept..kept + count];
         let growth = &mut self.growth[..n + m];
         for k in 0..n {
             let row_k = row_start(k, n);
@@ -196,9 +221,7 @@ impl Batch {
         if m == 0 {
             self.schur.fill(C4::ZERO);
         }
-        if level >= plan.first_loaded {
-            self.forward::<V>(plan, level, n, m);
-        }
+        self.forward::<V>(plan, level, n, m);
         check
     }
 
@@ -217,38 +240,67 @@ impl Batch {
 
     #[inline(always)]
     fn forward<V: Lanes>(&mut self, plan: &Plan, level: usize, n: usize, m: usize) {
-        let (columns, first) = (plan.loads.len(), plan.levels.start[level]);
-        let factors = &self.factors[plan.table.base[level]..];
-        let x = &mut self.x[first * columns..(first + n + m) * columns];
-        let mut c = 0;
-        while c < columns {
-            c += match columns - c {
-                1 => forward_columns::<V, 1>(factors, x, columns, c, n, m),
-                2 | 3 => forward_columns::<V, 2>(factors, x, columns, c, n, m),
-                _ => forward_columns::<V, 4>(factors, x, columns, c, n, m),
+        // Columns loaded at or before this level, in its component: they stand together.
+        let begin = plan.columns.partition_point(|c| c.component.1 <= level);
+        let end = plan.columns.partition_point(|c| c.level <= level);
+        if begin == end {
+            return;
+        }
+        let (stride, first) = (plan.columns.len(), plan.levels.start[level]);
+        let (window, kept) = if plan.keep { (first * stride, plan.table.base[level]) } else { (0, 0) };
+        let factors = &self.factors[kept..];
+        let x = &mut self.x[window..window + (n + m) * stride];
+        for (c, column) in plan.columns[begin..end].iter().enumerate().filter(|(_, c)| c.level == level) {
+            x[(column.position - first) * stride + begin + c] = C4::ONE;
+        }
+        let mut c = begin;
+        while c < end {
+            c += match end - c {
+                1 => forward_columns::<V, 1>(factors, x, stride, c, n, m),
+                2 | 3 => forward_columns::<V, 2>(factors, x, stride, c, n, m),
+                _ => forward_columns::<V, 4>(factors, x, stride, c, n, m),
             };
         }
+        if plan.keep {
+            return;
+        }
+        for (h, &(input, output)) in self.h.iter_mut().zip(plan.pairs) {
+            if !(begin..end).contains(&input) || !(begin..end).contains(&output) {
+                continue;
+            }
+            let mut sum = Cv::<V>::load(h);
+            for k in 0..n {
+                let scaled = Cv::load(&x[k * stride + input]).mul(Cv::load(&factors[row_start(k, n) + k]));
+                sum = sum.add_mul(scaled, Cv::load(&x[k * stride + output]));
+            }
+            sum.store(h);
+        }
+        // The next level's rows move to the front of the window.
+        x.copy_within(n * stride.., 0);
+        x[m * stride..].fill(C4::ZERO);
     }
 
     #[inline(always)]
     fn backward<V: Lanes>(&mut self, plan: &Plan, level: usize) {
-        let (columns, first) = (plan.loads.len(), plan.levels.start[level]);
+        let begin = plan.columns.partition_point(|c| c.component.1 <= level);
+        let end = plan.columns.partition_point(|c| c.component.0 <= level);
+        let (stride, first) = (plan.columns.len(), plan.levels.start[level]);
         let (n, reach) = (plan.levels.size(level), plan.levels.reach(level));
         let factors = &self.factors[plan.table.base[level]..];
-        let x = &mut self.x[first * columns..reach * columns];
-        let mut c = 0;
-        while c < columns {
-            c += match columns - c {
-                1 => backward_columns::<V, 1>(factors, x, columns, c, n, reach - first),
-                2 | 3 => backward_columns::<V, 2>(factors, x, columns, c, n, reach - first),
-                _ => backward_columns::<V, 4>(factors, x, columns, c, n, reach - first),
+        let x = &mut self.x[first * stride..reach * stride];
+        let mut c = begin;
+        while c < end {
+            c += match end - c {
+                1 => backward_columns::<V, 1>(factors, x, stride, c, n, reach - first),
+                2 | 3 => backward_columns::<V, 2>(factors, x, stride, c, n, reach - first),
+                _ => backward_columns::<V, 4>(factors, x, stride, c, n, reach - first),
             };
         }
     }
 
     #[inline(always)]
     pub(super) fn differentiate_with<V: Lanes>(&mut self, plan: &Plan) {
-        let (columns, groups) = (plan.loads.len(), plan.table.groups);
+        let (columns, groups) = (plan.columns.len(), plan.table.groups);
         self.sensitivity.clear();
         self.sensitivity.resize(plan.pairs.len() * groups, C4::ZERO);
         self.relative.resize(columns, C4::ZERO);
