@@ -115,6 +115,6 @@ mod tests {
             assert!(unbalanced < 1e-2, "{unbalanced}");
             largest = largest.max(march.end().abs());
         }
-        assert!(largest > 1e-5 && largest < 1e-2, "{largest}");
+        assert!(largest > 1e-6 && largest < 1e-2, "{largest}");
     }
 }

@@ -13,6 +13,9 @@ use super::{BlockTri, BlockTriError, Layout};
 
 type C64 = Complex<f64>;
 
+/// Batches that pass a level together, so that the table of a long chain is read from memory once for all of them.
+const TOGETHER: usize = 4;
+
 /// Z(w) = K - w^2 M + sum_g z_g(w) sum_(e in g) b_e b_e', symmetric and sparse; e^{+i w t}, receptance H = Z^-1.
 ///
 /// Lines are taken four at a time through a vectorised L D L' without pivoting whose accuracy is checked line by line; a line that
@@ -48,7 +51,7 @@ pub struct Response {
 
 #[derive(Debug)]
 struct Workspace {
-    batch: Batch,
+    batches: Vec<Batch>,
     coefficients: Vec<C64>,
     /// For lines that need pivoting; made at the first one.
     pivoting: Option<BlockTri<C64>>,
@@ -100,7 +103,7 @@ impl FrfSystem {
         }
         // A few jobs per thread even out the load; each takes a workspace from the pool, so none is allocated per line.
         let share = request.omega.len().div_ceil(8 * rayon::current_num_threads());
-        let lines = share.clamp(WIDTH, 64).next_multiple_of(WIDTH);
+        let lines = share.clamp(TOGETHER * WIDTH, 64).next_multiple_of(TOGETHER * WIDTH);
         let chunks = request.omega.par_chunks(lines).zip(response.h.par_chunks_mut(lines * per_line));
         let first = if per_line_dh > 0 {
             chunks
@@ -125,7 +128,7 @@ impl FrfSystem {
     fn workspace(&self) -> Workspace {
         let kept = self.pool.lock().ok().and_then(|mut pool| pool.pop());
         kept.unwrap_or_else(|| Workspace {
-            batch: Batch::new(&self.layout.levels, &self.table),
+            batches: vec![Batch::new(&self.layout.levels, &self.table); TOGETHER],
             coefficients: vec![C64::ZERO; self.table.groups],
             pivoting: None,
             column: vec![C64::ZERO; self.layout.n()],
@@ -168,7 +171,9 @@ impl<'a> Job<'a> {
         // Level substitutions of the two ways to H: forward with every column, or forward and back with the loads.
         let forward = |columns: &[Column]| columns.iter().map(|c| c.component.1 - c.level).sum::<usize>();
         let back: usize = loads.iter().map(|c| c.component.1 - c.component.0.max(last_wanted).min(c.component.1)).sum();
-        let keep = request.sensitivities || forward(&all) > forward(&loads) + back;
+        // Keeping the factors costs about two substitutions per level in the second cache, six and more beyond it.
+        let traffic = if system.table.slots.len() * size_of::<C4>() < 1 << 18 { 2 } else { 6 };
+        let keep = request.sensitivities || forward(&all) > forward(&loads) + back + traffic * levels.count();
         // Sensitivities need the solution under a unit load at the output as well (Z is symmetric).
         let columns = if keep && !request.sensitivities { loads } else { all };
         let column_of = |dof: &usize| columns.iter().position(|c| c.position == levels.position[*dof]).unwrap_or(0);
@@ -197,30 +202,27 @@ impl<'a> Job<'a> {
         let (levels, table) = (&self.system.layout.levels, &self.system.table);
         let (columns, pairs) = (self.columns.as_slice(), self.pairs.as_slice());
         let plan = Plan { levels, table, columns, pairs, keep: self.keep, last_wanted: self.last_wanted };
-        for (at, lines) in omega.chunks(WIDTH).enumerate() {
-            for lane in 0..WIDTH {
-                // A last batch that is not full repeats its last line.
-                let w = lines[lane.min(lines.len() - 1)];
-                space.batch.inertia.0[lane] = -w * w;
-                coefficients(w, &mut space.coefficients);
-                for (group, (to, z)) in space.batch.coefficients.iter_mut().zip(&space.coefficients).enumerate() {
-                    if !z.is_finite() {
-                        return Err(BlockTriError::CoefficientNotFinite { group, frequency: w / TAU });
-                    }
-                    (to.re.0[lane], to.im.0[lane]) = (z.re, z.im);
+        // Kept factors of several batches would crowd the cache, and they outweigh the table.
+        let together = if self.keep { 1 } else { TOGETHER };
+        let (per_line, per_line_dh) = (self.pairs.len(), self.pairs.len() * table.groups);
+        for (at, group) in omega.chunks(together * WIDTH).enumerate() {
+            let count = group.len().div_ceil(WIDTH);
+            for (batch, lines) in space.batches.iter_mut().zip(group.chunks(WIDTH)) {
+                fill(batch, lines, coefficients, &mut space.coefficients)?;
+            }
+            Batch::solve(&mut space.batches[..count], &plan);
+            for (sub, lines) in group.chunks(WIDTH).enumerate() {
+                let suspect = space.batches[sub].suspect;
+                for lane in (0..lines.len()).filter(|&l| suspect[l]) {
+                    self.solve_pivoting(space, sub, lane, lines[lane])?;
                 }
-            }
-            let suspect = space.batch.solve(&plan);
-            for lane in (0..lines.len()).filter(|&l| suspect[l]) {
-                self.solve_pivoting(space, lane, lines[lane])?;
-            }
-            let from = at * WIDTH;
-            self.scatter(&space.batch, lines.len(), &mut h[from * self.pairs.len()..]);
-            if self.sensitivities {
-                space.batch.differentiate(&plan);
-                let size = space.batch.sensitivity.len();
-                for (lane, line) in dh[from * size..].chunks_exact_mut(size).take(lines.len()).enumerate() {
-                    line.iter_mut().zip(&space.batch.sensitivity).for_each(|(to, s)| *to = lane_of(s, lane));
+                let (batch, from) = (&mut space.batches[sub], (at * together + sub) * WIDTH);
+                self.scatter(batch, lines.len(), &mut h[from * per_line..]);
+                if self.sensitivities && per_line_dh > 0 {
+                    batch.differentiate(&plan);
+                    for (lane, line) in dh[from * per_line_dh..].chunks_exact_mut(per_line_dh).take(lines.len()).enumerate() {
+                        line.iter_mut().zip(&batch.sensitivity).for_each(|(to, s)| *to = lane_of(s, lane));
+                    }
                 }
             }
         }
@@ -237,8 +239,9 @@ impl<'a> Job<'a> {
     }
 
     /// Solves one line with pivoting and puts its solution in place of the batch's.
-    fn solve_pivoting(&self, space: &mut Workspace, lane: usize, w: f64) -> Result<(), BlockTriError> {
+    fn solve_pivoting(&self, space: &mut Workspace, sub: usize, lane: usize, w: f64) -> Result<(), BlockTriError> {
         let (layout, table) = (&self.system.layout, &self.system.table);
+        let batch = &mut space.batches[sub];
         let z = space.pivoting.get_or_insert_with(|| BlockTri::new(Arc::clone(layout)));
         z.clear();
         for level in 0..layout.levels.count() {
@@ -247,9 +250,9 @@ impl<'a> Job<'a> {
                 for column in 0..n.min(row + 1) {
                     let at = table.base[level] + row_start(row, n) + column;
                     let (slot, next) = (table.slots[at], table.slots[at + 1]);
-                    let mut value = C64::from(slot.stiffness + slot.mass * space.batch.inertia.0[lane]);
+                    let mut value = C64::from(slot.stiffness + slot.mass * batch.inertia.0[lane]);
                     for term in &table.terms[slot.first_term..next.first_term] {
-                        value += lane_of(&space.batch.coefficients[term.group], lane) * term.value;
+                        value += lane_of(&batch.coefficients[term.group], lane) * term.value;
                     }
                     z.add_at(layout.rows[first + row].at(first + column), value);
                     if row != column {
@@ -272,14 +275,33 @@ impl<'a> Job<'a> {
                 (to.re.0[lane], to.im.0[lane]) = (x.re, x.im);
             };
             if self.keep {
-                (0..layout.n()).for_each(|p| put(&mut space.batch.x[p * columns + c], p));
+                (0..layout.n()).for_each(|p| put(&mut batch.x[p * columns + c], p));
             } else {
-                let of_load = self.entries.iter().zip(&mut space.batch.h).filter(|((_, input), _)| *input == c);
+                let of_load = self.entries.iter().zip(&mut batch.h).filter(|((_, input), _)| *input == c);
                 of_load.for_each(|((position, _), h)| put(h, *position));
             }
         }
         Ok(())
     }
+}
+
+/// Puts up to four lines into a batch; one that is not full repeats its last line.
+fn fill<F>(batch: &mut Batch, lines: &[f64], coefficients: &F, z: &mut [C64]) -> Result<(), BlockTriError>
+where
+    F: Fn(f64, &mut [C64]),
+{
+    for lane in 0..WIDTH {
+        let w = lines[lane.min(lines.len() - 1)];
+        batch.inertia.0[lane] = -w * w;
+        coefficients(w, z);
+        for (group, (to, z)) in batch.coefficients.iter_mut().zip(z.iter()).enumerate() {
+            if !z.is_finite() {
+                return Err(BlockTriError::CoefficientNotFinite { group, frequency: w / TAU });
+            }
+            (to.re.0[lane], to.im.0[lane]) = (z.re, z.im);
+        }
+    }
+    Ok(())
 }
 
 #[inline(always)]

@@ -20,13 +20,18 @@ pub(super) struct Batch {
     pub inertia: F4,
     /// z_g(w)
     pub coefficients: Vec<C4>,
-    /// Factors in the table's order; the diagonal holds 1/d.
+    /// Factors in the table's order, the diagonal holds 1/d; those of one level where they are not kept.
     factors: Vec<C4>,
     /// L D of the current level's panel.
     panel: Vec<C4>,
     /// What the current level takes off the next one's diagonal block (packed lower triangle), and the growth sums of its rows.
     schur: Vec<C4>,
     growth: Vec<F4>,
+    /// Largest excess of the growth over its limit, and NaN where a pivot was zero or not finite.
+    excess: F4,
+    finite: F4,
+    /// Lines whose result must not be used.
+    pub suspect: [bool; WIDTH],
     /// H at the plan's pairs.
     pub h: Vec<C4>,
     /// Solution columns, all columns of a position side by side; only a window of two levels where they are not kept.
@@ -78,10 +83,13 @@ impl Batch {
         Self {
             inertia: zero,
             coefficients: vec![C4::ZERO; table.groups],
-            factors: vec![C4::ZERO; table.slots.len()],
+            factors: Vec::new(),
             panel: vec![C4::ZERO; widest * widest],
             schur: vec![C4::ZERO; widest * (widest + 1) / 2],
             growth: vec![zero; 2 * widest],
+            excess: zero,
+            finite: zero,
+            suspect: [false; WIDTH],
             h: Vec::new(),
             x: Vec::new(),
             relative: Vec::new(),
@@ -90,20 +98,21 @@ impl Batch {
         }
     }
 
-    /// Solves for the plan's loads; true per line where the result must not be used.
-    pub fn solve(&mut self, plan: &Plan) -> [bool; WIDTH] {
+    /// Solves several batches for the plan's loads, level by level together, so that the table is read once for all of them; sets
+    /// `suspect` where a line's result must not be used.
+    pub fn solve(batches: &mut [Batch], plan: &Plan) {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2,fma")]
-            fn wide(batch: &mut Batch, plan: &Plan) -> [bool; WIDTH] {
-                batch.solve_with::<super::lanes::Avx2>(plan)
+            fn wide(batches: &mut [Batch], plan: &Plan) {
+                Batch::solve_with::<super::lanes::Avx2>(batches, plan);
             }
             if super::lanes::avx2() {
                 // SAFETY: the processor has what the function is compiled for.
-                return unsafe { wide(self, plan) };
+                return unsafe { wide(batches, plan) };
             }
         }
-        self.solve_with::<F4>(plan)
+        Self::solve_with::<F4>(batches, plan);
     }
 
     /// Sensitivities from the solution columns: dH_oi/dz_g = - sum over the group's elements of (b'X_o)(b'X_i).
@@ -123,49 +132,55 @@ impl Batch {
     }
 
     #[inline(always)]
-    pub(super) fn solve_with<V: Lanes>(&mut self, plan: &Plan) -> [bool; WIDTH] {
-        let (levels, columns) = (plan.levels, plan.columns.len());
+    pub(super) fn solve_with<V: Lanes>(batches: &mut [Batch], plan: &Plan) {
+        let levels = plan.levels;
+        for batch in batches.iter_mut() {
+            batch.begin::<V>(plan);
+        }
+        for level in 0..levels.count() {
+            let n = levels.size(level);
+            let below = levels.reach(level) - levels.start[level + 1];
+            for batch in batches.iter_mut() {
+                match (n, below) {
+                    (6, 6) => batch.level::<V, 6, 6>(plan, level, 6, 6),
+                    (3, 3) => batch.level::<V, 3, 3>(plan, level, 3, 3),
+                    (1, 1) => batch.level::<V, 1, 1>(plan, level, 1, 1),
+                    _ => batch.level::<V, 0, 0>(plan, level, n, below),
+                }
+            }
+        }
+        for batch in batches.iter_mut() {
+            if plan.keep {
+                for level in (plan.last_wanted..levels.count()).rev() {
+                    batch.backward::<V>(plan, level);
+                }
+            }
+            batch.suspect = std::array::from_fn(|i| batch.excess.0[i] > 0.0 || batch.finite.0[i].is_nan());
+        }
+    }
+
+    #[inline(always)]
+    fn begin<V: Lanes>(&mut self, plan: &Plan) {
+        let columns = plan.columns.len();
         self.x.clear();
-        self.x.resize(if plan.keep { levels.n() } else { self.growth.len() } * columns, C4::ZERO);
+        self.x.resize(if plan.keep { plan.levels.n() } else { self.growth.len() } * columns, C4::ZERO);
         self.h.clear();
         self.h.resize(plan.pairs.len(), C4::ZERO);
+        let factors = if plan.keep { plan.table.slots.len() } else { self.panel.len() };
+        if self.factors.len() < factors {
+            self.factors.resize(factors, C4::ZERO);
+        }
         for (m, z) in self.magnitude.iter_mut().zip(&self.coefficients) {
             Cv::<V>::load(z).magnitude().store(m);
         }
         self.schur.fill(C4::ZERO);
         self.growth.fill(F4([0.0; WIDTH]));
-        let mut check = Check { excess: V::splat(-1.0), finite: V::splat(0.0) };
-        for level in 0..levels.count() {
-            let n = levels.size(level);
-            let below = levels.reach(level) - levels.start[level + 1];
-            check = match (n, below) {
-                (6, 6) => self.level::<V, 6, 6>(plan, level, 6, 6, check),
-                (3, 3) => self.level::<V, 3, 3>(plan, level, 3, 3, check),
-                (1, 1) => self.level::<V, 1, 1>(plan, level, 1, 1, check),
-                _ => self.level::<V, 0, 0>(plan, level, n, below, check),
-            };
-        }
-        if plan.keep {
-            for level in (plan.last_wanted..levels.count()).rev() {
-                self.backward::<V>(plan, level);
-            }
-        }
-        let (mut excess, mut finite) = (F4([0.0; WIDTH]), F4([0.0; WIDTH]));
-        check.excess.store(&mut excess);
-        check.finite.store(&mut finite);
-        std::array::from_fn(|i| excess.0[i] > 0.0 || finite.0[i].is_nan())
+        (self.excess, self.finite) = (F4([-1.0; WIDTH]), F4([0.0; WIDTH]));
     }
 
     /// One level; `N` and `M` repeat `n` and `m` where they are known when compiling, 0 otherwise.
     #[inline(always)]
-    fn level<V: Lanes, const N: usize, const M: usize>(
-        &mut self,
-        plan: &Plan,
-        level: usize,
-        n: usize,
-        m: usize,
-        mut check: Check<V>,
-    ) -> Check<V> {
+    fn level<V: Lanes, const N: usize, const M: usize>(&mut self, plan: &Plan, level: usize, n: usize, m: usize) {
         let (n, m) = if N > 0 { (N, M) } else { (n, m) };
         let base = plan.table.base[level];
         let count = row_start(n + m, n);
@@ -188,10 +203,9 @@ impl Batch {
             inverse.store(&mut factors[row_k + k]);
             let size = inverse.magnitude();
             let grown = V::load(&growth[k]).add(d.magnitude());
-            check.excess = check
-                .excess
-                .max(grown.sub_mul(V::splat(GROWTH), diagonal_scale::<V>(plan.table, base + row_k + k, self.inertia, &self.magnitude)));
-            check.finite = check.finite.add_mul(size, V::splat(0.0));
+            let scale = diagonal_scale::<V>(plan.table, base + row_k + k, self.inertia, &self.magnitude);
+            V::load(&self.excess).max(grown.sub_mul(V::splat(GROWTH), scale)).store(&mut self.excess);
+            V::load(&self.finite).add_mul(size, V::splat(0.0)).store(&mut self.finite);
             for r in k + 1..n + m {
                 let row = row_start(r, n);
                 let mut w = Cv::<V>::load(&panel[row + k]);
@@ -222,7 +236,6 @@ impl Batch {
             self.schur.fill(C4::ZERO);
         }
         self.forward::<V>(plan, level, n, m);
-        check
     }
 
     #[inline(always)]
@@ -261,6 +274,7 @@ impl Batch {
                 _ => forward_columns::<V, 4>(factors, x, stride, c, n, m),
             };
         }
+        quench::<V>(&mut x[n * stride..], stride, begin..end, level);
         if plan.keep {
             return;
         }
@@ -296,6 +310,7 @@ impl Batch {
                 _ => backward_columns::<V, 4>(factors, x, stride, c, n, reach - first),
             };
         }
+        quench::<V>(&mut x[..n * stride], stride, begin..end, level);
     }
 
     #[inline(always)]
@@ -321,13 +336,6 @@ impl Batch {
     }
 }
 
-/// Largest excess of growth over its limit, and NaN where a pivot was zero or not finite.
-#[derive(Clone, Copy)]
-struct Check<V> {
-    excess: V,
-    finite: V,
-}
-
 #[inline(always)]
 fn diagonal_scale<V: Lanes>(table: &Table, slot: usize, inertia: F4, magnitude: &[F4]) -> V {
     let (own, next) = (table.slots[slot], table.slots[slot + 1]);
@@ -336,6 +344,23 @@ fn diagonal_scale<V: Lanes>(table: &Table, slot: usize, inertia: F4, magnitude: 
         sum = sum.add_mul(V::splat(term.value.abs()), V::load(&magnitude[term.group]));
     }
     sum
+}
+
+/// Sets what has decayed below 1e-150 of the unit load to zero, every fourth level: along a chain of thousands the response dies out
+/// into subnormal numbers, on which the processor is a hundred times slower.
+#[inline(always)]
+fn quench<V: Lanes>(rows: &mut [C4], stride: usize, columns: std::ops::Range<usize>, level: usize) {
+    if level % 4 != 0 {
+        return;
+    }
+    let limit = V::splat(1e-150);
+    for row in rows.chunks_exact_mut(stride) {
+        for x in &mut row[columns.clone()] {
+            let value = Cv::<V>::load(x);
+            let size = value.magnitude();
+            Cv { re: value.re.unless_below(size, limit), im: value.im.unless_below(size, limit) }.store(x);
+        }
+    }
 }
 
 #[inline(always)]
