@@ -350,7 +350,7 @@ fn diagonal_scale<V: Lanes>(table: &Table, slot: usize, inertia: F4, magnitude: 
 /// into subnormal numbers, on which the processor is a hundred times slower.
 #[inline(always)]
 fn quench<V: Lanes>(rows: &mut [C4], stride: usize, columns: std::ops::Range<usize>, level: usize) {
-    if level % 4 != 0 {
+    if !level.is_multiple_of(4) {
         return;
     }
     let limit = V::splat(1e-150);
