@@ -1,10 +1,16 @@
 """The chain of benches/src/chain.rs as a peer sees it: group matrices from the rows the Rust side wrote, dense and banded."""
+import contextlib
 import json
 import pathlib
 import subprocess
 
 import numpy as np
 from scipy.linalg import solve_banded
+
+try:
+    from threadpoolctl import threadpool_limits
+except ImportError:
+    threadpool_limits = None
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BATCH = 100  # lines per call of np.linalg.solve: 28 MB of matrices, the fastest of 10, 30, 100, 300, 1000 here
@@ -15,6 +21,11 @@ def binary(name):
     command = ["cargo", "build", "--release", "--quiet", "-p", "misfit-benches", "--bin", name, "--message-format=json"]
     out = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
     return [m["executable"] for m in map(json.loads, out.splitlines()) if m.get("executable")][-1]
+
+
+def blas_threads(count):
+    """Runs numpy's BLAS on `count` threads inside a `with`; needs threadpoolctl, without it the default number stays."""
+    return threadpool_limits(count) if threadpool_limits and count else contextlib.nullcontext()
 
 
 class Chain:

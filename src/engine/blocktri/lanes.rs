@@ -39,6 +39,8 @@ pub(super) trait Lanes: Copy {
     fn abs(self) -> Self;
     /// The larger one; `self` where `other` is NaN.
     fn max(self, other: Self) -> Self;
+    /// 0 where `size` is below `limit`; NaN is not below anything.
+    fn unless_below(self, size: Self, limit: Self) -> Self;
 }
 
 macro_rules! each {
@@ -87,6 +89,10 @@ impl Lanes for F4 {
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         each!(|i: usize| if other.0[i] > self.0[i] { other.0[i] } else { self.0[i] })
+    }
+    #[inline(always)]
+    fn unless_below(self, size: Self, limit: Self) -> Self {
+        each!(|i: usize| if size.0[i] < limit.0[i] { 0.0 } else { self.0[i] })
     }
 }
 
@@ -150,6 +156,10 @@ mod x86 {
         fn max(self, other: Self) -> Self {
             // The instruction returns its second operand where one is NaN.
             unsafe { Self(_mm256_max_pd(other.0, self.0)) }
+        }
+        #[inline(always)]
+        fn unless_below(self, size: Self, limit: Self) -> Self {
+            unsafe { Self(_mm256_and_pd(self.0, _mm256_cmp_pd::<_CMP_NLT_UQ>(size.0, limit.0))) }
         }
     }
 }

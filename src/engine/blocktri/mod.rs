@@ -10,6 +10,9 @@
 //! Cost and memory are linear in the number of levels. Degrees of freedom ("dofs") are numbered as the caller numbers them; the
 //! internal order ("positions") does not show.
 
+// Loops over rows and columns of blocks read as the formulas do; several arrays are indexed alike in each.
+#![allow(clippy::needless_range_loop)]
+
 mod error;
 mod lanes;
 mod layout;

@@ -17,7 +17,7 @@ impl<T: Entry> BlockTri<T> {
         if !self.factored {
             return Err(BlockTriError::NotFactored);
         }
-        if n == 0 || rhs.len() % n != 0 {
+        if n == 0 || !rhs.len().is_multiple_of(n) {
             return if rhs.is_empty() { Ok(()) } else { Err(BlockTriError::Length { len: rhs.len(), n }) };
         }
         let mut rest = rhs;

@@ -7,11 +7,14 @@ use num_complex::Complex;
 use rayon::prelude::*;
 
 use super::lanes::{C4, F4, WIDTH};
-use super::symmetric::{Batch, Plan};
+use super::symmetric::{Batch, Column, Plan};
 use super::table::{Element, Table, row_start};
 use super::{BlockTri, BlockTriError, Layout};
 
 type C64 = Complex<f64>;
+
+/// Batches that pass a level together, so that the table of a long chain is read from memory once for all of them.
+const TOGETHER: usize = 4;
 
 /// Z(w) = K - w^2 M + sum_g z_g(w) sum_(e in g) b_e b_e', symmetric and sparse; e^{+i w t}, receptance H = Z^-1.
 ///
@@ -48,7 +51,7 @@ pub struct Response {
 
 #[derive(Debug)]
 struct Workspace {
-    batch: Batch,
+    batches: Vec<Batch>,
     coefficients: Vec<C64>,
     /// For lines that need pivoting; made at the first one.
     pivoting: Option<BlockTri<C64>>,
@@ -100,7 +103,7 @@ impl FrfSystem {
         }
         // A few jobs per thread even out the load; each takes a workspace from the pool, so none is allocated per line.
         let share = request.omega.len().div_ceil(8 * rayon::current_num_threads());
-        let lines = share.clamp(WIDTH, 64).next_multiple_of(WIDTH);
+        let lines = share.clamp(TOGETHER * WIDTH, 64).next_multiple_of(TOGETHER * WIDTH);
         let chunks = request.omega.par_chunks(lines).zip(response.h.par_chunks_mut(lines * per_line));
         let first = if per_line_dh > 0 {
             chunks
@@ -125,7 +128,7 @@ impl FrfSystem {
     fn workspace(&self) -> Workspace {
         let kept = self.pool.lock().ok().and_then(|mut pool| pool.pop());
         kept.unwrap_or_else(|| Workspace {
-            batch: Batch::new(&self.layout.levels, &self.table),
+            batches: vec![Batch::new(&self.layout.levels, &self.table); TOGETHER],
             coefficients: vec![C64::ZERO; self.table.groups],
             pivoting: None,
             column: vec![C64::ZERO; self.layout.n()],
@@ -136,13 +139,13 @@ impl FrfSystem {
 /// A sweep with its dofs turned into positions and columns.
 struct Job<'a> {
     system: &'a FrfSystem,
-    loads: Vec<usize>,
+    columns: Vec<Column>,
+    /// Column of the input and, where the output has a column too, of the output, for every entry of a line of H.
     pairs: Vec<(usize, usize)>,
-    /// Positions of the outputs.
-    outputs: Vec<usize>,
-    inputs: usize,
+    /// Position of the output and column of the input, for every entry of a line of H.
+    entries: Vec<(usize, usize)>,
     sensitivities: bool,
-    first_loaded: usize,
+    keep: bool,
     last_wanted: usize,
 }
 
@@ -155,33 +158,29 @@ impl<'a> Job<'a> {
         if let Some(line) = request.omega.iter().position(|w| !w.is_finite()) {
             return Err(BlockTriError::FrequencyNotFinite { line });
         }
-        let mut columns = request.inputs.to_vec();
-        let mut pairs = Vec::new();
-        for input in 0..request.inputs.len() {
-            for output in request.outputs {
-                // Sensitivities need the solution under a unit load at the output as well (Z is symmetric).
-                let column = columns.iter().position(|c| c == output).unwrap_or_else(|| {
-                    if request.sensitivities {
-                        columns.push(*output);
-                    }
-                    columns.len() - 1
-                });
-                pairs.push((input, column));
-            }
-        }
-        let level_of = |dof: &usize| levels.start.partition_point(|&s| s <= levels.position[*dof]) - 1;
-        let first_loaded = columns.iter().map(level_of).min().unwrap_or(0);
-        let last_wanted = if request.sensitivities { 0 } else { request.outputs.iter().map(level_of).min().unwrap_or(0) };
-        Ok(Self {
-            system,
-            loads: columns.iter().map(|&d| levels.position[d]).collect(),
-            pairs,
-            outputs: request.outputs.iter().map(|&d| levels.position[d]).collect(),
-            inputs: request.inputs.len(),
-            sensitivities: request.sensitivities,
-            first_loaded,
-            last_wanted,
-        })
+        let distinct = |dofs: &mut dyn Iterator<Item = &usize>| {
+            let mut columns: Vec<_> = dofs.map(|&dof| Column::new(levels, dof)).collect();
+            columns.sort_by_key(|c| c.position);
+            columns.dedup();
+            columns
+        };
+        let loads = distinct(&mut request.inputs.iter());
+        let all = distinct(&mut request.inputs.iter().chain(request.outputs));
+        let wanted = distinct(&mut request.outputs.iter());
+        let last_wanted = if request.sensitivities { 0 } else { wanted.first().map_or(0, |c| c.level) };
+        // Level substitutions of the two ways to H: forward with every column, or forward and back with the loads.
+        let forward = |columns: &[Column]| columns.iter().map(|c| c.component.1 - c.level).sum::<usize>();
+        let back: usize = loads.iter().map(|c| c.component.1 - c.component.0.max(last_wanted).min(c.component.1)).sum();
+        // Keeping the factors costs about two substitutions per level in the second cache, six and more beyond it.
+        let traffic = if system.table.slots.len() * size_of::<C4>() < 1 << 18 { 2 } else { 6 };
+        let keep = request.sensitivities || forward(&all) > forward(&loads) + back + traffic * levels.count();
+        // Sensitivities need the solution under a unit load at the output as well (Z is symmetric).
+        let columns = if keep && !request.sensitivities { loads } else { all };
+        let column_of = |dof: &usize| columns.iter().position(|c| c.position == levels.position[*dof]).unwrap_or(0);
+        let each = || request.inputs.iter().flat_map(|i| request.outputs.iter().map(move |o| (i, o)));
+        let pairs = each().map(|(i, o)| (column_of(i), column_of(o))).collect();
+        let entries = each().map(|(i, o)| (levels.position[*o], column_of(i))).collect();
+        Ok(Self { system, columns, pairs, entries, sensitivities: request.sensitivities, keep, last_wanted })
     }
 
     fn run<F>(&self, omega: &[f64], coefficients: &F, h: &mut [C64], dh: &mut [C64]) -> Result<(), BlockTriError>
@@ -201,33 +200,29 @@ impl<'a> Job<'a> {
         F: Fn(f64, &mut [C64]),
     {
         let (levels, table) = (&self.system.layout.levels, &self.system.table);
-        let pairs: &[(usize, usize)] = if self.sensitivities { &self.pairs } else { &[] };
-        let (first_loaded, last_wanted) = (self.first_loaded, self.last_wanted);
-        let plan = Plan { levels, table, loads: &self.loads, first_loaded, last_wanted, pairs };
-        for (at, lines) in omega.chunks(WIDTH).enumerate() {
-            for lane in 0..WIDTH {
-                // A last batch that is not full repeats its last line.
-                let w = lines[lane.min(lines.len() - 1)];
-                space.batch.inertia.0[lane] = -w * w;
-                coefficients(w, &mut space.coefficients);
-                for (group, (to, z)) in space.batch.coefficients.iter_mut().zip(&space.coefficients).enumerate() {
-                    if !z.is_finite() {
-                        return Err(BlockTriError::CoefficientNotFinite { group, frequency: w / TAU });
-                    }
-                    (to.re.0[lane], to.im.0[lane]) = (z.re, z.im);
+        let (columns, pairs) = (self.columns.as_slice(), self.pairs.as_slice());
+        let plan = Plan { levels, table, columns, pairs, keep: self.keep, last_wanted: self.last_wanted };
+        // Kept factors of several batches would crowd the cache, and they outweigh the table.
+        let together = if self.keep { 1 } else { TOGETHER };
+        let (per_line, per_line_dh) = (self.pairs.len(), self.pairs.len() * table.groups);
+        for (at, group) in omega.chunks(together * WIDTH).enumerate() {
+            let count = group.len().div_ceil(WIDTH);
+            for (batch, lines) in space.batches.iter_mut().zip(group.chunks(WIDTH)) {
+                fill(batch, lines, coefficients, &mut space.coefficients)?;
+            }
+            Batch::solve(&mut space.batches[..count], &plan);
+            for (sub, lines) in group.chunks(WIDTH).enumerate() {
+                let suspect = space.batches[sub].suspect;
+                for lane in (0..lines.len()).filter(|&l| suspect[l]) {
+                    self.solve_pivoting(space, sub, lane, lines[lane])?;
                 }
-            }
-            let suspect = space.batch.solve(&plan);
-            for lane in (0..lines.len()).filter(|&l| suspect[l]) {
-                self.solve_pivoting(space, lane, lines[lane])?;
-            }
-            let from = at * WIDTH;
-            self.scatter(&space.batch, lines.len(), &mut h[from * self.pairs.len()..]);
-            if self.sensitivities {
-                space.batch.differentiate(&plan);
-                let size = space.batch.sensitivity.len();
-                for (lane, line) in dh[from * size..].chunks_exact_mut(size).take(lines.len()).enumerate() {
-                    line.iter_mut().zip(&space.batch.sensitivity).for_each(|(to, s)| *to = lane_of(s, lane));
+                let (batch, from) = (&mut space.batches[sub], (at * together + sub) * WIDTH);
+                self.scatter(batch, lines.len(), &mut h[from * per_line..]);
+                if self.sensitivities && per_line_dh > 0 {
+                    batch.differentiate(&plan);
+                    for (lane, line) in dh[from * per_line_dh..].chunks_exact_mut(per_line_dh).take(lines.len()).enumerate() {
+                        line.iter_mut().zip(&batch.sensitivity).for_each(|(to, s)| *to = lane_of(s, lane));
+                    }
                 }
             }
         }
@@ -235,19 +230,18 @@ impl<'a> Job<'a> {
     }
 
     fn scatter(&self, batch: &Batch, lines: usize, h: &mut [C64]) {
-        let columns = self.loads.len();
+        let columns = self.columns.len();
         for (lane, line) in h.chunks_exact_mut(self.pairs.len()).take(lines).enumerate() {
-            for (input, row) in line.chunks_exact_mut(self.outputs.len()).enumerate().take(self.inputs) {
-                for (to, &position) in row.iter_mut().zip(&self.outputs) {
-                    *to = lane_of(&batch.x[position * columns + input], lane);
-                }
+            for (at, (to, &(position, input))) in line.iter_mut().zip(&self.entries).enumerate() {
+                *to = lane_of(if self.keep { &batch.x[position * columns + input] } else { &batch.h[at] }, lane);
             }
         }
     }
 
-    /// Solves one line with pivoting and puts its columns in place of the batch's.
-    fn solve_pivoting(&self, space: &mut Workspace, lane: usize, w: f64) -> Result<(), BlockTriError> {
+    /// Solves one line with pivoting and puts its solution in place of the batch's.
+    fn solve_pivoting(&self, space: &mut Workspace, sub: usize, lane: usize, w: f64) -> Result<(), BlockTriError> {
         let (layout, table) = (&self.system.layout, &self.system.table);
+        let batch = &mut space.batches[sub];
         let z = space.pivoting.get_or_insert_with(|| BlockTri::new(Arc::clone(layout)));
         z.clear();
         for level in 0..layout.levels.count() {
@@ -256,9 +250,9 @@ impl<'a> Job<'a> {
                 for column in 0..n.min(row + 1) {
                     let at = table.base[level] + row_start(row, n) + column;
                     let (slot, next) = (table.slots[at], table.slots[at + 1]);
-                    let mut value = C64::from(slot.stiffness + slot.mass * space.batch.inertia.0[lane]);
+                    let mut value = C64::from(slot.stiffness + slot.mass * batch.inertia.0[lane]);
                     for term in &table.terms[slot.first_term..next.first_term] {
-                        value += lane_of(&space.batch.coefficients[term.group], lane) * term.value;
+                        value += lane_of(&batch.coefficients[term.group], lane) * term.value;
                     }
                     z.add_at(layout.rows[first + row].at(first + column), value);
                     if row != column {
@@ -271,18 +265,43 @@ impl<'a> Job<'a> {
             BlockTriError::Singular { dof, pivot } => BlockTriError::SingularLine { dof, pivot, frequency: w / TAU },
             other => other,
         })?;
-        let columns = self.loads.len();
-        for (c, &load) in self.loads.iter().enumerate() {
+        let columns = self.columns.len();
+        for (c, load) in self.columns.iter().enumerate() {
             space.column.fill(C64::ZERO);
-            space.column[layout.levels.order[load]] = C64::ONE;
+            space.column[layout.levels.order[load.position]] = C64::ONE;
             z.solve(&mut space.column)?;
-            for (position, &dof) in layout.levels.order.iter().enumerate() {
-                let to = &mut space.batch.x[position * columns + c];
-                (to.re.0[lane], to.im.0[lane]) = (space.column[dof].re, space.column[dof].im);
+            let put = |to: &mut C4, position: usize| {
+                let x = space.column[layout.levels.order[position]];
+                (to.re.0[lane], to.im.0[lane]) = (x.re, x.im);
+            };
+            if self.keep {
+                (0..layout.n()).for_each(|p| put(&mut batch.x[p * columns + c], p));
+            } else {
+                let of_load = self.entries.iter().zip(&mut batch.h).filter(|((_, input), _)| *input == c);
+                of_load.for_each(|((position, _), h)| put(h, *position));
             }
         }
         Ok(())
     }
+}
+
+/// Puts up to four lines into a batch; one that is not full repeats its last line.
+fn fill<F>(batch: &mut Batch, lines: &[f64], coefficients: &F, z: &mut [C64]) -> Result<(), BlockTriError>
+where
+    F: Fn(f64, &mut [C64]),
+{
+    for lane in 0..WIDTH {
+        let w = lines[lane.min(lines.len() - 1)];
+        batch.inertia.0[lane] = -w * w;
+        coefficients(w, z);
+        for (group, (to, z)) in batch.coefficients.iter_mut().zip(z.iter()).enumerate() {
+            if !z.is_finite() {
+                return Err(BlockTriError::CoefficientNotFinite { group, frequency: w / TAU });
+            }
+            (to.re.0[lane], to.im.0[lane]) = (z.re, z.im);
+        }
+    }
+    Ok(())
 }
 
 #[inline(always)]

@@ -1,7 +1,8 @@
 //! Four lines of Z(w) X = E at once: assembly, L D L' without pivoting, substitution, sensitivities.
 //!
 //! Assembly, elimination and forward substitution go together level by level, so that a level's panel is still in the first cache
-//! when it is used. What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to
+//! when it is used. Where only a few responses are wanted the factors are not even kept: with Z = L D L', H_oi = y_o' D^-1 y_i for the
+//! forward-substituted unit loads y = L^-1 e, accumulated on the way. What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to
 //! z_kk|, the factors satisfy |Z - L D L'|_kl <= c eps g sqrt(s_k s_l), g = max_k sum_j |l_kj|^2 |d_j| / s_k. Lines whose g
 //! exceeds [`GROWTH`], or that meet a zero pivot, are reported for the pivoting factorisation.
 
@@ -19,14 +20,21 @@ pub(super) struct Batch {
     pub inertia: F4,
     /// z_g(w)
     pub coefficients: Vec<C4>,
-    /// Factors in the table's order; the diagonal holds 1/d.
+    /// Factors in the table's order, the diagonal holds 1/d; those of one level where they are not kept.
     factors: Vec<C4>,
     /// L D of the current level's panel.
     panel: Vec<C4>,
     /// What the current level takes off the next one's diagonal block (packed lower triangle), and the growth sums of its rows.
     schur: Vec<C4>,
     growth: Vec<F4>,
-    /// Solution columns, all columns of a position side by side.
+    /// Largest excess of the growth over its limit, and NaN where a pivot was zero or not finite.
+    excess: F4,
+    finite: F4,
+    /// Lines whose result must not be used.
+    pub suspect: [bool; WIDTH],
+    /// H at the plan's pairs.
+    pub h: Vec<C4>,
+    /// Solution columns, all columns of a position side by side; only a window of two levels where they are not kept.
     pub x: Vec<C4>,
     relative: Vec<C4>,
     /// dH/dz: (input, output, group).
@@ -39,14 +47,33 @@ pub(super) struct Batch {
 pub(super) struct Plan<'a> {
     pub levels: &'a Levels,
     pub table: &'a Table,
-    /// Position of the unit load of each solution column.
-    pub loads: &'a [usize],
-    /// Levels before this one carry no load.
-    pub first_loaded: usize,
-    /// Levels before this one are not needed in the solution.
-    pub last_wanted: usize,
-    /// Columns of the (input, output) pairs for the sensitivities; empty where these are not wanted.
+    /// In the order of their levels.
+    pub columns: &'a [Column],
+    /// H at (column of the input, column of the output).
     pub pairs: &'a [(usize, usize)],
+    /// Whether whole solution columns are wanted in `x`; if so H is left to the caller.
+    pub keep: bool,
+    /// Levels before this one are not needed in the kept solution.
+    pub last_wanted: usize,
+}
+
+/// A unit load.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Column {
+    pub position: usize,
+    pub level: usize,
+    /// First level of the load's component, and one past its last.
+    pub component: (usize, usize),
+}
+
+impl Column {
+    pub fn new(levels: &Levels, dof: usize) -> Self {
+        let position = levels.position[dof];
+        let level = levels.start.partition_point(|&s| s <= position) - 1;
+        let first = (0..level).rev().find(|&l| !levels.linked(l)).map_or(0, |l| l + 1);
+        let last = (level..levels.count()).find(|&l| !levels.linked(l)).unwrap_or(level);
+        Self { position, level, component: (first, last + 1) }
+    }
 }
 
 impl Batch {
@@ -56,10 +83,14 @@ impl Batch {
         Self {
             inertia: zero,
             coefficients: vec![C4::ZERO; table.groups],
-            factors: vec![C4::ZERO; table.slots.len()],
+            factors: Vec::new(),
             panel: vec![C4::ZERO; widest * widest],
             schur: vec![C4::ZERO; widest * (widest + 1) / 2],
             growth: vec![zero; 2 * widest],
+            excess: zero,
+            finite: zero,
+            suspect: [false; WIDTH],
+            h: Vec::new(),
             x: Vec::new(),
             relative: Vec::new(),
             sensitivity: Vec::new(),
@@ -67,20 +98,21 @@ impl Batch {
         }
     }
 
-    /// Solves for the plan's loads; true per line where the result must not be used.
-    pub fn solve(&mut self, plan: &Plan) -> [bool; WIDTH] {
+    /// Solves several batches for the plan's loads, level by level together, so that the table is read once for all of them; sets
+    /// `suspect` where a line's result must not be used.
+    pub fn solve(batches: &mut [Batch], plan: &Plan) {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2,fma")]
-            fn wide(batch: &mut Batch, plan: &Plan) -> [bool; WIDTH] {
-                batch.solve_with::<super::lanes::Avx2>(plan)
+            fn wide(batches: &mut [Batch], plan: &Plan) {
+                Batch::solve_with::<super::lanes::Avx2>(batches, plan);
             }
             if super::lanes::avx2() {
                 // SAFETY: the processor has what the function is compiled for.
-                return unsafe { wide(self, plan) };
+                return unsafe { wide(batches, plan) };
             }
         }
-        self.solve_with::<F4>(plan)
+        Self::solve_with::<F4>(batches, plan);
     }
 
     /// Sensitivities from the solution columns: dH_oi/dz_g = - sum over the group's elements of (b'X_o)(b'X_i).
@@ -100,48 +132,55 @@ impl Batch {
     }
 
     #[inline(always)]
-    pub(super) fn solve_with<V: Lanes>(&mut self, plan: &Plan) -> [bool; WIDTH] {
-        let (levels, columns) = (plan.levels, plan.loads.len());
+    pub(super) fn solve_with<V: Lanes>(batches: &mut [Batch], plan: &Plan) {
+        let levels = plan.levels;
+        for batch in batches.iter_mut() {
+            batch.begin::<V>(plan);
+        }
+        for level in 0..levels.count() {
+            let n = levels.size(level);
+            let below = levels.reach(level) - levels.start[level + 1];
+            for batch in batches.iter_mut() {
+                match (n, below) {
+                    (6, 6) => batch.level::<V, 6, 6>(plan, level, 6, 6),
+                    (3, 3) => batch.level::<V, 3, 3>(plan, level, 3, 3),
+                    (1, 1) => batch.level::<V, 1, 1>(plan, level, 1, 1),
+                    _ => batch.level::<V, 0, 0>(plan, level, n, below),
+                }
+            }
+        }
+        for batch in batches.iter_mut() {
+            if plan.keep {
+                for level in (plan.last_wanted..levels.count()).rev() {
+                    batch.backward::<V>(plan, level);
+                }
+            }
+            batch.suspect = std::array::from_fn(|i| batch.excess.0[i] > 0.0 || batch.finite.0[i].is_nan());
+        }
+    }
+
+    #[inline(always)]
+    fn begin<V: Lanes>(&mut self, plan: &Plan) {
+        let columns = plan.columns.len();
         self.x.clear();
-        self.x.resize(levels.n() * columns, C4::ZERO);
-        for (column, &position) in plan.loads.iter().enumerate() {
-            self.x[position * columns + column] = C4::ONE;
+        self.x.resize(if plan.keep { plan.levels.n() } else { self.growth.len() } * columns, C4::ZERO);
+        self.h.clear();
+        self.h.resize(plan.pairs.len(), C4::ZERO);
+        let factors = if plan.keep { plan.table.slots.len() } else { self.panel.len() };
+        if self.factors.len() < factors {
+            self.factors.resize(factors, C4::ZERO);
         }
         for (m, z) in self.magnitude.iter_mut().zip(&self.coefficients) {
             Cv::<V>::load(z).magnitude().store(m);
         }
         self.schur.fill(C4::ZERO);
         self.growth.fill(F4([0.0; WIDTH]));
-        let mut check = Check { excess: V::splat(-1.0), finite: V::splat(0.0) };
-        for level in 0..levels.count() {
-            let n = levels.size(level);
-            let below = levels.reach(level) - levels.start[level + 1];
-            check = match (n, below) {
-                (6, 6) => self.level::<V, 6, 6>(plan, level, 6, 6, check),
-                (3, 3) => self.level::<V, 3, 3>(plan, level, 3, 3, check),
-                (1, 1) => self.level::<V, 1, 1>(plan, level, 1, 1, check),
-                _ => self.level::<V, 0, 0>(plan, level, n, below, check),
-            };
-        }
-        for level in (plan.last_wanted..levels.count()).rev() {
-            self.backward::<V>(plan, level);
-        }
-        let (mut excess, mut finite) = (F4([0.0; WIDTH]), F4([0.0; WIDTH]));
-        check.excess.store(&mut excess);
-        check.finite.store(&mut finite);
-        std::array::from_fn(|i| excess.0[i] > 0.0 || finite.0[i].is_nan())
+        (self.excess, self.finite) = (F4([-1.0; WIDTH]), F4([0.0; WIDTH]));
     }
 
     /// One level; `N` and `M` repeat `n` and `m` where they are known when compiling, 0 otherwise.
     #[inline(always)]
-    fn level<V: Lanes, const N: usize, const M: usize>(
-        &mut self,
-        plan: &Plan,
-        level: usize,
-        n: usize,
-        m: usize,
-        mut check: Check<V>,
-    ) -> Check<V> {
+    fn level<V: Lanes, const N: usize, const M: usize>(&mut self, plan: &Plan, level: usize, n: usize, m: usize) {
         let (n, m) = if N > 0 { (N, M) } else { (n, m) };
         let base = plan.table.base[level];
         let count = row_start(n + m, n);
@@ -151,7 +190,8 @@ impl Batch {
             let one = Cv { re: V::splat(1.0), im: V::splat(0.0) };
             Cv::<V>::load(p).sub_mul(one, Cv::load(s)).store(p);
         }
-        let factors = &mut self.factors[base..base + count];
+        let kept = if plan.keep { base } else { 0 };
+        let factors = &mut self.factors[kept..kept + count];
         let growth = &mut self.growth[..n + m];
         for k in 0..n {
             let row_k = row_start(k, n);
@@ -163,10 +203,9 @@ impl Batch {
             inverse.store(&mut factors[row_k + k]);
             let size = inverse.magnitude();
             let grown = V::load(&growth[k]).add(d.magnitude());
-            check.excess = check
-                .excess
-                .max(grown.sub_mul(V::splat(GROWTH), diagonal_scale::<V>(plan.table, base + row_k + k, self.inertia, &self.magnitude)));
-            check.finite = check.finite.add_mul(size, V::splat(0.0));
+            let scale = diagonal_scale::<V>(plan.table, base + row_k + k, self.inertia, &self.magnitude);
+            V::load(&self.excess).max(grown.sub_mul(V::splat(GROWTH), scale)).store(&mut self.excess);
+            V::load(&self.finite).add_mul(size, V::splat(0.0)).store(&mut self.finite);
             for r in k + 1..n + m {
                 let row = row_start(r, n);
                 let mut w = Cv::<V>::load(&panel[row + k]);
@@ -196,10 +235,7 @@ impl Batch {
         if m == 0 {
             self.schur.fill(C4::ZERO);
         }
-        if level >= plan.first_loaded {
-            self.forward::<V>(plan, level, n, m);
-        }
-        check
+        self.forward::<V>(plan, level, n, m);
     }
 
     #[inline(always)]
@@ -217,38 +253,69 @@ impl Batch {
 
     #[inline(always)]
     fn forward<V: Lanes>(&mut self, plan: &Plan, level: usize, n: usize, m: usize) {
-        let (columns, first) = (plan.loads.len(), plan.levels.start[level]);
-        let factors = &self.factors[plan.table.base[level]..];
-        let x = &mut self.x[first * columns..(first + n + m) * columns];
-        let mut c = 0;
-        while c < columns {
-            c += match columns - c {
-                1 => forward_columns::<V, 1>(factors, x, columns, c, n, m),
-                2 | 3 => forward_columns::<V, 2>(factors, x, columns, c, n, m),
-                _ => forward_columns::<V, 4>(factors, x, columns, c, n, m),
+        // Columns loaded at or before this level, in its component: they stand together.
+        let begin = plan.columns.partition_point(|c| c.component.1 <= level);
+        let end = plan.columns.partition_point(|c| c.level <= level);
+        if begin == end {
+            return;
+        }
+        let (stride, first) = (plan.columns.len(), plan.levels.start[level]);
+        let (window, kept) = if plan.keep { (first * stride, plan.table.base[level]) } else { (0, 0) };
+        let factors = &self.factors[kept..];
+        let x = &mut self.x[window..window + (n + m) * stride];
+        for (c, column) in plan.columns[begin..end].iter().enumerate().filter(|(_, c)| c.level == level) {
+            x[(column.position - first) * stride + begin + c] = C4::ONE;
+        }
+        let mut c = begin;
+        while c < end {
+            c += match end - c {
+                1 => forward_columns::<V, 1>(factors, x, stride, c, n, m),
+                2 | 3 => forward_columns::<V, 2>(factors, x, stride, c, n, m),
+                _ => forward_columns::<V, 4>(factors, x, stride, c, n, m),
             };
         }
+        quench::<V>(&mut x[n * stride..], stride, begin..end, level);
+        if plan.keep {
+            return;
+        }
+        for (h, &(input, output)) in self.h.iter_mut().zip(plan.pairs) {
+            if !(begin..end).contains(&input) || !(begin..end).contains(&output) {
+                continue;
+            }
+            let mut sum = Cv::<V>::load(h);
+            for k in 0..n {
+                let scaled = Cv::load(&x[k * stride + input]).mul(Cv::load(&factors[row_start(k, n) + k]));
+                sum = sum.add_mul(scaled, Cv::load(&x[k * stride + output]));
+            }
+            sum.store(h);
+        }
+        // The next level's rows move to the front of the window.
+        x.copy_within(n * stride.., 0);
+        x[m * stride..].fill(C4::ZERO);
     }
 
     #[inline(always)]
     fn backward<V: Lanes>(&mut self, plan: &Plan, level: usize) {
-        let (columns, first) = (plan.loads.len(), plan.levels.start[level]);
+        let begin = plan.columns.partition_point(|c| c.component.1 <= level);
+        let end = plan.columns.partition_point(|c| c.component.0 <= level);
+        let (stride, first) = (plan.columns.len(), plan.levels.start[level]);
         let (n, reach) = (plan.levels.size(level), plan.levels.reach(level));
         let factors = &self.factors[plan.table.base[level]..];
-        let x = &mut self.x[first * columns..reach * columns];
-        let mut c = 0;
-        while c < columns {
-            c += match columns - c {
-                1 => backward_columns::<V, 1>(factors, x, columns, c, n, reach - first),
-                2 | 3 => backward_columns::<V, 2>(factors, x, columns, c, n, reach - first),
-                _ => backward_columns::<V, 4>(factors, x, columns, c, n, reach - first),
+        let x = &mut self.x[first * stride..reach * stride];
+        let mut c = begin;
+        while c < end {
+            c += match end - c {
+                1 => backward_columns::<V, 1>(factors, x, stride, c, n, reach - first),
+                2 | 3 => backward_columns::<V, 2>(factors, x, stride, c, n, reach - first),
+                _ => backward_columns::<V, 4>(factors, x, stride, c, n, reach - first),
             };
         }
+        quench::<V>(&mut x[..n * stride], stride, begin..end, level);
     }
 
     #[inline(always)]
     pub(super) fn differentiate_with<V: Lanes>(&mut self, plan: &Plan) {
-        let (columns, groups) = (plan.loads.len(), plan.table.groups);
+        let (columns, groups) = (plan.columns.len(), plan.table.groups);
         self.sensitivity.clear();
         self.sensitivity.resize(plan.pairs.len() * groups, C4::ZERO);
         self.relative.resize(columns, C4::ZERO);
@@ -269,13 +336,6 @@ impl Batch {
     }
 }
 
-/// Largest excess of growth over its limit, and NaN where a pivot was zero or not finite.
-#[derive(Clone, Copy)]
-struct Check<V> {
-    excess: V,
-    finite: V,
-}
-
 #[inline(always)]
 fn diagonal_scale<V: Lanes>(table: &Table, slot: usize, inertia: F4, magnitude: &[F4]) -> V {
     let (own, next) = (table.slots[slot], table.slots[slot + 1]);
@@ -284,6 +344,23 @@ fn diagonal_scale<V: Lanes>(table: &Table, slot: usize, inertia: F4, magnitude: 
         sum = sum.add_mul(V::splat(term.value.abs()), V::load(&magnitude[term.group]));
     }
     sum
+}
+
+/// Sets what has decayed below 1e-150 of the unit load to zero, every fourth level: along a chain of thousands the response dies out
+/// into subnormal numbers, on which the processor is a hundred times slower.
+#[inline(always)]
+fn quench<V: Lanes>(rows: &mut [C4], stride: usize, columns: std::ops::Range<usize>, level: usize) {
+    if !level.is_multiple_of(4) {
+        return;
+    }
+    let limit = V::splat(1e-150);
+    for row in rows.chunks_exact_mut(stride) {
+        for x in &mut row[columns.clone()] {
+            let value = Cv::<V>::load(x);
+            let size = value.magnitude();
+            Cv { re: value.re.unless_below(size, limit), im: value.im.unless_below(size, limit) }.store(x);
+        }
+    }
 }
 
 #[inline(always)]
