@@ -104,6 +104,8 @@ pub struct March<'a> {
     sensed: Vec<Sensed>,
     n_states: usize,
     n_follower_states: usize,
+    /// Whether the first columns are the free parameters; otherwise all are perturbations of the start.
+    pub(super) by_parameter: bool,
     // Working vectors.
     old: State,
     new_s: Vec<f64>,
@@ -165,6 +167,7 @@ impl<'a> March<'a> {
             sensed: bound.elements.iter().map(|_| Sensed::default()).collect(),
             n_states: s0,
             n_follower_states: fs0,
+            by_parameter: true,
             old: State::default(),
             new_s: vec![0.0; s0],
             external: vec![0.0; n],
@@ -359,7 +362,7 @@ impl<'a> March<'a> {
         Ok(())
     }
 
-    /// Direct differentiation of the converged step. `columns` may exceed the free parameters: the rest are initial perturbations.
+    /// Direct differentiation of the converged step. Columns beyond the free parameters are perturbations of the start.
     fn sensitivities(&mut self, state: &mut State, columns: usize) -> Result<(), EngineError> {
         let (dt, alpha, n, ns) = (self.loads.dt, self.alpha, self.mass.len(), self.n_states);
         let (big_a, big_v) = (1.0 / (alpha.beta * dt * dt), alpha.gamma / (alpha.beta * dt));
@@ -393,7 +396,7 @@ impl<'a> March<'a> {
                 h += by_state.iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
                 self.h[c * n_elements + e] = h;
             }
-            for (p, chain) in element.chains.iter().enumerate() {
+            for (p, chain) in element.chains.iter().enumerate().filter(|_| self.by_parameter) {
                 for (theta, slope) in chain {
                     self.h[theta * n_elements + e] += sensed.params(0)[p] * slope;
                 }
@@ -466,7 +469,7 @@ impl<'a> March<'a> {
                     }
                 }
             }
-            for (p, chain) in element.chains.iter().enumerate().filter(|_| n_s > 0) {
+            for (p, chain) in element.chains.iter().enumerate().filter(|_| n_s > 0 && self.by_parameter) {
                 for (theta, slope) in chain {
                     for r in 0..n_s {
                         state.ds[theta * ns + link.s0 + r] += sensed.params(1 + r)[p] * slope;

@@ -42,20 +42,29 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
     let mut z = Shooting::new(&march, &state);
     let mut cycles = 0;
     let mut change = f64::INFINITY;
-    while cycles < CYCLES {
+    let mut wait = 3;
+    while cycles < CYCLES && change >= TOLERANCE {
         let before = state.clone();
-        if cycles >= 3 && z.len() <= SHOOT {
-            z.shoot(&mut march, &mut state, steps)?;
-        } else {
-            for k in 1..=steps {
-                march.step(k, &mut state, 0)?;
-                z.widen(&state);
-            }
-        }
+        cycle(&mut march, &mut state, &mut z, steps)?;
         cycles += 1;
-        change = if cycles > 3 && z.len() <= SHOOT { z.residual } else { z.change(&before, &state) };
-        if change < TOLERANCE {
-            break;
+        let last = change;
+        change = z.change(&before, &state);
+        // What decays quickly is marched; shooting is for slow decay, and is taken back where it does not help.
+        if cycles >= wait && change >= TOLERANCE && change > 0.05 * last && z.len() <= SHOOT {
+            let marched = state.clone();
+            let shot = z.shoot(&mut march, &mut state, steps).and_then(|()| {
+                let start = state.clone();
+                cycle(&mut march, &mut state, &mut z, steps)?;
+                Ok(z.change(&start, &state))
+            });
+            cycles += 2;
+            match shot {
+                Ok(after) if after < 0.5 * change => change = after,
+                _ => {
+                    state = marched;
+                    wait = cycles + 4;
+                }
+            }
         }
     }
     // Shooting on a non-smooth cycle may hover just above the tolerance; what matters is far above it.
@@ -80,6 +89,14 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
     };
     cycle.cycles = cycles;
     Ok(cycle)
+}
+
+fn cycle(march: &mut March, state: &mut State, z: &mut Shooting, steps: usize) -> Result<(), EngineError> {
+    for k in 1..=steps {
+        march.step(k, state, 0)?;
+        z.widen(state);
+    }
+    Ok(())
 }
 
 fn length(loads: &Loads) -> usize {
@@ -249,13 +266,12 @@ struct Shooting {
     ns: usize,
     scale: [f64; 3],
     state_scale: Vec<f64>,
-    residual: f64,
 }
 
 impl Shooting {
     fn new(march: &March, state: &State) -> Self {
         let dofs = march.free_dofs().to_vec();
-        Shooting { dofs, n: state.q.len(), ns: state.s.len(), scale: [1e-300; 3], state_scale: vec![1e-300; state.s.len()], residual: 0.0 }
+        Shooting { dofs, n: state.q.len(), ns: state.s.len(), scale: [1e-300; 3], state_scale: vec![1e-300; state.s.len()] }
     }
     fn len(&self) -> usize {
         3 * self.dofs.len() + self.ns
@@ -309,24 +325,21 @@ impl Shooting {
         })
     }
     /// One Newton step on the start of the cycle.
-    fn shoot(&mut self, march: &mut March, state: &mut State, steps: usize) -> Result<(), EngineError> {
+    fn shoot(&self, march: &mut March, state: &mut State, steps: usize) -> Result<(), EngineError> {
         let before = self.pack(state);
         let start = state.clone();
         march.set_columns(state, self.len());
         self.seed(state, 0);
-        for k in 1..=steps {
-            march.step(k, state, self.len())?;
-        }
+        march.by_parameter = false;
+        let marched = (1..=steps).try_for_each(|k| march.step(k, state, self.len()));
+        march.by_parameter = true;
+        marched?;
         let gap = self.pack(state) - &before;
-        self.residual = gap.amax();
         let monodromy = self.pack_columns(state, self.len());
-        let columns = DMatrix::from_column_slice(gap.len(), 1, gap.as_slice());
-        let delta = solve_fixed_point(&monodromy, &columns);
+        let delta = solve_fixed_point(&monodromy, &DMatrix::from_column_slice(gap.len(), 1, gap.as_slice()));
         *state = start;
         march.set_columns(state, 0);
-        if self.residual >= TOLERANCE {
-            self.unpack(&(before + delta.column(0)), state);
-        }
+        self.unpack(&(before + delta.column(0)), state);
         Ok(())
     }
 }
