@@ -26,6 +26,11 @@ impl FrfQuantity {
     pub const WORDS: [(&'static str, FrfQuantity); 3] =
         [("accelerance", FrfQuantity::Accelerance), ("mobility", FrfQuantity::Mobility), ("receptance", FrfQuantity::Receptance)];
 
+    /// The word of dataset.toml.
+    pub fn word(self) -> &'static str {
+        Self::WORDS.iter().find(|(_, q)| *q == self).map_or("", |(w, _)| w)
+    }
+
     /// Power of i omega that takes a receptance to it.
     pub fn derivatives(self) -> i32 {
         match self {

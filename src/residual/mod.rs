@@ -1,1 +1,147 @@
-//! (in work)
+//! Residuals: computed minus measured over sigma, block after block, and the error of a test.
+//!
+//! **error** = rms(measured - computed) / rms(measured - mean), a complex FRF without the mean; channels of a test are pooled as root
+//! mean square. **floor** = the same with sigma in place of the difference. Energies, which run over decades: root mean square of
+//! `|ln(computed / measured)|`, and sigma/measured for the floor (design.md section 4).
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::identify::{EvalError, LeastSquares};
+use crate::model::{FreeParam, System};
+use crate::response::{BlockKind, Computed, Plan, ResponseError};
+
+/// The least-squares problem of a set of tests in the free parameters of a system.
+///
+/// Variables are the parameters, or their logarithms where [`FreeParam::log`].
+#[derive(Clone)]
+pub struct Problem<'a> {
+    /// Tests.
+    pub plans: Vec<&'a Plan>,
+    /// The system; its values serve where a parameter is not free.
+    pub system: System,
+    /// Free parameters.
+    pub free: Vec<FreeParam>,
+}
+
+impl<'a> Problem<'a> {
+    /// A problem over the given tests.
+    pub fn new(plans: Vec<&'a Plan>, system: System) -> Self {
+        let free = system.free();
+        Problem { plans, system, free }
+    }
+
+    /// Variables at the system's present values.
+    pub fn variables(&self) -> Vec<f64> {
+        self.free.iter().map(|f| to_variable(f, self.system.instances[f.instance].params[f.param].value)).collect()
+    }
+
+    /// The system at the given variables.
+    pub fn system_at(&self, p: &[f64]) -> System {
+        let mut system = self.system.clone();
+        for (f, v) in self.free.iter().zip(p) {
+            system.instances[f.instance].params[f.param].value = if f.log { v.exp() } else { *v };
+        }
+        system
+    }
+
+    /// Computed responses of every test at the given variables, tests in parallel.
+    pub fn compute(&self, p: &[f64], sensitivities: bool) -> Result<Vec<Computed>, ResponseError> {
+        let system = self.system_at(p);
+        self.plans.par_iter().map(|plan| plan.evaluate(&system, &self.free, sensitivities)).collect()
+    }
+
+    fn whitened(&self, computed: &[Computed]) -> DVector<f64> {
+        DVector::from_iterator(
+            self.n_residuals(),
+            self.plans
+                .iter()
+                .zip(computed)
+                .flat_map(|(plan, c)| c.values.iter().zip(&plan.measured).zip(&plan.sigma).map(|((y, m), s)| (y - m) / s)),
+        )
+    }
+}
+
+/// The fit's variable for a parameter value.
+pub fn to_variable(f: &FreeParam, value: f64) -> f64 {
+    if f.log { value.ln() } else { value }
+}
+
+impl LeastSquares for Problem<'_> {
+    fn n_params(&self) -> usize {
+        self.free.len()
+    }
+    fn n_residuals(&self) -> usize {
+        self.plans.iter().map(|p| p.len()).sum()
+    }
+    fn residuals(&self, p: &[f64]) -> Result<DVector<f64>, EvalError> {
+        let computed = self.compute(p, false).map_err(|e| EvalError::new(e.to_string()))?;
+        Ok(self.whitened(&computed))
+    }
+    fn jacobian(&self, p: &[f64]) -> Result<(DVector<f64>, DMatrix<f64>), EvalError> {
+        let computed = self.compute(p, true).map_err(|e| EvalError::new(e.to_string()))?;
+        let n = self.free.len();
+        let mut j = DMatrix::zeros(self.n_residuals(), n);
+        let mut row = 0;
+        for (plan, c) in self.plans.iter().zip(&computed) {
+            for (i, sigma) in plan.sigma.iter().enumerate() {
+                for k in 0..n {
+                    j[(row, k)] = c.slopes[i * n + k] / sigma;
+                }
+                row += 1;
+            }
+        }
+        Ok((self.whitened(&computed), j))
+    }
+}
+
+/// How far computed values lie from a test.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TestError {
+    /// Relative error.
+    pub error: f64,
+    /// The same with sigma in place of the difference.
+    pub floor: f64,
+    /// Root mean square of the whitened residuals.
+    pub whitened_rms: f64,
+    /// Row of the largest whitened residual, and its block.
+    pub worst: (usize, usize),
+}
+
+/// Error, floor and worst point of a test.
+pub fn test_error(plan: &Plan, computed: &[f64]) -> TestError {
+    let (mut error, mut floor, mut whitened, mut worst) = (0.0, 0.0, 0.0, (0, 0, -1.0));
+    for (b, block) in plan.blocks.iter().enumerate() {
+        let (e, f) =
+            block_error(block.kind, &plan.measured[block.range.clone()], &computed[block.range.clone()], &plan.sigma[block.range.clone()]);
+        error += e * e;
+        floor += f * f;
+        for i in block.range.clone() {
+            let w = ((computed[i] - plan.measured[i]) / plan.sigma[i]).abs();
+            whitened += w * w;
+            if w > worst.2 {
+                worst = (i, b, w);
+            }
+        }
+    }
+    let blocks = plan.blocks.len().max(1) as f64;
+    TestError {
+        error: (error / blocks).sqrt(),
+        floor: (floor / blocks).sqrt(),
+        whitened_rms: (whitened / plan.len().max(1) as f64).sqrt(),
+        worst: (worst.0, worst.1),
+    }
+}
+
+fn block_error(kind: BlockKind, measured: &[f64], computed: &[f64], sigma: &[f64]) -> (f64, f64) {
+    let n = measured.len().max(1) as f64;
+    let rms = |it: &mut dyn Iterator<Item = f64>| (it.map(|v| v * v).sum::<f64>() / n).sqrt();
+    if kind == BlockKind::Table {
+        let ln = |c: f64, m: f64| if c * m > 0.0 { (c / m).ln() } else { f64::INFINITY };
+        let error = rms(&mut measured.iter().zip(computed).map(|(m, c)| ln(*c, *m)));
+        return (error, rms(&mut measured.iter().zip(sigma).map(|(m, s)| s / m)));
+    }
+    let mean = if kind == BlockKind::Frf { 0.0 } else { measured.iter().sum::<f64>() / n };
+    let size = rms(&mut measured.iter().map(|m| m - mean)).max(f64::MIN_POSITIVE);
+    (rms(&mut measured.iter().zip(computed).map(|(m, c)| m - c)) / size, rms(&mut sigma.iter().copied()) / size)
+}

@@ -1,1 +1,188 @@
-//! (in work)
+//! Responses: what a test would have measured on the model, at the test's own points, with sensitivities.
+//!
+//! A [`Plan`] is made once per test: what drives the model, what is read, what was measured with which sigma. [`Plan::evaluate`] runs
+//! the engine for the present parameters.
+
+mod channel;
+mod cycle;
+mod energy;
+mod error;
+mod frf;
+mod site;
+mod transient;
+
+use std::collections::BTreeMap;
+
+use crate::data::{Record, Test, TestKind};
+use crate::model::{Bound, FreeParam, Model, System};
+
+pub use cycle::CyclePlan;
+pub use energy::{Energies, EnergyPlan, energies};
+pub use error::ResponseError;
+pub use frf::FrfPlan;
+pub use transient::TransientPlan;
+
+/// What the points of a block are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockKind {
+    /// One settled cycle against phase.
+    Loop,
+    /// Complex lines, real and imaginary part in turn.
+    Frf,
+    /// A record against time.
+    Record,
+    /// Rows of a table.
+    Table,
+}
+
+/// One channel of a test within the test's vector of points.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// `force at c1.x`.
+    pub label: String,
+    /// Role of the channel in one word, as in `test.role`.
+    pub role: String,
+    /// SI unit.
+    pub unit: String,
+    /// Kind of points.
+    pub kind: BlockKind,
+    /// Rows of the test's vector.
+    pub range: std::ops::Range<usize>,
+    /// Phase [rad], frequency [Hz], time [s] or row number; one per point (FRF: one per line).
+    pub abscissa: Vec<f64>,
+    /// Driven displacement at the points of a displacement-controlled test [m or rad], for loop plots; else empty.
+    pub x: Vec<f64>,
+    /// Driven velocity at the same.
+    pub v: Vec<f64>,
+}
+
+/// How one test is computed and what it is held against.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Id of the test.
+    pub id: String,
+    /// Kind of test.
+    pub kind: TestKind,
+    /// Conditions [SI].
+    pub conditions: BTreeMap<String, f64>,
+    /// Measured values, block after block [SI].
+    pub measured: Vec<f64>,
+    /// Standard deviation of each.
+    pub sigma: Vec<f64>,
+    /// Channels.
+    pub blocks: Vec<Block>,
+    /// What was done to the data.
+    pub notes: Vec<String>,
+    work: Work,
+}
+
+#[derive(Clone, Debug)]
+enum Work {
+    Cycle(CyclePlan),
+    Frf(FrfPlan),
+    Transient(TransientPlan),
+    Energy(EnergyPlan),
+}
+
+/// Computed values and their derivatives, `slopes[row * n_free + k]`.
+#[derive(Clone, Debug, Default)]
+pub struct Computed {
+    /// One per row of the plan.
+    pub values: Vec<f64>,
+    /// Empty unless asked for.
+    pub slopes: Vec<f64>,
+}
+
+/// Amplitudes of motion and force at a place.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Amplitude {
+    /// Half the range of relative displacement.
+    pub x: f64,
+    /// Largest relative speed.
+    pub v: f64,
+    /// Half the range of force.
+    pub f: f64,
+}
+
+impl Plan {
+    /// Plans a test on a model.
+    pub fn new(test: &Test, model: &Model) -> Result<Plan, ResponseError> {
+        let conditions = test.conditions.iter().map(|(k, c)| (k.clone(), c.value)).collect();
+        let mut plan = Plan {
+            id: test.id.clone(),
+            kind: test.kind(),
+            conditions,
+            measured: vec![],
+            sigma: vec![],
+            blocks: vec![],
+            notes: vec![],
+            work: Work::Energy(EnergyPlan::default()),
+        };
+        plan.work = match &test.record {
+            Record::Cycle(record) => Work::Cycle(CyclePlan::new(record, model, &mut plan)?),
+            Record::Frf(frf) => Work::Frf(FrfPlan::new(frf, model, &mut plan)?),
+            Record::Transient(record) => Work::Transient(TransientPlan::new(record, model, &mut plan)?),
+            Record::Energy(table) => Work::Energy(EnergyPlan::new(table, model, &mut plan)?),
+            Record::Modal(_) => {
+                return Err(ResponseError::invalid(&test.id, "modal tables are not computed yet", "cycle, frf, transient or energy"));
+            }
+        };
+        if let Some(bad) = plan.sigma.iter().position(|s| !(s.is_finite() && *s > 0.0)) {
+            return Err(ResponseError::invalid(&test.id, format!("sigma of point {bad} is {}", plan.sigma[bad]), "sigma above zero"));
+        }
+        Ok(plan)
+    }
+
+    /// Number of measured values.
+    pub fn len(&self) -> usize {
+        self.measured.len()
+    }
+    /// Whether nothing was measured.
+    pub fn is_empty(&self) -> bool {
+        self.measured.is_empty()
+    }
+
+    fn add_block(&mut self, block: Block, measured: Vec<f64>, sigma: Vec<f64>) {
+        self.measured.extend(measured);
+        self.sigma.extend(sigma);
+        self.blocks.push(block);
+    }
+
+    /// Binds the system to this test.
+    pub fn bind(&self, system: &System, free: &[FreeParam]) -> Result<Bound, ResponseError> {
+        Ok(Bound::new(system, free, &self.id, &self.conditions)?)
+    }
+
+    /// Runs the engine.
+    pub fn evaluate(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Computed, ResponseError> {
+        let named = |source| ResponseError::Engine { test: self.id.clone(), source };
+        match &self.work {
+            Work::Cycle(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
+            Work::Frf(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
+            Work::Transient(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
+            Work::Energy(w) => w.evaluate(system, free, self, sensitivities),
+        }
+    }
+
+    /// Amplitudes at every place under this test; `None` for tests that declare none.
+    pub fn amplitudes(&self, system: &System) -> Result<Option<Vec<Amplitude>>, ResponseError> {
+        let named = |source| ResponseError::Engine { test: self.id.clone(), source };
+        let bound = self.bind(system, &[])?;
+        match &self.work {
+            Work::Cycle(w) => w.amplitudes(&system.model, &bound).map(Some).map_err(named),
+            Work::Transient(w) => w.amplitudes(&system.model, &bound).map(Some).map_err(named),
+            Work::Energy(w) => w.amplitudes(system, self).map(Some),
+            Work::Frf(_) => Ok(None),
+        }
+    }
+
+    /// Shortest and longest period the test speaks of [s].
+    pub fn periods(&self) -> (f64, f64) {
+        match &self.work {
+            Work::Cycle(w) => (w.period() / 5.0, w.period()),
+            Work::Frf(w) => w.periods(),
+            Work::Transient(w) => (w.dt() * 10.0, w.duration()),
+            Work::Energy(w) => w.periods(),
+        }
+    }
+}

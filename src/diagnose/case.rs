@@ -1,0 +1,245 @@
+//! A model with its tests, and its fit.
+
+use std::sync::Arc;
+
+use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Monitor, Prior, UncertaintyOptions};
+use crate::model::{FreeParam, ModelError, ParamValue, Site, System};
+use crate::residual::{Problem, test_error, to_variable};
+use crate::response::{Computed, Plan};
+
+use super::DiagnoseError;
+use super::results::{Curve, EffectAt, FitResult, ParameterResult, SplitName, TestResult, Worst};
+
+/// What the search for missing effects may use.
+#[derive(Clone, Debug, Default)]
+pub struct Search {
+    /// Effects it is restricted to.
+    pub effects: Option<Vec<String>>,
+    /// Places it is restricted to.
+    pub places: Option<Vec<String>>,
+    /// Most effects it may add.
+    pub max_added: Option<usize>,
+}
+
+/// A model with its tests.
+#[derive(Clone)]
+pub struct Case {
+    /// Name of the study.
+    pub name: String,
+    /// Tests made ready, with their splits.
+    pub plans: Arc<Vec<(Plan, SplitName)>>,
+    /// The model with its effects and present values.
+    pub system: System,
+    /// Pairs of free parameters in rising order, by name, with a least gap.
+    pub orders: Vec<(String, String, f64)>,
+    /// Loss on whitened residuals.
+    pub loss: Loss,
+    /// Iterations of a fit at most.
+    pub max_iterations: u64,
+    /// Starts of a fit.
+    pub starts: usize,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Search.
+    pub search: Search,
+}
+
+/// A fitted case.
+#[derive(Clone)]
+pub struct Fitted {
+    /// The system at its fitted values.
+    pub system: System,
+    /// Free parameters.
+    pub free: Vec<FreeParam>,
+    /// What the identification gave.
+    pub outcome: FitOutcome,
+    /// Options it ran with.
+    pub options: FitOptions,
+}
+
+impl Case {
+    /// Plans of the given split.
+    pub fn plans_of(&self, split: SplitName) -> Vec<&Plan> {
+        self.plans.iter().filter(|(_, s)| *s == split).map(|(p, _)| p).collect()
+    }
+
+    /// Bounds, orders and priors of the system's free parameters in the fit's variables.
+    pub fn options(&self, system: &System, n_residuals: usize) -> Result<FitOptions, ModelError> {
+        let free = system.free();
+        let param = |f: &FreeParam| -> &ParamValue { &system.instances[f.instance].params[f.param] };
+        let mut options = FitOptions::new(free.iter().map(|f| f.name.clone()));
+        let bound = |f: &FreeParam, v: f64, side: f64| match (f.log, v) {
+            // A positive shape is kept within six decades of its start, so that one without influence does not run away.
+            (true, v) if v.is_infinite() || v <= 0.0 => to_variable(f, param(f).value) + side * 1e6f64.ln(),
+            (true, v) => v.ln(),
+            (false, v) => v,
+        };
+        let lower = free.iter().map(|f| bound(f, param(f).min, -1.0)).collect();
+        let upper = free.iter().map(|f| bound(f, param(f).max, 1.0)).collect();
+        options.constraints = Constraints::bounds(lower, upper);
+        for (below, above, gap) in &self.orders {
+            let find = |name: &str| free.iter().position(|f| f.name == name);
+            let (Some(a), Some(b)) = (find(below), find(above)) else {
+                let missing = if find(below).is_none() { below } else { above };
+                return Err(ModelError::no_such("free parameter", missing, free.iter().map(|f| f.name.clone())));
+            };
+            options.constraints = options.constraints.order(a, b, *gap);
+        }
+        options.priors =
+            free.iter().enumerate().filter_map(|(index, f)| param(f).prior.map(|(mean, sigma)| Prior { index, mean, sigma })).collect();
+        if self.loss != Loss::Squares && n_residuals > 0 {
+            options.losses = vec![LossBlock { rows: 0..n_residuals, loss: self.loss }];
+        }
+        options.tolerances.max_iterations = self.max_iterations;
+        Ok(options)
+    }
+
+    /// Fits the given system to the given tests.
+    pub fn fit_system(&self, system: &System, plans: Vec<&Plan>, monitor: &Monitor) -> Result<Fitted, DiagnoseError> {
+        let problem = Problem::new(plans, system.clone());
+        let rows = problem.plans.iter().map(|p| p.len()).sum();
+        let options = self.options(system, rows)?;
+        options.constraints.validate(&options.names)?;
+        let start = problem.variables();
+        let outcome = if self.starts > 1 && !start.is_empty() {
+            let mut starts = vec![start.clone()];
+            starts.extend(identify::latin_hypercube(&start, &options, self.starts - 1, self.seed)?);
+            let mut results = identify::multi_start(&problem, &starts, &options, monitor)?;
+            results.remove(0).result?
+        } else {
+            identify::fit(&problem, &start, &options, monitor)?
+        };
+        Ok(Fitted { system: problem.system_at(&outcome.p), free: problem.free, outcome, options })
+    }
+}
+
+/// Fits a case to its fit tests and holds every test that `splits` names against the result.
+pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Fitted, FitResult), DiagnoseError> {
+    let started = std::time::Instant::now();
+    let fitted = case.fit_system(&case.system, case.plans_of(SplitName::Fit), monitor)?;
+    let tests = compare(case, &fitted.system, splits)?;
+    let (parameters, unidentifiable) = parameters(case, &fitted)?;
+    let mut notes: Vec<String> = case.plans.iter().flat_map(|(p, _)| p.notes.iter().map(move |n| format!("{}: {n}", p.id))).collect();
+    notes.dedup();
+    let result = FitResult {
+        study: case.name.clone(),
+        termination: fitted.outcome.termination.name().into(),
+        cost: fitted.outcome.cost,
+        n_residuals: fitted.outcome.n_residuals,
+        n_free: fitted.free.len(),
+        wall_s: started.elapsed().as_secs_f64(),
+        iterations: fitted.outcome.iterations,
+        tests,
+        parameters,
+        unidentifiable,
+        effects: effects(&fitted.system),
+        notes,
+    };
+    Ok((fitted, result))
+}
+
+/// The effects of a system with their places.
+pub fn effects(system: &System) -> Vec<EffectAt> {
+    system.instances.iter().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() }).collect()
+}
+
+/// Holds the tests of the given splits against a system.
+pub fn compare(case: &Case, system: &System, splits: &[SplitName]) -> Result<Vec<TestResult>, DiagnoseError> {
+    use rayon::prelude::*;
+    case.plans
+        .par_iter()
+        .filter(|(_, split)| splits.contains(split))
+        .map(|(plan, split)| {
+            let computed = plan.evaluate(system, &[], false)?;
+            Ok(test_result(plan, *split, &computed))
+        })
+        .collect()
+}
+
+fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult {
+    let e = test_error(plan, &computed.values);
+    let block = &plan.blocks[e.worst.1];
+    let within = e.worst.0 - block.range.start;
+    use crate::response::BlockKind;
+    let (point, axis) = match block.kind {
+        BlockKind::Frf => {
+            (within / 2, format!("{:.4} Hz, {}", block.abscissa[within / 2], if within % 2 == 0 { "real" } else { "imaginary" }))
+        }
+        BlockKind::Loop => (within, format!("{:.0} deg of the cycle", block.abscissa[within].to_degrees())),
+        BlockKind::Record => (within, format!("{:.4} s", block.abscissa[within])),
+        BlockKind::Table => (within, format!("{} Hz", block.abscissa[within])),
+    };
+    let _ = point;
+    let curves = plan
+        .blocks
+        .iter()
+        .map(|b| Curve {
+            label: b.label.clone(),
+            unit: b.unit.clone(),
+            kind: b.kind,
+            abscissa: b.abscissa.clone(),
+            x: b.x.clone(),
+            v: b.v.clone(),
+            measured: plan.measured[b.range.clone()].to_vec(),
+            computed: computed.values[b.range.clone()].to_vec(),
+            sigma: plan.sigma[b.range.clone()].to_vec(),
+        })
+        .collect();
+    TestResult {
+        id: plan.id.clone(),
+        kind: plan.kind.word().into(),
+        split,
+        error: e.error,
+        floor: e.floor,
+        whitened_rms: e.whitened_rms,
+        worst: Worst {
+            place: format!("{} at {axis}", block.label),
+            measured: plan.measured[e.worst.0],
+            computed: computed.values[e.worst.0],
+        },
+        n: plan.len(),
+        curves,
+    }
+}
+
+/// Unit of a parameter in SI.
+pub fn unit_of(system: &System, f: &FreeParam) -> String {
+    let instance = &system.instances[f.instance];
+    let rotational = match &instance.site {
+        Site::Places(p) => p.first().is_some_and(|p| system.model.places[*p].axis.rotational()),
+        Site::Channel(_) => false,
+    };
+    instance.effect.info().params[f.param].dim.si(rotational)
+}
+
+/// Parameters with their intervals, and the named combinations the data do not determine.
+pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>, Vec<String>), DiagnoseError> {
+    let problem = Problem::new(case.plans_of(SplitName::Fit), fitted.system.clone());
+    let mut uncertainty = identify::uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
+    uncertainty.probe(&problem, &fitted.outcome, &fitted.options)?;
+    let list = uncertainty
+        .parameters
+        .iter()
+        .zip(&fitted.free)
+        .map(|(u, f)| {
+            let p = &fitted.system.instances[f.instance].params[f.param];
+            // From the fit's variable to the parameter: by the slope for the deviation, by the map for the interval.
+            let back = |v: Option<f64>| v.map(|v| if f.log { v.exp() } else { v });
+            let std = u.std.map(|s| if f.log { s * p.value } else { s });
+            let (text, factor) = if p.unit.0.is_empty() { (unit_of(&fitted.system, f), 1.0) } else { p.unit.clone() };
+            let spread = std.map(|s| format!(" +- {:.2}", 1.96 * s / factor)).unwrap_or_else(|| " (not identified)".into());
+            ParameterResult {
+                name: f.name.clone(),
+                value: p.value,
+                unit: unit_of(&fitted.system, f),
+                std,
+                interval: (back(u.interval.0), back(u.interval.1)),
+                identifiable: u.identifiable,
+                at_bound: u.at_bound,
+                printed: format!("{:.5} {text}{spread}", p.value / factor),
+                note: u.note.clone(),
+            }
+        })
+        .collect();
+    Ok((list, uncertainty.unidentifiable.iter().map(|n| n.label.clone()).collect()))
+}

@@ -1,0 +1,42 @@
+//! What can go wrong in fit and diagnosis.
+
+use crate::explain::Explain;
+use crate::identify::IdentifyError;
+use crate::model::ModelError;
+use crate::response::ResponseError;
+
+/// Errors of the diagnose stage.
+#[derive(Debug, thiserror::Error)]
+pub enum DiagnoseError {
+    /// From the response stage.
+    #[error(transparent)]
+    Response(#[from] ResponseError),
+    /// From the identification.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// From the model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+impl DiagnoseError {
+    fn inner(&self) -> &dyn Explain {
+        match self {
+            DiagnoseError::Response(e) => e,
+            DiagnoseError::Identify(e) => e,
+            DiagnoseError::Model(e) => e,
+        }
+    }
+}
+
+impl Explain for DiagnoseError {
+    fn stage(&self) -> &'static str {
+        self.inner().stage()
+    }
+    fn place(&self) -> String {
+        self.inner().place()
+    }
+    fn accepted(&self) -> String {
+        self.inner().accepted()
+    }
+}

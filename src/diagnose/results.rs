@@ -1,0 +1,286 @@
+//! What the verbs give: the JSON of contract.md, with the curves a report draws beside it.
+
+use serde::Serialize;
+
+/// Which use a test serves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SplitName {
+    /// Parameters are identified on it.
+    Fit,
+    /// Effects are accepted on it.
+    Select,
+    /// Read once, at the end.
+    HeldOut,
+}
+
+/// The point of a test that lies farthest from the model in units of sigma.
+#[derive(Clone, Debug, Serialize)]
+pub struct Worst {
+    /// Channel and abscissa, in words.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// Measured value [SI].
+    pub measured: f64,
+    /// Computed value [SI].
+    pub computed: f64,
+}
+
+/// One channel of a test, for plots and Parquet.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// `force at c1.x`.
+    pub label: String,
+    /// SI unit.
+    pub unit: String,
+    /// What the points are.
+    pub kind: crate::response::BlockKind,
+    /// Phase [rad], frequency [Hz], time [s], row.
+    pub abscissa: Vec<f64>,
+    /// Driven displacement and velocity at the points; empty where not driven.
+    pub x: Vec<f64>,
+    /// Driven velocity.
+    pub v: Vec<f64>,
+    /// Measured (FRF: real and imaginary parts in turn).
+    pub measured: Vec<f64>,
+    /// Computed.
+    pub computed: Vec<f64>,
+    /// Standard deviation.
+    pub sigma: Vec<f64>,
+}
+
+/// One test against the model.
+#[derive(Clone, Debug, Serialize)]
+pub struct TestResult {
+    /// Id of the test.
+    pub id: String,
+    /// cycle, frf, transient, energy, modal.
+    pub kind: String,
+    /// Its split.
+    pub split: SplitName,
+    /// rms(measured - computed) / rms(measured - mean).
+    pub error: f64,
+    /// The same with sigma in place of the difference.
+    pub floor: f64,
+    /// Root mean square of the whitened residuals.
+    pub whitened_rms: f64,
+    /// Farthest point.
+    pub worst: Worst,
+    /// Number of measured values.
+    pub n: usize,
+    /// Its channels.
+    #[serde(skip)]
+    pub curves: Vec<Curve>,
+}
+
+/// One parameter.
+#[derive(Clone, Debug, Serialize)]
+pub struct ParameterResult {
+    /// `at.effect.parameter`.
+    pub name: String,
+    /// Value [SI].
+    pub value: f64,
+    /// SI unit.
+    pub unit: String,
+    /// Standard deviation [SI]; none where it is not identified.
+    pub std: Option<f64>,
+    /// 95 % interval [SI], open ends none.
+    pub interval: (Option<f64>, Option<f64>),
+    /// Whether the data determine it.
+    pub identifiable: bool,
+    /// Whether it lies at a bound.
+    pub at_bound: bool,
+    /// Value as the engineer writes it, `20.3 N/mm`.
+    pub printed: String,
+    /// Why it is not identified.
+    pub note: Option<String>,
+}
+
+/// An effect and its place.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize)]
+pub struct EffectAt {
+    /// Name of the effect.
+    pub effect: String,
+    /// Place.
+    pub at: String,
+}
+
+/// Result of `fit`.
+#[derive(Clone, Debug, Serialize)]
+pub struct FitResult {
+    /// Name of the study.
+    pub study: String,
+    /// converged, stalled, max_iterations, interrupted, failed.
+    pub termination: String,
+    /// 1/2 ||r||^2 over the fitted tests and priors.
+    pub cost: f64,
+    /// Rows.
+    pub n_residuals: usize,
+    /// Free parameters.
+    pub n_free: usize,
+    /// Wall time [s].
+    pub wall_s: f64,
+    /// Iterations.
+    pub iterations: u64,
+    /// Every test of the study.
+    pub tests: Vec<TestResult>,
+    /// Free parameters.
+    pub parameters: Vec<ParameterResult>,
+    /// Combinations the data do not determine, in words.
+    pub unidentifiable: Vec<String>,
+    /// Effects of the model.
+    pub effects: Vec<EffectAt>,
+    /// Notes on data and fit.
+    pub notes: Vec<String>,
+}
+
+/// Something seen in the residuals.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// Test.
+    pub test: String,
+    /// What is claimed, in words.
+    pub claim: String,
+    /// Statistic.
+    pub number: f64,
+    /// Value beyond which it is claimed.
+    pub threshold: f64,
+    /// Probability of seeing an effect of 10 % of the signal.
+    pub power: f64,
+}
+
+/// A candidate effect.
+#[derive(Clone, Debug, Serialize)]
+pub struct Candidate {
+    /// Name of the effect.
+    pub effect: String,
+    /// Place.
+    pub at: String,
+    /// For a coefficient: the parameter it acts on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of: Option<String>,
+    /// Fraction of the cost that the score test expects to fall.
+    pub predicted_drop: f64,
+    /// Pooled error before.
+    pub error_before: f64,
+    /// Pooled error on the select tests after the refit; none where it was not refitted.
+    pub error_after: Option<f64>,
+    /// Whether it earned its place.
+    pub accepted: bool,
+    /// Candidates the data cannot tell from it, `effect at place`.
+    pub tied_with: Vec<String>,
+    /// p-value of the best of all candidates under nothing missing, for this candidate's score.
+    pub p_value: f64,
+    /// Why it was not accepted or failed, in words.
+    pub remark: String,
+}
+
+/// A test that would separate tied candidates.
+#[derive(Clone, Debug, Serialize)]
+pub struct NextTest {
+    /// In words.
+    pub describe: String,
+    /// Drive frequency [Hz].
+    pub frequency: f64,
+    /// Amplitude of the drive [SI].
+    pub amplitude: f64,
+    /// Expected separation in units of noise.
+    pub separation: f64,
+}
+
+/// What a diagnosis says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// An effect is missing.
+    Missing,
+    /// Nothing is.
+    NothingMissing,
+    /// Something is, but no candidate explains it.
+    Unexplained,
+}
+
+/// Result of `diagnose`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// Findings.
+    pub findings: Vec<Finding>,
+    /// Candidates, best first.
+    pub candidates: Vec<Candidate>,
+    /// Verdict.
+    pub verdict: Verdict,
+    /// Best accepted, with its place.
+    pub missing: Vec<EffectAt>,
+    /// Test that separates the tied.
+    pub next_test: Option<NextTest>,
+    /// Strength of each candidate that would have been seen, where nothing is missing: name and value with unit.
+    pub would_have_been_seen: Vec<String>,
+}
+
+/// One rung of a ladder.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rung {
+    /// Effect added; none on the first rung.
+    pub added: Option<EffectAt>,
+    /// Effects pruned.
+    pub removed: Vec<EffectAt>,
+    /// Tests after the refit; held-out tests stand only on the first and last rung.
+    pub tests: Vec<TestResult>,
+    /// Parameters after the refit.
+    pub parameters: Vec<ParameterResult>,
+    /// Effects of the model.
+    pub effects: Vec<EffectAt>,
+    /// Candidates weighed for this rung.
+    pub candidates: Vec<Candidate>,
+    /// Termination of the refit.
+    pub termination: String,
+    /// Cost after the refit.
+    pub cost: f64,
+}
+
+/// A missing effect with what it cannot be told from.
+#[derive(Clone, Debug, Serialize)]
+pub struct Missing {
+    /// Name of the effect.
+    pub effect: String,
+    /// Place.
+    pub at: String,
+    /// `effect at place` of the tied.
+    pub tied_with: Vec<String>,
+}
+
+/// Pooled error of the held-out tests.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct HeldOut {
+    /// On the first rung.
+    pub before: Option<f64>,
+    /// On the last.
+    pub after: Option<f64>,
+    /// Floor.
+    pub floor: Option<f64>,
+}
+
+/// Result of `ladder`.
+#[derive(Clone, Debug, Serialize)]
+pub struct LadderResult {
+    /// Name of the study.
+    pub study: String,
+    /// Rungs.
+    pub rungs: Vec<Rung>,
+    /// Verdict.
+    pub verdict: Verdict,
+    /// Effects added that stayed.
+    pub missing: Vec<Missing>,
+    /// Held-out error, read once.
+    pub held_out: HeldOut,
+    /// Findings on the last rung.
+    pub findings: Vec<Finding>,
+    /// Test that separates the tied.
+    pub next_test: Option<NextTest>,
+    /// Why the ladder ended, in words.
+    pub ended: String,
+    /// Wall time [s].
+    pub wall_s: f64,
+    /// Folder of the resulting study.
+    pub result_study: Option<String>,
+}

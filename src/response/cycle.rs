@@ -1,0 +1,122 @@
+//! The settled loop of a cycle test.
+
+use std::f64::consts::TAU;
+
+use crate::data::{Control, TimeRecord};
+use crate::engine::EngineError;
+use crate::engine::march::{Loads, Probe};
+use crate::engine::periodic::periodic;
+use crate::model::{Bound, Model};
+
+use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel, site};
+
+/// Steps per cycle at least: the integration error of second order then lies below 1e-4 of the amplitude.
+const STEPS: usize = 300;
+
+/// A cycle test made ready.
+#[derive(Clone, Debug)]
+pub struct CyclePlan {
+    loads: Loads,
+    probes: Vec<(Probe, f64)>,
+    /// Points per cycle and engine steps per point.
+    points: usize,
+    stride: usize,
+    /// Acceleration of the driven end at every step.
+    acceleration: Vec<f64>,
+}
+
+impl CyclePlan {
+    pub(super) fn new(record: &TimeRecord, model: &Model, plan: &mut Plan) -> Result<Self, ResponseError> {
+        let settled = record.settled()?;
+        let control = record.control.unwrap_or(Control::Displacement);
+        let controlled = &settled.channels[settled.controlled];
+        let (dof, sign) = site::driven(model, &controlled.at, &plan.id)?;
+        let n = settled.n;
+        let stride = STEPS.div_ceil(n).max(1);
+        let steps = n * stride;
+        let samples: Vec<[f64; 3]> = (0..=steps)
+            .map(|j| {
+                let (x, v, a) = settled.input.at_phase(settled.phase[0] + TAU * j as f64 / steps as f64);
+                [x, v, a]
+            })
+            .collect();
+        let loads = site::loads(control, dof, sign, 1.0 / (settled.frequency * steps as f64), &samples);
+        let driven_motion = control == Control::Displacement;
+        let mut probes = Vec::new();
+        for (k, c) in settled.channels.iter().enumerate().filter(|(k, _)| *k != settled.controlled) {
+            use crate::data::Role;
+            if !matches!(c.role, Role::Displacement | Role::Force) {
+                plan.notes.push(format!("channel {} at {} is not compared", c.role.word(), c.at));
+                continue;
+            }
+            // The force of a machine that drives one end of a connector is the reaction there.
+            probes.push(site::probe(model, c.role, &c.at, control, (dof, sign), &plan.id)?);
+            let start = plan.measured.len();
+            let at_points = |which: usize| {
+                if driven_motion { (0..n).map(|i| samples[i * stride][which]).collect() } else { vec![] }
+            };
+            let block = Block {
+                label: format!("{} at {}", c.role.word(), c.at),
+                role: c.role.word().into(),
+                unit: c.unit.dimension.si_unit(),
+                kind: BlockKind::Loop,
+                range: start..start + n,
+                abscissa: settled.phase.clone(),
+                x: if driven_motion { at_points(0) } else { controlled.mean.clone() },
+                v: at_points(1),
+            };
+            plan.add_block(block, c.mean.clone(), vec![c.sigma_mean; n]);
+            let _ = k;
+        }
+        plan.notes.extend(settled.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
+        let acceleration = samples.iter().skip(1).map(|s| if driven_motion { s[2] } else { 0.0 }).collect();
+        Ok(CyclePlan { loads, probes, points: n, stride, acceleration })
+    }
+
+    pub(super) fn period(&self) -> f64 {
+        self.loads.dt * (self.points * self.stride) as f64
+    }
+
+    pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
+        let probes: Vec<Probe> = self.probes.iter().map(|p| p.0).collect();
+        let mut cycle = periodic(model, bound, &self.loads, &probes, sensitivities)?;
+        let n_free = cycle.columns;
+        let mut out = Computed::default();
+        for (i, block) in plan.blocks.iter().enumerate() {
+            let sign = self.probes[i].1;
+            cycle.values[i].iter_mut().for_each(|v| *v *= sign);
+            cycle.slopes[i].iter_mut().for_each(|v| *v *= sign);
+            let (values, slopes) = (&mut cycle.values[i], &mut cycle.slopes[i]);
+            channel::apply(bound, &plan.id, &block.role, self.loads.dt, true, &self.acceleration, values, slopes);
+            let steps = cycle.steps;
+            for point in 0..self.points {
+                // Point 0 is the start of the cycle, which the march reports as its end.
+                let k = (point * self.stride + steps - 1) % steps;
+                out.values.push(values[k]);
+                out.slopes.extend_from_slice(&slopes[k * n_free..(k + 1) * n_free]);
+            }
+        }
+        Ok(out)
+    }
+
+    pub(super) fn amplitudes(&self, model: &Model, bound: &Bound) -> Result<Vec<Amplitude>, EngineError> {
+        place_amplitudes(model, bound, &self.loads)
+    }
+}
+
+/// Amplitudes at every place over the steady cycle of `loads`.
+pub(super) fn place_amplitudes(model: &Model, bound: &Bound, loads: &Loads) -> Result<Vec<Amplitude>, EngineError> {
+    let n = model.places.len();
+    let probes: Vec<Probe> = (0..n).map(Probe::Relative).chain((0..n).map(Probe::Force)).collect();
+    let cycle = periodic(model, bound, loads, &probes, false)?;
+    Ok((0..n).map(|p| amplitude(&cycle.values[p], &cycle.values[n + p], loads.dt)).collect())
+}
+
+pub(super) fn amplitude(x: &[f64], f: &[f64], dt: f64) -> Amplitude {
+    let half = |u: &[f64]| {
+        let (lo, hi) = u.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+        0.5 * (hi - lo)
+    };
+    let v = x.windows(2).map(|w| ((w[1] - w[0]) / dt).abs()).fold(0.0, f64::max);
+    Amplitude { x: half(x), v, f: half(f) }
+}

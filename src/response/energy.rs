@@ -1,0 +1,249 @@
+//! Energies per cycle of a sinusoidal test, row by row of a table.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use num_dual::Dual64;
+
+use crate::data::{Control, EnergyTable, StoredEnergy, TableValue};
+use crate::effect::Num;
+use crate::engine::march::{Loads, Probe};
+use crate::engine::periodic::{Cycle, periodic};
+use crate::model::{Bound, FreeParam, Model, System};
+
+use super::cycle::place_amplitudes;
+use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, site};
+
+/// Steps per cycle.
+const STEPS: usize = 400;
+/// Part of the travel, in the middle, over which the slope of the branch mean is taken.
+const MIDDLE: f64 = 0.6;
+
+/// Energies of one steady cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct Energies<T> {
+    /// Dissipated energy per cycle, the loop integral of F dx [J].
+    pub dissipated: T,
+    /// Range of the force [N].
+    pub force_range: T,
+    /// Range of the displacement [m].
+    pub travel: T,
+    /// Slope of the branch-mean force over the middle 60 % of travel [N/m].
+    pub slope: T,
+}
+
+impl<T: Num> Energies<T> {
+    /// Equivalent elastic energy W_s [J] in the given reading: `dF^2 / (2 k_s)` or `dF dx / 2`.
+    pub fn stored(&self, reading: StoredEnergy) -> T {
+        match reading {
+            StoredEnergy::Slope => self.force_range * self.force_range / (self.slope * 2.0),
+            StoredEnergy::Product => self.force_range * self.travel * 0.5,
+        }
+    }
+}
+
+/// Energies of a closed cycle sampled at equal times; `None` where the travel has no two branches.
+pub fn energies<T: Num>(x: &[T], f: &[T]) -> Option<Energies<T>> {
+    let n = x.len();
+    let order = |a: &usize, b: &usize| x[*a].re().total_cmp(&x[*b].re());
+    let (low, high) = ((0..n).min_by(order)?, (0..n).max_by(order)?);
+    let travel = x[high] - x[low];
+    if !(travel.re() > 0.0) {
+        return None;
+    }
+    let mut dissipated = T::from(0.0);
+    for k in 0..n {
+        let j = (k + 1) % n;
+        dissipated += (f[k] + f[j]) * (x[j] - x[k]) * 0.5;
+    }
+    let by_force = |a: &usize, b: &usize| f[*a].re().total_cmp(&f[*b].re());
+    let force_range = f[(0..n).max_by(by_force)?] - f[(0..n).min_by(by_force)?];
+    // Force on a branch where it passes a displacement, by linear interpolation.
+    let branch = |from: usize, to: usize, at: T| -> Option<T> {
+        let len = (to + n - from) % n;
+        (0..len).find_map(|k| {
+            let (a, b) = ((from + k) % n, (from + k + 1) % n);
+            let (xa, xb) = (x[a], x[b]);
+            ((xa.re() - at.re()) * (xb.re() - at.re()) <= 0.0 && xa.re() != xb.re()).then(|| f[a] + (f[b] - f[a]) * (at - xa) / (xb - xa))
+        })
+    };
+    // Least-squares slope of the branch mean over equidistant displacements, symmetric about the middle.
+    let points = 61;
+    let (mut top, mut bottom) = (T::from(0.0), 0.0);
+    for k in 0..points {
+        let u = (k as f64 / (points - 1) as f64 - 0.5) * MIDDLE;
+        let at = x[low] + travel * (0.5 + u);
+        let mean = (branch(low, high, at)? + branch(high, low, at)?) * 0.5;
+        top += mean * u;
+        bottom += u * u;
+    }
+    Some(Energies { dissipated, force_range, travel, slope: top / (travel * bottom) })
+}
+
+/// A table of energies made ready.
+#[derive(Clone, Debug, Default)]
+pub struct EnergyPlan {
+    rows: Vec<Row>,
+    reading: Option<StoredEnergy>,
+    probes: Vec<(Probe, f64)>,
+}
+
+#[derive(Clone, Debug)]
+struct Row {
+    loads: Loads,
+    conditions: BTreeMap<String, f64>,
+    dissipated: bool,
+    stored: bool,
+}
+
+impl EnergyPlan {
+    pub(super) fn new(table: &EnergyTable, model: &Model, plan: &mut Plan) -> Result<Self, ResponseError> {
+        let id = plan.id.clone();
+        let Some((low, high)) = table.limits else {
+            return Err(ResponseError::invalid(&id, "the limits of the cycle are not known", "force_min and force_max, or the like"));
+        };
+        let drive = site::driven(model, &table.at, &id)?;
+        let place = match site::seat(model, &table.at)? {
+            site::Seat::Dof(d) if table.control == Control::Displacement => (Probe::Reaction(d), 1.0),
+            _ => (Probe::Dof(drive.0), drive.1),
+        };
+        let other = if table.control == Control::Displacement { (Probe::Reaction(drive.0), drive.1) } else { place };
+        let (mut rows, mut values, mut sigmas, mut labels) = (vec![], vec![], vec![], vec![]);
+        for row in &table.rows {
+            let f = row.frequency.ok_or_else(|| {
+                ResponseError::invalid(
+                    &id,
+                    format!("{}: no frequency, so the cycle cannot be computed", row.place),
+                    "frequency = \"1 Hz\" in every row",
+                )
+            })?;
+            let samples: Vec<[f64; 3]> = (0..=STEPS)
+                .map(|k| {
+                    let (s, c) = (TAU * k as f64 / STEPS as f64).sin_cos();
+                    let (half, w) = (0.5 * (high - low), TAU * f);
+                    [0.5 * (high + low) + half * s, half * w * c, -half * w * w * s]
+                })
+                .collect();
+            let loads = site::loads(table.control, drive.0, drive.1, 1.0 / (f * STEPS as f64), &samples);
+            let conditions = plan.conditions.clone().into_iter().chain(row.conditions.iter().map(|(k, c)| (k.clone(), c.value))).collect();
+            for (name, value) in [("W_D", &row.dissipated), ("W_s", &row.stored)] {
+                if let Some(v) = value {
+                    labels.push(format!("{name} at {f} Hz"));
+                    values.push(v.value);
+                    sigmas.push(deviation(v));
+                }
+            }
+            rows.push(Row { loads, conditions, dissipated: row.dissipated.is_some(), stored: row.stored.is_some() });
+        }
+        if table.rows.iter().any(|r| r.stored.is_some()) && table.stored.is_none() {
+            plan.notes.push("the table does not say what W_s was evaluated as: read as dF^2/(2 k_s) over the middle 60 % of travel".into());
+        }
+        let stated = table.rows.iter().flat_map(|r| [&r.dissipated, &r.stored]).flatten().all(|v| v.sigma.is_some());
+        if !stated {
+            plan.notes.push(format!("no sigma is stated: {} % of each value is assumed", 100.0 * UNSTATED));
+        }
+        for (which, name) in ["W_D", "W_s"].iter().enumerate() {
+            let picked: Vec<usize> = (0..labels.len()).filter(|k| labels[*k].starts_with(name)).collect();
+            if picked.is_empty() {
+                continue;
+            }
+            let start = plan.measured.len();
+            let block = Block {
+                label: format!("{name} per cycle at {}", table.at),
+                role: if which == 0 { "dissipated" } else { "stored" }.into(),
+                unit: "J".into(),
+                kind: BlockKind::Table,
+                range: start..start + picked.len(),
+                abscissa: table
+                    .rows
+                    .iter()
+                    .filter(|r| if which == 0 { r.dissipated.is_some() } else { r.stored.is_some() })
+                    .filter_map(|r| r.frequency)
+                    .collect(),
+                x: vec![],
+                v: vec![],
+            };
+            plan.add_block(block, picked.iter().map(|k| values[*k]).collect(), picked.iter().map(|k| sigmas[*k]).collect());
+        }
+        Ok(EnergyPlan { rows, reading: table.stored, probes: vec![other] })
+    }
+
+    pub(super) fn periods(&self) -> (f64, f64) {
+        let periods = self.rows.iter().map(|r| r.loads.dt * STEPS as f64);
+        periods.fold((f64::INFINITY, 0.0), |(lo, hi), t| (lo.min(t / 5.0), hi.max(t)))
+    }
+
+    fn cycle(&self, row: &Row, model: &Model, bound: &Bound, id: &str, slopes: bool) -> Result<Cycle, ResponseError> {
+        periodic(model, bound, &row.loads, &[self.probes[0].0], slopes).map_err(|source| ResponseError::Engine { test: id.into(), source })
+    }
+
+    pub(super) fn evaluate(
+        &self,
+        system: &System,
+        free: &[FreeParam],
+        plan: &Plan,
+        sensitivities: bool,
+    ) -> Result<Computed, ResponseError> {
+        let n_free = if sensitivities { free.len() } else { 0 };
+        let (mut wd, mut ws): (Vec<(f64, Vec<f64>)>, Vec<(f64, Vec<f64>)>) = (vec![], vec![]);
+        for row in &self.rows {
+            let bound = Bound::new(system, free, &plan.id, &row.conditions)?;
+            let cycle = self.cycle(row, &system.model, &bound, &plan.id, sensitivities)?;
+            let driven: Vec<f64> = match (row.loads.prescribed.first(), row.loads.forces.first()) {
+                (Some((_, path)), _) => path.iter().skip(1).map(|s| s[0]).collect(),
+                (_, Some((_, path))) => path[1..].to_vec(),
+                _ => vec![],
+            };
+            let force_driven = row.loads.prescribed.is_empty();
+            let reading = self.reading.unwrap_or(StoredEnergy::Slope);
+            let run = |k: Option<usize>| {
+                let out: Vec<Dual64> =
+                    (0..STEPS).map(|s| Dual64::new(cycle.values[0][s], k.map_or(0.0, |k| cycle.slopes[0][s * n_free + k]))).collect();
+                let drive: Vec<Dual64> = driven.iter().map(|d| Dual64::from_re(*d)).collect();
+                let e = if force_driven { energies(&out, &drive) } else { energies(&drive, &out) };
+                e.map(|e| (e.dissipated, e.stored(reading))).ok_or_else(|| {
+                    ResponseError::invalid(&plan.id, "the computed cycle has no travel", "a model that moves under the load")
+                })
+            };
+            let base = run(None)?;
+            let (mut d_wd, mut d_ws) = (Vec::with_capacity(n_free), Vec::with_capacity(n_free));
+            for k in 0..n_free {
+                let (a, b) = run(Some(k))?;
+                d_wd.push(a.eps);
+                d_ws.push(b.eps);
+            }
+            if row.dissipated {
+                wd.push((base.0.re, d_wd));
+            }
+            if row.stored {
+                ws.push((base.1.re, d_ws));
+            }
+        }
+        let mut out = Computed::default();
+        for (value, slopes) in wd.into_iter().chain(ws) {
+            out.values.push(value);
+            out.slopes.extend(slopes);
+        }
+        Ok(out)
+    }
+
+    pub(super) fn amplitudes(&self, system: &System, plan: &Plan) -> Result<Vec<Amplitude>, ResponseError> {
+        let mut widest = vec![Amplitude::default(); system.model.places.len()];
+        for row in &self.rows {
+            let bound = Bound::new(system, &[], &plan.id, &row.conditions)?;
+            let here = place_amplitudes(&system.model, &bound, &row.loads)
+                .map_err(|source| ResponseError::Engine { test: plan.id.clone(), source })?;
+            for (w, a) in widest.iter_mut().zip(here) {
+                *w = Amplitude { x: w.x.max(a.x), v: w.v.max(a.v), f: w.f.max(a.f) };
+            }
+        }
+        Ok(widest)
+    }
+}
+
+/// Assumed relative deviation of a table entry that states none.
+const UNSTATED: f64 = 0.01;
+
+fn deviation(v: &TableValue) -> f64 {
+    v.sigma.unwrap_or(UNSTATED * v.value.abs()).max(v.rounding).max(f64::MIN_POSITIVE)
+}

@@ -1,0 +1,102 @@
+//! A frequency response function.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+
+use crate::data::{Frf, FrfQuantity};
+use crate::engine::EngineError;
+use crate::engine::frf::receptance;
+use crate::model::{Bound, Model};
+
+use super::site::{Seat, seat};
+use super::{Block, BlockKind, Computed, Plan, ResponseError};
+
+/// An FRF made ready. Compared in the measured quantity.
+#[derive(Clone, Debug)]
+pub struct FrfPlan {
+    omega: Vec<f64>,
+    input: usize,
+    output: usize,
+    quantity: FrfQuantity,
+}
+
+impl FrfPlan {
+    pub(super) fn new(frf: &Frf, model: &Model, plan: &mut Plan) -> Result<Self, ResponseError> {
+        let dof = |at: &str| match seat(model, at)? {
+            Seat::Dof(d) => Ok(d),
+            Seat::Place(_) => Err(ResponseError::invalid(&frf.test, format!("`{at}` is a connector"), "a body and axis, such as `m1.x`")),
+        };
+        let (input, output) = (dof(&frf.excite)?, dof(&frf.respond)?);
+        let omega: Vec<f64> = frf.frequency.iter().map(|f| TAU * f).collect();
+        let start = plan.measured.len();
+        let block = Block {
+            label: format!("{} {}/{}", frf.quantity.word(), frf.respond, frf.excite),
+            role: "response".into(),
+            unit: frf.unit.dimension.si_unit(),
+            kind: BlockKind::Frf,
+            range: start..start + 2 * omega.len(),
+            abscissa: frf.frequency.clone(),
+            x: vec![],
+            v: vec![],
+        };
+        // Back from receptance to the quantity in SI.
+        let quantity = frf.quantity;
+        let measured = frf.receptance.iter().zip(&omega).flat_map(|(h, w)| {
+            let h = h * quantity.from_receptance(*w);
+            [h.re, h.im]
+        });
+        let sigma = frf.receptance_sigma.iter().zip(&omega).flat_map(|(s, w)| {
+            let s = s * quantity.from_receptance(*w).norm();
+            [s, s]
+        });
+        plan.add_block(block, measured.collect(), sigma.collect());
+        plan.notes.extend(frf.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
+        Ok(FrfPlan { omega, input, output, quantity })
+    }
+
+    pub(super) fn periods(&self) -> (f64, f64) {
+        let positive = self.omega.iter().filter(|w| **w > 0.0);
+        let (lo, hi) = positive.fold((f64::INFINITY, 0.0f64), |(lo, hi), w| (lo.min(*w), hi.max(*w)));
+        (TAU / hi, TAU / lo)
+    }
+
+    pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
+        let pieces: Vec<_> = bound.channels.iter().filter(|c| ["force", "response"].iter().any(|r| c.site.covers(&plan.id, r))).collect();
+        let outputs = if pieces.is_empty() { vec![self.output] } else { vec![self.output, self.input] };
+        let r = receptance(model, bound, &self.omega, &[self.input], &outputs, sensitivities)?;
+        let n_free = if sensitivities { bound.n_free } else { 0 };
+        let mut out =
+            Computed { values: Vec::with_capacity(2 * self.omega.len()), slopes: Vec::with_capacity(2 * self.omega.len() * n_free) };
+        let mut dh = vec![Complex64::ZERO; n_free];
+        for (line, w) in self.omega.iter().enumerate() {
+            let to_quantity = self.quantity.from_receptance(*w);
+            let at = line * outputs.len();
+            let mut h = r.h[at];
+            dh.copy_from_slice(&r.dh[at * n_free..(at + 1) * n_free]);
+            for piece in &pieces {
+                // The drive-point accelerance, for what moves with the load cell.
+                let drive = -r.h[at + 1] * w * w;
+                let mut dp = vec![Complex64::ZERO; piece.p.len()];
+                let (factor, ddrive) = piece.law.factor(*w, drive, &piece.p, &mut dp);
+                // A factor on the response multiplies H, one on the force divides it.
+                let (g, sign) = if piece.site.role == "force" { (factor.inv(), -1.0) } else { (factor, 1.0) };
+                for (k, d) in dh.iter_mut().enumerate() {
+                    let df = -ddrive * r.dh[(at + 1) * n_free + k] * w * w;
+                    *d = *d * g + h * g * (df / factor) * sign;
+                }
+                for (d, chain) in dp.iter().zip(&piece.chains) {
+                    for (k, slope) in chain.iter().filter(|_| n_free > 0) {
+                        dh[*k] += h * g * (d / factor) * sign * *slope;
+                    }
+                }
+                h *= g;
+            }
+            let y = h * to_quantity;
+            out.values.extend([y.re, y.im]);
+            out.slopes.extend(dh.iter().map(|d| (d * to_quantity).re));
+            out.slopes.extend(dh.iter().map(|d| (d * to_quantity).im));
+        }
+        Ok(out)
+    }
+}
