@@ -3,6 +3,7 @@
 use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView};
 use crate::data::{Conditions, Dataset, Record, Test};
 use crate::effect::{Effect, Info, Kind, Param, Role, Sign};
+use crate::explain::Explain;
 use crate::model::{Instance, Model, ModelError, ParamValue, Site, Target};
 use crate::units::{Dimension, Unit};
 
@@ -54,7 +55,7 @@ pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Re
     }
     for (head, instance) in heads.iter().zip(&instances) {
         series_has_company(model, instance, &instances)
-            .map_err(|e| head.table.get("at").map_or_else(|| head.table.refuse(e.to_string(), ""), |v| located(&v, &e)))?;
+            .map_err(|e| head.table.get("at").map_or_else(|| head.table.refuse(e.to_string(), e.accepted()), |v| located(&v, &e)))?;
     }
     Ok(instances)
 }
@@ -92,7 +93,7 @@ fn target(head: &Head<'_>, model: &Model, dataset: &Dataset, sites: &[(&'static 
     let of = table.optional("of", |v| v.string())?;
     let (instance, param) = target_of(model, sites, &head.site, of).map_err(|e| match table.get("of").or(table.get("at")) {
         Some(v) => located(&v, &e),
-        None => table.refuse(e.to_string(), ""),
+        None => table.refuse(e.to_string(), e.accepted()),
     })?;
     let value = table.require("condition", "the name of a condition that every test states, such as \"i\"")?;
     let name = value.string()?;

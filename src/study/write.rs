@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::data::toml_strict::TomlFile;
+use crate::data::toml_strict::{TomlFile, TomlProblem};
 use crate::model::{Instance, System};
 
 use super::{Study, StudyError, load, text};
@@ -15,13 +15,14 @@ impl Study {
         let file = self.file.canonicalize().map_err(|e| fail(&self.file, &e))?;
         // The file as it is now, not as it was loaded: the engineer may have edited it meanwhile.
         let mut whole = std::fs::read_to_string(&file).map_err(|e| fail(&file, &e))?;
+        let before = whole.clone();
         let block = text::effect(&self.system, &self.dataset, instance);
         let newline = if whole.contains("\r\n") { "\r\n" } else { "\n" };
         if !whole.ends_with('\n') && !whole.is_empty() {
             whole.push_str(newline);
         }
         whole.push_str(&format!("\n{block}").replace('\n', newline));
-        let study = self.reread(&self.file, whole.clone())?;
+        let study = self.reread(&self.file, whole.clone()).map_err(|e| not_appendable(&file, &before, e))?;
         if study.system.instances.len() != self.system.instances.len() + 1 {
             return Err(StudyError::Write {
                 file,
@@ -57,6 +58,16 @@ impl Study {
         study.data = self.data.clone();
         Ok(study)
     }
+}
+
+/// TOML that was valid and is not any more with a block at its end: its effects stand in a list `effect = [...]`.
+fn not_appendable(file: &Path, before: &str, e: StudyError) -> StudyError {
+    let syntax = matches!(&e, StudyError::Toml(t) if matches!(*t.problem, TomlProblem::Syntax(_)));
+    if !syntax || TomlFile::parse(file, before.to_string(), "study").is_err() {
+        return e;
+    }
+    let reason = "its effects stand in a list, `effect = [...]`, to which no block can be appended".into();
+    StudyError::Write { file: file.to_path_buf(), reason, accepted: "each effect as an [[effect]] of its own".into() }
 }
 
 fn fail(file: &Path, e: &std::io::Error) -> StudyError {
