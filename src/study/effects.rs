@@ -1,0 +1,236 @@
+//! `[[effect]]`: the law, where it acts, its values.
+
+use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView};
+use crate::data::{Conditions, Dataset, Record, Test};
+use crate::effect::{Effect, Info, Kind, Param, Role, Sign};
+use crate::explain::Explain;
+use crate::model::{Instance, Model, ModelError, ParamValue, Site, Target};
+use crate::units::{Dimension, Unit};
+
+use super::engineering::dimension;
+use super::error::at as located;
+use super::settings::{effect, unknown};
+use super::{StudyError, TestProblem, engineering, site};
+
+/// What a coefficient made by a program acts on; see [`super::Study::instance`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoefficientOf {
+    /// `effect.parameter`; none: the strength of the only force effect at the place.
+    pub of: Option<String>,
+    /// Name of the condition.
+    pub condition: String,
+    /// Value of the condition at which the factor is 1 [SI].
+    pub reference: f64,
+}
+
+struct Head<'a> {
+    table: TableView<'a>,
+    effect: &'static Effect,
+    at: String,
+    site: Site,
+}
+
+/// Reads every `[[effect]]`.
+pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Result<Vec<Instance>, StudyError> {
+    let tables = root.tables("effect")?;
+    let heads = tables.iter().map(|t| head(t, model, dataset)).collect::<Result<Vec<_>, _>>()?;
+    let sites: Vec<(&'static Effect, &Site)> = heads.iter().map(|h| (h.effect, &h.site)).collect();
+    let mut instances = Vec::with_capacity(heads.len());
+    for head in &heads {
+        let info = head.effect.info();
+        let mut keys = vec!["effect", "at"];
+        keys.extend(info.params.iter().map(|p| p.name));
+        if info.role == Role::Coefficient {
+            keys.extend(["of", "condition", "reference"]);
+        }
+        head.table.only(&keys)?;
+        let (target, unit) = match info.role {
+            Role::Coefficient => target(head, model, dataset, &sites).map(|(t, u)| (Some(t), u))?,
+            _ => (None, Unit::si(Dimension::DIMENSIONLESS)),
+        };
+        let (rotational, channel) = site::nature(model, dataset, &head.site);
+        let value = |p: &Param| param(&head.table, info, p, dimension(p.dim, rotational, channel, unit.dimension));
+        let params = info.params.iter().map(value).collect::<Result<Vec<_>, _>>()?;
+        instances.push(Instance { effect: head.effect, at: head.at.clone(), site: head.site.clone(), params, target, follower: false });
+    }
+    for (head, instance) in heads.iter().zip(&instances) {
+        series_has_company(model, instance, &instances)
+            .map_err(|e| head.table.get("at").map_or_else(|| head.table.refuse(e.to_string(), e.accepted()), |v| located(&v, &e)))?;
+    }
+    Ok(instances)
+}
+
+fn head<'a>(table: &TableView<'a>, model: &Model, dataset: &Dataset) -> Result<Head<'a>, TomlError> {
+    let effect = effect(&table.require("effect", "the name of an effect, such as \"linear_stiffness\"")?)?;
+    let value = table.require("at", "a place such as \"c1.x\", a channel such as \"loop-1Hz.force\", or a list of places")?;
+    let entries: Vec<ValueView<'a>> = if value.is_list() { value.list()? } else { vec![value.clone()] };
+    if entries.is_empty() {
+        return Err(value.refuse("an empty list of places", "at least one place"));
+    }
+    let names = entries.iter().map(|v| v.string()).collect::<Result<Vec<_>, _>>()?;
+    let site = site::resolve(model, dataset, effect, &names).map_err(|(i, e)| located(entries.get(i).unwrap_or(&value), &e))?;
+    Ok(Head { table: table.clone(), effect, at: names.join(","), site })
+}
+
+/// A series effect needs a force to be in series with, at each of its places.
+pub(super) fn series_has_company(model: &Model, instance: &Instance, all: &[Instance]) -> Result<(), ModelError> {
+    let (Effect::Series(_), Site::Places(places)) = (instance.effect, &instance.site) else { return Ok(()) };
+    let acts = |place: &usize| {
+        all.iter().any(|i| matches!(i.effect, Effect::Force(_)) && matches!(&i.site, Site::Places(at) if at.contains(place)))
+    };
+    match places.iter().find(|p| !acts(p)) {
+        None => Ok(()),
+        Some(p) => {
+            let (name, place) = (instance.name(), model.place_name(*p));
+            let message = format!("`{name}` stands in series with nothing: no force effect acts at `{place}`");
+            Err(ModelError::invalid(&place, message, format!("a force effect at `{place}`, such as linear_stiffness")))
+        }
+    }
+}
+
+fn target(head: &Head<'_>, model: &Model, dataset: &Dataset, sites: &[(&'static Effect, &Site)]) -> Result<(Target, Unit), StudyError> {
+    let table = &head.table;
+    let of = table.optional("of", |v| v.string())?;
+    let (instance, param) = target_of(model, sites, &head.site, of).map_err(|e| match table.get("of").or(table.get("at")) {
+        Some(v) => located(&v, &e),
+        None => table.refuse(e.to_string(), e.accepted()),
+    })?;
+    let value = table.require("condition", "the name of a condition that every test states, such as \"i\"")?;
+    let name = value.string()?;
+    let label = format!("{}.{}", head.at, head.effect.info().name);
+    let unit = match condition(dataset, name, &label)? {
+        Some(unit) => unit,
+        None => {
+            let mut names: Vec<&str> = dataset.tests.iter().flat_map(|t| t.conditions.keys()).map(String::as_str).collect();
+            names.sort_unstable();
+            names.dedup();
+            return Err(unknown(&value, "condition", name, names.into_iter()).into());
+        }
+    };
+    let accepted = format!("the {name} at which the factor is 1 ({})", unit.dimension.examples());
+    let reference = table.require("reference", &accepted)?.quantity(unit.dimension)?.value;
+    Ok((Target { instance, param, condition: name.to_string(), reference }, unit))
+}
+
+/// The instance and parameter a coefficient at `site` acts on: `of` as `effect.parameter`, or the strength of the only effect there.
+pub(super) fn target_of(
+    model: &Model,
+    sites: &[(&'static Effect, &Site)],
+    site: &Site,
+    of: Option<&str>,
+) -> Result<(usize, usize), ModelError> {
+    let Site::Places(mine) = site else { return Err(ModelError::invalid("at", "a coefficient acts at a place", "a connector's axis")) };
+    let covers = |(_, s): &(&Effect, &Site)| matches!(s, Site::Places(p) if mine.iter().all(|m| p.contains(m)));
+    let touches = |(_, s): &(&Effect, &Site)| matches!(s, Site::Places(p) if mine.iter().any(|m| p.contains(m)));
+    let acting = |e: &Effect| matches!(e, Effect::Force(_) | Effect::Series(_));
+    let place = mine.first().map_or(String::new(), |p| model.place_name(*p));
+    let here: Vec<usize> = (0..sites.len()).filter(|&i| acting(sites[i].0) && covers(&sites[i])).collect();
+    // Every name a target may have; the second effect of a name is `name#2`, as in the names of parameters.
+    let mut known: Vec<(String, (usize, usize))> = Vec::new();
+    for (k, &i) in here.iter().enumerate() {
+        let info = sites[i].0.info();
+        let before = here[..k].iter().filter(|&&j| sites[j].0.info().name == info.name).count();
+        let number = if before > 0 { format!("#{}", before + 1) } else { String::new() };
+        known.extend(info.params.iter().enumerate().map(|(p, param)| (format!("{}{number}.{}", info.name, param.name), (i, p))));
+    }
+    let Some(of) = of else {
+        let mut force = here.iter().filter(|&&i| matches!(sites[i].0, Effect::Force(_)));
+        return match (force.next(), force.next()) {
+            (Some(&i), None) => Ok((i, 0)),
+            (None, _) if sites.iter().any(|s| acting(s.0) && touches(s)) => Err(ModelError::invalid(
+                &place,
+                "the coefficient covers places that do not share one value".to_string(),
+                "one [[effect]] for each effect it acts on",
+            )),
+            (None, _) => Err(ModelError::invalid(&place, format!("no force effect acts at `{place}`"), "a place with a force effect")),
+            _ => {
+                let names = known.iter().map(|k| k.0.as_str()).collect::<Vec<_>>().join(", ");
+                Err(ModelError::invalid(
+                    &place,
+                    format!("several effects act at `{place}`, and no key `of` says which is meant"),
+                    format!("of = one of {names}"),
+                ))
+            }
+        };
+    };
+    known.iter().find(|k| k.0 == of).map(|k| k.1).ok_or_else(|| ModelError::no_such("parameter", of, known.into_iter().map(|k| k.0)))
+}
+
+/// The name of a target as `of` takes it.
+pub(super) fn of_name(model: &Model, instances: &[Instance], at: &Site, target: &Target) -> String {
+    let sites: Vec<(&'static Effect, &Site)> = instances.iter().map(|i| (i.effect, &i.site)).collect();
+    let Some(info) = instances.get(target.instance).map(|i| i.effect.info()) else { return String::new() };
+    let param = info.params.get(target.param).map_or("", |p| p.name);
+    let name = |n: usize| if n > 1 { format!("{}#{n}.{param}", info.name) } else { format!("{}.{param}", info.name) };
+    let meant = |n: &usize| target_of(model, &sites, at, Some(&name(*n))) == Ok((target.instance, target.param));
+    name((1..=instances.len()).find(meant).unwrap_or(1))
+}
+
+/// The unit of a condition, which every test must state in one dimension; none when no test states it.
+fn condition(dataset: &Dataset, name: &str, needed_by: &str) -> Result<Option<Unit>, StudyError> {
+    let Some(unit) = engineering::condition(dataset, name) else { return Ok(None) };
+    for test in &dataset.tests {
+        let rows: Vec<&Conditions> = match &test.record {
+            Record::Energy(table) => table.rows.iter().map(|r| &r.conditions).collect(),
+            _ => vec![&test.conditions],
+        };
+        for conditions in rows {
+            match conditions.get(name) {
+                None => {
+                    let message = format!("it does not state the condition `{name}`, which `{needed_by}` needs");
+                    return Err(problem(dataset, test, name, message, format!("conditions = {{ {name} = \"... {}\" }}", unit.symbol)));
+                }
+                Some(c) if c.unit.dimension != unit.dimension => {
+                    let message = format!("it is a {}, and a {} in another test", c.unit.dimension.name(), unit.dimension.name());
+                    return Err(problem(dataset, test, name, message, "one dimension in every test".into()));
+                }
+                Some(_) => {}
+            }
+        }
+    }
+    Ok(Some(unit))
+}
+
+fn problem(dataset: &Dataset, test: &Test, name: &str, message: String, accepted: String) -> StudyError {
+    let about = format!("condition `{name}`");
+    TestProblem { file: dataset.file.clone(), line: test.line, test: test.id.clone(), about, message, accepted }.into()
+}
+
+fn param(table: &TableView<'_>, info: &Info, p: &Param, dimension: Dimension) -> Result<ParamValue, TomlError> {
+    let Some(value) = table.get(p.name) else {
+        if p.kind == Kind::Setting {
+            return Ok(ParamValue { min: lowest(p.sign), ..ParamValue::fixed(p.default) });
+        }
+        let accepted = format!("{} = \"...\", the {} of `{}` in {}", p.name, p.doc, info.name, dimension.examples());
+        return Err(table.error(TomlProblem::MissingKey { key: p.name.into(), accepted }));
+    };
+    let setting = p.kind == Kind::Setting;
+    let spec = value.parameter(dimension, if setting { &["free"] } else { &[] })?;
+    let inner = |key: &str| if value.is_table() { value.table().ok().and_then(|t| t.get(key)) } else { None };
+    let at = |key: &str| inner(key).unwrap_or_else(|| value.clone());
+    if let Some(min) = spec.min.filter(|m| *m < lowest(p.sign)) {
+        let message = format!("min {} lets `{}` be negative", spec.start.unit.print(min), p.name);
+        return Err(at("min").refuse(message, "a min of 0 or more"));
+    }
+    let start = spec.start.value;
+    if (p.sign == Sign::NonNegative && start < 0.0) || (p.sign == Sign::Positive && start <= 0.0) {
+        return Err(at("start").refuse(format!("`{}` is {}", p.name, spec.start), format!("a value {}", p.sign.word())));
+    }
+    let asked = inner("free").map(|v| v.bool()).transpose()?;
+    if asked.is_some() && inner("fixed").is_some() {
+        return Err(at("free").refuse("free and fixed both stand there", "one of them"));
+    }
+    Ok(ParamValue {
+        value: start,
+        min: spec.min.unwrap_or(lowest(p.sign)),
+        max: spec.max.unwrap_or(f64::INFINITY),
+        free: asked.unwrap_or(!setting && !spec.fixed),
+        prior: spec.prior.map(|p| (p.mean, p.sigma)),
+        unit: (spec.start.unit.symbol.clone(), spec.start.unit.factor),
+    })
+}
+
+/// The bound a sign implies.
+pub(super) fn lowest(sign: Sign) -> f64 {
+    if sign == Sign::Any { f64::NEG_INFINITY } else { 0.0 }
+}

@@ -1,0 +1,85 @@
+//! Dimensions of parameters, and the units they are written in when nobody chose one.
+
+use crate::data::Dataset;
+use crate::effect::Dim;
+use crate::model::{Instance, System};
+use crate::units::{Dimension, Unit, parse_unit};
+
+use super::site;
+
+/// Units for machine parts: newton, millimetre, second; radian for rotations.
+const UNITS: [&str; 17] = [
+    "N/mm",
+    "N s/mm",
+    "N",
+    "mm",
+    "mm/s",
+    "mm/N",
+    "N/mm3",
+    "N/mm2",
+    "kg",
+    "s",
+    "Hz",
+    "N m/rad",
+    "N m s/rad",
+    "N m",
+    "rad",
+    "rad/s",
+    "kg m2",
+];
+
+/// The dimension of a parameter: `place` along a translation or about a rotation, `channel` for a channel effect, `condition` for a
+/// coefficient.
+pub(super) fn dimension(dim: Dim, rotational: bool, channel: Dimension, condition: Dimension) -> Dimension {
+    let (force, length) = if rotational { (Dimension::MOMENT, Dimension::ANGLE) } else { (Dimension::FORCE, Dimension::LENGTH) };
+    match dim {
+        Dim::One => Dimension::DIMENSIONLESS,
+        Dim::Channel => channel,
+        Dim::PerCondition => Dimension::DIMENSIONLESS.over(condition),
+        // A moment of inertia: its radians are not written.
+        Dim::Place { f: 1, x: -1, t: 2 } => {
+            if rotational {
+                Dimension::INERTIA
+            } else {
+                Dimension::MASS
+            }
+        }
+        Dim::Place { f, x, t } => force.power(f).times(length.power(x)).times(Dimension::TIME.power(t)),
+    }
+}
+
+/// The dimension of parameter `param` of an instance of `system`, whose conditions `dataset` states.
+pub fn dimension_of(system: &System, dataset: &Dataset, instance: &Instance, param: usize) -> Dimension {
+    let Some(info) = instance.effect.info().params.get(param) else { return Dimension::DIMENSIONLESS };
+    let (rotational, channel) = site::nature(&system.model, dataset, &instance.site);
+    let condition =
+        instance.target.as_ref().and_then(|t| condition(dataset, &t.condition)).map_or(Dimension::DIMENSIONLESS, |u| u.dimension);
+    dimension(info.dim, rotational, channel, condition)
+}
+
+/// The unit to print a parameter in: the one the engineer wrote, else the usual one in newton, millimetre, second and radian.
+pub fn unit_of(system: &System, dataset: &Dataset, instance: &Instance, param: usize) -> Unit {
+    let dimension = dimension_of(system, dataset, instance, param);
+    let written = instance.params.get(param).map(|p| p.unit.0.as_str()).filter(|symbol| !symbol.is_empty());
+    if let Some(unit) = written.and_then(|symbol| parse_unit(symbol, dimension).ok()) {
+        return unit;
+    }
+    let per_condition = instance.target.as_ref().and_then(|t| condition(dataset, &t.condition)).and_then(|u| {
+        let simple = !u.symbol.is_empty() && u.symbol.chars().all(char::is_alphanumeric);
+        simple.then(|| parse_unit(&format!("1/{}", u.symbol), dimension).ok()).flatten()
+    });
+    per_condition
+        .or_else(|| UNITS.iter().filter_map(|u| parse_unit(u, dimension).ok()).find(|u| u.dimension == dimension))
+        .unwrap_or_else(|| Unit::si(dimension))
+}
+
+/// The unit a condition is first stated in.
+pub(super) fn condition(dataset: &Dataset, name: &str) -> Option<Unit> {
+    dataset.tests.iter().find_map(|t| {
+        let rows = match &t.record {
+            crate::data::Record::Energy(table) => table.rows.as_slice(),
+            _ => &[],
+        };
+        std::iter::once(&t.conditions).chain(rows.iter().map(|r| &r.conditions)).find_map(|c| c.get(name)).map(|c| c.unit.clone())
+    })
+}

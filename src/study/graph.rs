@@ -1,0 +1,258 @@
+//! `[[body]]` and `[[connector]]`: the graph as declared, and the [`Model`] it expands to.
+
+use std::collections::HashMap;
+
+use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView, nearest};
+use crate::explain::Explain;
+use crate::model::{Axis, Body, Connector, Model, ModelError};
+use crate::units::{Dimension, Quantity};
+
+/// Greatest `count` of a body.
+const MAX_COUNT: i64 = 10_000;
+/// The body that need not be declared.
+const GROUND: &str = "ground";
+
+/// A `[[body]]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodySpec {
+    /// Name; with `count` the stem of `name1` ... `name<count>`.
+    pub name: String,
+    /// Held.
+    pub fixed: bool,
+    /// Free axes.
+    pub free: Vec<Axis>,
+    /// Mass; none is massless.
+    pub mass: Option<Quantity>,
+    /// Moment of inertia; none is massless in rotation.
+    pub inertia: Option<Quantity>,
+    /// How many equal bodies it stands for.
+    pub count: Option<usize>,
+}
+
+/// What a connector joins.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Ends {
+    /// Two bodies.
+    Between {
+        /// Name of the body it comes from.
+        from: String,
+        /// Name of the body it goes to.
+        to: String,
+    },
+    /// Each of the bodies of a `count` to the next: `name1` ... `name<count - 1>`.
+    Chain(String),
+}
+
+/// A `[[connector]]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConnectorSpec {
+    /// Name, or stem of a chain.
+    pub name: String,
+    /// What it joins.
+    pub ends: Ends,
+}
+
+/// The graph as declared.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GraphSpec {
+    /// Bodies.
+    pub bodies: Vec<BodySpec>,
+    /// Connectors.
+    pub connectors: Vec<ConnectorSpec>,
+}
+
+/// Names that have been given, with what they name and their line.
+#[derive(Default)]
+struct Names(HashMap<String, (&'static str, usize)>);
+
+impl Names {
+    fn add(&mut self, what: &'static str, name: String, value: &ValueView<'_>) -> Result<(), TomlError> {
+        if let Some((other, first_line)) = self.0.get(&name) {
+            // A body and a connector of one name would make `name.x` mean two things.
+            let what = if *other == what { what.to_string() } else { format!("{other} and {what}") };
+            return Err(value.error(TomlProblem::Duplicate { what, id: name, first_line: *first_line }));
+        }
+        self.0.insert(name, (what, value.line()));
+        Ok(())
+    }
+}
+
+/// Reads the graph and expands it.
+pub(super) fn read(root: &TableView<'_>) -> Result<(GraphSpec, Model), TomlError> {
+    let mut names = Names::default();
+    let mut spec = GraphSpec::default();
+    let (mut bodies, mut tables) = (Vec::new(), HashMap::new());
+    root.require("body", "[[body]] with name and free, or fixed = true")?.list()?;
+    for table in root.tables("body")? {
+        let body = body(&table)?;
+        let value = table.require("name", "a name")?;
+        for name in expand(&body.name, body.count) {
+            names.add("body", name.clone(), &value)?;
+            tables.insert(name.clone(), table.clone());
+            let si = |q: &Option<Quantity>| q.as_ref().map_or(0.0, |q| q.value);
+            bodies.push(Body { name, mass: si(&body.mass), inertia: si(&body.inertia), free: body.free.clone() });
+        }
+        spec.bodies.push(body);
+    }
+    let mut connectors = Vec::new();
+    root.require("connector", "[[connector]] with name, from and to, or name and chain")?.list()?;
+    for table in root.tables("connector")? {
+        let connector = connector(&table)?;
+        let value = table.require("name", "a name")?;
+        for (name, from, to) in joins(&table, &connector, &spec, &mut bodies)? {
+            names.add("connector", name.clone(), &value)?;
+            tables.insert(name.clone(), table.clone());
+            connectors.push(Connector { name, from, to });
+        }
+        spec.connectors.push(connector);
+    }
+    let model = Model::new(bodies, connectors).map_err(|e| {
+        let place = e.place();
+        let name = place.split('.').next().unwrap_or_default();
+        tables.get(name).unwrap_or(root).refuse(e.to_string(), e.accepted())
+    })?;
+    Ok((spec, model))
+}
+
+fn expand(name: &str, count: Option<usize>) -> Vec<String> {
+    count.map_or_else(|| vec![name.to_string()], |n| (1..=n).map(|j| format!("{name}{j}")).collect())
+}
+
+/// A name without a dot, which separates name and axis.
+fn name(table: &TableView<'_>) -> Result<String, TomlError> {
+    let value = table.require("name", "a name")?;
+    let name = value.name()?;
+    if name.contains(['.', ':']) {
+        return Err(value.refuse(format!("`{name}` cannot be a name in the model"), "letters, digits, _ and -"));
+    }
+    Ok(name.to_string())
+}
+
+fn body(table: &TableView<'_>) -> Result<BodySpec, TomlError> {
+    table.only(&["name", "fixed", "free", "mass", "inertia", "count"])?;
+    let name = name(table)?;
+    let fixed = table.optional("fixed", |v| v.bool())?.unwrap_or(false);
+    let positive = |key: &str, dimension| {
+        table.optional(key, |v| {
+            let q = v.quantity(dimension)?;
+            if q.value > 0.0 {
+                Ok(q)
+            } else {
+                Err(v.refuse(format!("the {key} of body `{name}` is {q}"), "a value above 0, or no key for none"))
+            }
+        })
+    };
+    let (mass, inertia) = (positive("mass", Dimension::MASS)?, positive("inertia", Dimension::INERTIA)?);
+    let axes: Vec<(&str, Axis)> = Axis::ALL.into_iter().map(|a| (a.name(), a)).collect();
+    let mut free = Vec::new();
+    match table.get("free") {
+        Some(value) if fixed => {
+            return Err(value.refuse(format!("body `{name}` is fixed and has free axes"), "one of fixed = true and free"));
+        }
+        Some(value) => {
+            for v in value.list()? {
+                let axis = v.word("axis", &axes)?;
+                if free.contains(&axis) {
+                    return Err(v.refuse(format!("the axis `{}` stands twice", axis.name()), "each axis once"));
+                }
+                free.push(axis);
+            }
+            if free.is_empty() {
+                return Err(value.refuse(format!("body `{name}` has no free axis"), "free = [\"x\"], or fixed = true"));
+            }
+        }
+        None if !fixed => {
+            return Err(table.error(TomlProblem::MissingKey { key: "free".into(), accepted: "free = [\"x\"], or fixed = true".into() }));
+        }
+        None => {}
+    }
+    let count = table.optional("count", |v| v.integer(1, MAX_COUNT))?.map(|n| n as usize);
+    Ok(BodySpec { name, fixed, free, mass, inertia, count })
+}
+
+fn connector(table: &TableView<'_>) -> Result<ConnectorSpec, TomlError> {
+    table.only(&["name", "from", "to", "chain"])?;
+    let name = name(table)?;
+    let ends = match table.get("chain") {
+        Some(chain) => {
+            if let Some(v) = table.get("from").or(table.get("to")) {
+                return Err(v.refuse(format!("connector `{name}` is a chain and has an end"), "chain, or from and to"));
+            }
+            Ends::Chain(chain.name()?.to_string())
+        }
+        None => {
+            let end = |key: &str| table.require(key, "the name of a body (or chain = \"...\")")?.name().map(str::to_string);
+            Ends::Between { from: end("from")?, to: end("to")? }
+        }
+    };
+    Ok(ConnectorSpec { name, ends })
+}
+
+/// The connectors one declaration stands for: name, index of `from`, index of `to`. Declares `ground` where it is named and missing.
+fn joins(
+    table: &TableView<'_>,
+    connector: &ConnectorSpec,
+    spec: &GraphSpec,
+    bodies: &mut Vec<Body>,
+) -> Result<Vec<(String, usize, usize)>, TomlError> {
+    let unknown = |key: &str, name: &str, known: Vec<String>| -> TomlError {
+        let problem = TomlProblem::UnknownWord {
+            what: "body".into(),
+            found: name.into(),
+            nearest: nearest(name, known.iter().map(String::as_str)),
+            accepted: known,
+        };
+        table.get(key).map_or_else(|| table.error(problem.clone()), |v| v.error(problem.clone()))
+    };
+    match &connector.ends {
+        Ends::Between { from, to } => {
+            let mut end = |key: &str, name: &str| {
+                if let Some(b) = bodies.iter().position(|b| b.name == name) {
+                    return Ok(b);
+                }
+                if name == GROUND {
+                    bodies.push(Body { name: GROUND.into(), mass: 0.0, inertia: 0.0, free: vec![] });
+                    return Ok(bodies.len() - 1);
+                }
+                let known = bodies.iter().map(|b| b.name.clone()).chain([GROUND.to_string()]).collect();
+                Err(unknown(key, name, known))
+            };
+            let (f, t) = (end("from", from)?, end("to", to)?);
+            if f == t {
+                let e = ModelError::invalid(
+                    &connector.name,
+                    format!("connector `{}` joins body `{to}` to itself", connector.name),
+                    "two different bodies",
+                );
+                return Err(table.refuse(e.to_string(), e.accepted()));
+            }
+            Ok(vec![(connector.name.clone(), f, t)])
+        }
+        Ends::Chain(stem) => {
+            let counted: Vec<String> = spec.bodies.iter().filter(|b| b.count.is_some()).map(|b| b.name.clone()).collect();
+            let refuse = |message: String, accepted: &str| {
+                table.get("chain").map_or_else(|| table.refuse(&message, accepted), |v| v.refuse(&message, accepted))
+            };
+            let Some(body) = spec.bodies.iter().find(|b| b.name == *stem) else { return Err(unknown("chain", stem, counted)) };
+            let Some(count) = body.count else {
+                return Err(refuse(format!("body `{stem}` has no count: there is nothing to chain"), "the name of a body with count"));
+            };
+            if count < 2 {
+                return Err(refuse(
+                    format!("body `{stem}` has count {count}: there is nothing to chain"),
+                    "a body with a count of 2 or more",
+                ));
+            }
+            let Some(first) = bodies.iter().position(|b| b.name == format!("{stem}1")) else {
+                return Err(unknown("chain", stem, counted));
+            };
+            Ok((1..count).map(|j| (format!("{}{j}", connector.name), first + j - 1, first + j)).collect())
+        }
+    }
+}
+
+/// The `[[body]]` that declares a body of the expanded graph.
+pub(super) fn table_of<'a>(root: &TableView<'a>, spec: &GraphSpec, body: &str) -> Option<TableView<'a>> {
+    let index = spec.bodies.iter().position(|b| expand(&b.name, b.count).iter().any(|n| n == body))?;
+    root.tables("body").ok()?.into_iter().nth(index)
+}

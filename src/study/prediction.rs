@@ -1,0 +1,263 @@
+//! `[[prediction]]`: quantities the calibrated study is asked for.
+
+use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView};
+use crate::data::{Condition, Conditions, Control, Dataset, FrfQuantity, StoredEnergy};
+use crate::explain::Explain;
+use crate::model::{ModelError, System};
+use crate::units::{Dimension, Quantity};
+
+use super::engineering;
+use super::site::along;
+
+/// One prediction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PredictionSpec {
+    /// Name of the case.
+    pub case: String,
+    /// What is computed.
+    pub quantity: Predicted,
+    /// Conditions of the case.
+    pub conditions: Conditions,
+    /// Known value to compare with.
+    pub reference: Option<Quantity>,
+    /// Line in study.toml.
+    pub line: usize,
+}
+
+/// A number a cycle gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CycleQuantity {
+    /// W_D, energy dissipated per cycle [J].
+    Dissipated,
+    /// W_s, equivalent elastic energy [J], by one of its readings.
+    Stored(StoredEnergy),
+    /// D = W_D / W_s.
+    LossRatio(StoredEnergy),
+    /// Slope of the branch-mean force over the middle 60 % of travel [N/m].
+    Stiffness,
+    /// Greatest minus least force [N].
+    ForceRange,
+    /// Greatest minus least displacement [m].
+    DisplacementRange,
+}
+
+/// What is computed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Predicted {
+    /// A number of the settled cycle.
+    Cycle {
+        /// Which.
+        quantity: CycleQuantity,
+        /// The place that is driven.
+        at: String,
+        /// What is controlled.
+        control: Control,
+        /// Least and greatest force or displacement [SI].
+        limits: (f64, f64),
+        /// Drive frequency [Hz].
+        frequency: f64,
+    },
+    /// Natural frequency [Hz] of a mode, from 1.
+    Frequency(u32),
+    /// Modal damping ratio of a mode, from 1.
+    Damping(u32),
+    /// |H| at one frequency.
+    Frf {
+        /// What H is.
+        quantity: FrfQuantity,
+        /// `name.axis` of the force.
+        excite: String,
+        /// `name.axis` of the response.
+        respond: String,
+        /// Frequency [Hz].
+        frequency: f64,
+        /// Peak force [N]; none is small signal.
+        excitation: Option<f64>,
+    },
+}
+
+#[derive(Clone, Copy)]
+enum Word {
+    Dissipated,
+    Stored,
+    Ratio,
+    Stiffness,
+    ForceRange,
+    DisplacementRange,
+    Frequency,
+    Damping,
+    Frf(FrfQuantity),
+}
+
+const WORDS: [(&str, Word); 11] = [
+    ("W_D", Word::Dissipated),
+    ("W_s", Word::Stored),
+    ("D", Word::Ratio),
+    ("stiffness", Word::Stiffness),
+    ("force_range", Word::ForceRange),
+    ("displacement_range", Word::DisplacementRange),
+    ("natural_frequency", Word::Frequency),
+    ("modal_damping", Word::Damping),
+    ("accelerance", Word::Frf(FrfQuantity::Accelerance)),
+    ("mobility", Word::Frf(FrfQuantity::Mobility)),
+    ("receptance", Word::Frf(FrfQuantity::Receptance)),
+];
+
+impl Predicted {
+    /// The word of `quantity` in study.toml.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Predicted::Cycle { quantity, .. } => match quantity {
+                CycleQuantity::Dissipated => "W_D",
+                CycleQuantity::Stored(_) => "W_s",
+                CycleQuantity::LossRatio(_) => "D",
+                CycleQuantity::Stiffness => "stiffness",
+                CycleQuantity::ForceRange => "force_range",
+                CycleQuantity::DisplacementRange => "displacement_range",
+            },
+            Predicted::Frequency(_) => "natural_frequency",
+            Predicted::Damping(_) => "modal_damping",
+            Predicted::Frf { quantity, .. } => FrfQuantity::WORDS.iter().find(|w| w.1 == *quantity).map_or("", |w| w.0),
+        }
+    }
+
+    /// The dimension of the number.
+    pub fn dimension(&self) -> Dimension {
+        let force = |at: &str| along(&[Dimension::FORCE, Dimension::MOMENT], at);
+        let length = |at: &str| along(&[Dimension::LENGTH, Dimension::ANGLE], at);
+        match self {
+            Predicted::Cycle { quantity, at, .. } => match quantity {
+                CycleQuantity::Dissipated | CycleQuantity::Stored(_) => Dimension::ENERGY,
+                CycleQuantity::LossRatio(_) => Dimension::DIMENSIONLESS,
+                CycleQuantity::Stiffness => force(at).over(length(at)),
+                CycleQuantity::ForceRange => force(at),
+                CycleQuantity::DisplacementRange => length(at),
+            },
+            Predicted::Frequency(_) => Dimension::FREQUENCY,
+            Predicted::Damping(_) => Dimension::DIMENSIONLESS,
+            Predicted::Frf { quantity, excite, respond, .. } => {
+                length(respond).over(Dimension::TIME.power(quantity.derivatives() as i8)).over(force(excite))
+            }
+        }
+    }
+}
+
+/// Reads every `[[prediction]]`.
+pub(super) fn read(root: &TableView<'_>, system: &System, dataset: &Dataset) -> Result<Vec<PredictionSpec>, TomlError> {
+    root.tables("prediction")?.iter().map(|t| one(t, system, dataset)).collect()
+}
+
+fn one(table: &TableView<'_>, system: &System, dataset: &Dataset) -> Result<PredictionSpec, TomlError> {
+    let words = WORDS.map(|w| w.0).join(", ");
+    let word = table.require("quantity", &format!("one of {words}"))?.word("quantity", &WORDS)?;
+    let common = ["case", "quantity", "conditions", "reference"];
+    let case = table.string("case")?.to_string();
+    let conditions = conditions(table, dataset)?;
+    let quantity = match word {
+        Word::Frequency | Word::Damping => {
+            table.only(&[&common[..], &["mode"]].concat())?;
+            let mode = table.require("mode", "1, 2, ...")?.integer(1, 1_000_000)? as u32;
+            if matches!(word, Word::Frequency) { Predicted::Frequency(mode) } else { Predicted::Damping(mode) }
+        }
+        Word::Frf(quantity) => {
+            table.only(&[&common[..], &["excite", "respond", "frequency", "excitation"]].concat())?;
+            let end = |key: &str| -> Result<String, TomlError> {
+                let value = table.require(key, "a place such as \"m1.x\"")?;
+                place(&value, system).map(str::to_string)
+            };
+            let (excite, respond) = (end("excite")?, end("respond")?);
+            let frequency = positive(&table.require("frequency", "a frequency such as \"120 Hz\"")?, Dimension::FREQUENCY)?;
+            let force = along(&[Dimension::FORCE, Dimension::MOMENT], &excite);
+            let excitation = table.optional("excitation", |v| positive(&v, force))?;
+            Predicted::Frf { quantity, excite, respond, frequency, excitation }
+        }
+        _ => {
+            let keys = ["at", "control", "force_min", "force_max", "displacement_min", "displacement_max", "amplitude", "mean"];
+            let reading: &[&str] = if matches!(word, Word::Stored | Word::Ratio) { &["W_s_reading"] } else { &[] };
+            table.only(&[&common[..], &keys, reading].concat())?;
+            let readings = [("slope", StoredEnergy::Slope), ("product", StoredEnergy::Product)];
+            let reading = table.optional("W_s_reading", |v| v.word("reading of W_s", &readings))?.unwrap_or(StoredEnergy::Slope);
+            let quantity = match word {
+                Word::Stored => CycleQuantity::Stored(reading),
+                Word::Ratio => CycleQuantity::LossRatio(reading),
+                Word::Stiffness => CycleQuantity::Stiffness,
+                Word::ForceRange => CycleQuantity::ForceRange,
+                Word::DisplacementRange => CycleQuantity::DisplacementRange,
+                _ => CycleQuantity::Dissipated,
+            };
+            let at = place(&table.require("at", "the place that is driven, such as \"c1.x\"")?, system)?.to_string();
+            let control = table.require("control", "\"force\" or \"displacement\"")?.word("control", &Control::WORDS)?;
+            let limits = limits(table, control, &at)?;
+            let frequency = conditions.get("frequency").map(|c| c.value).ok_or_else(|| {
+                let accepted = "conditions = { frequency = \"1 Hz\" }".to_string();
+                table.error(TomlProblem::MissingKey { key: "frequency".into(), accepted })
+            })?;
+            Predicted::Cycle { quantity, at, control, limits, frequency }
+        }
+    };
+    let reference = table.optional("reference", |v| v.quantity(quantity.dimension()))?;
+    Ok(PredictionSpec { case, quantity, conditions, reference, line: table.line() })
+}
+
+fn positive(value: &ValueView<'_>, dimension: Dimension) -> Result<f64, TomlError> {
+    let q = value.quantity(dimension)?;
+    if q.value > 0.0 { Ok(q.value) } else { Err(value.refuse(format!("{q} is not above 0"), format!("a {} above 0", dimension.name()))) }
+}
+
+/// A connector's or a body's axis that is in the model.
+fn place<'a>(value: &ValueView<'a>, system: &System) -> Result<&'a str, TomlError> {
+    let text = value.string()?;
+    let model = &system.model;
+    let known = || (0..model.places.len()).map(|p| model.place_name(p)).chain((0..model.dofs.len()).map(|d| model.dof_name(d)));
+    if known().any(|k| k == text) {
+        return Ok(text);
+    }
+    let e = ModelError::no_such("place", text, known());
+    Err(value.refuse(e.to_string(), e.accepted()))
+}
+
+fn limits(table: &TableView<'_>, control: Control, at: &str) -> Result<(f64, f64), TomlError> {
+    let (dimension, min, max) = match control {
+        Control::Force => (along(&[Dimension::FORCE, Dimension::MOMENT], at), "force_min", "force_max"),
+        Control::Displacement => (along(&[Dimension::LENGTH, Dimension::ANGLE], at), "displacement_min", "displacement_max"),
+    };
+    let wrong = if control == Control::Force { "displacement_" } else { "force_" };
+    if let Some((_, v)) = table.entries().find(|(key, _)| key.starts_with(wrong) && key.ends_with(['n', 'x'])) {
+        return Err(
+            v.refuse(format!("not a limit under {} control", control.role().word()), format!("{min} and {max}, or amplitude and mean"))
+        );
+    }
+    let read = |key: &str| table.optional(key, |v| v.quantity(dimension).map(|q| q.value));
+    match (read(min)?, read(max)?, read("amplitude")?, read("mean")?) {
+        (Some(low), Some(high), None, None) if low < high => Ok((low, high)),
+        (None, None, Some(a), mean) if a > 0.0 => Ok((mean.unwrap_or(0.0) - a, mean.unwrap_or(0.0) + a)),
+        _ => Err(table.refuse(
+            "the limits of the cycle are not there, not complete, crossed or given twice",
+            format!("{min} below {max}, or amplitude above 0 and mean"),
+        )),
+    }
+}
+
+/// Conditions of a case: those the dataset states keep their dimension; `frequency` is always one.
+fn conditions(table: &TableView<'_>, dataset: &Dataset) -> Result<Conditions, TomlError> {
+    let mut all = Conditions::new();
+    let Some(value) = table.get("conditions") else { return Ok(all) };
+    for (name, value) in value.table()?.entries() {
+        let known = engineering::condition(dataset, name).map(|u| u.dimension);
+        let expected = if name == "frequency" { Some(Dimension::FREQUENCY) } else { known };
+        let spread = value.spread(expected)?;
+        if name == "frequency" && spread.quantity.value <= 0.0 {
+            return Err(value.refuse(format!("a frequency of {}", spread.quantity), "a frequency above 0 Hz"));
+        }
+        let condition = Condition { value: spread.quantity.value, unit: spread.quantity.unit, sigma: spread.sigma, line: value.line() };
+        all.insert(name.to_string(), condition);
+    }
+    Ok(all)
+}
+
+impl PredictionSpec {
+    /// The dimension of the number, by which it is printed.
+    pub fn dimension(&self) -> Dimension {
+        self.quantity.dimension()
+    }
+}

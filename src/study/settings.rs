@@ -1,0 +1,173 @@
+//! `split`, `[fit]`, `[search]`: which tests serve what, and the options of fit and search.
+
+use std::collections::BTreeMap;
+
+use crate::data::Dataset;
+use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView, nearest};
+use crate::effect::{self, Effect};
+use crate::identify::Loss;
+use crate::model::Model;
+
+use super::error::at;
+use super::site;
+
+/// Ids of the tests that are not fitted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Split {
+    /// Tests that decide whether an effect is accepted.
+    pub select: Vec<String>,
+    /// Tests read once, at the end.
+    pub held_out: Vec<String>,
+}
+
+impl Split {
+    /// The word of the split a test is in: `fit`, `select` or `held_out`.
+    pub fn word(&self, test: &str) -> &'static str {
+        if self.select.iter().any(|t| t == test) {
+            "select"
+        } else if self.held_out.iter().any(|t| t == test) {
+            "held_out"
+        } else {
+            "fit"
+        }
+    }
+}
+
+/// Options of the fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FitSettings {
+    /// Loss of every whitened residual.
+    pub loss: Loss,
+    /// Iterations at most; none: as many as the fit has by default.
+    pub max_iterations: Option<usize>,
+    /// Starts: 1 is the study's own.
+    pub starts: usize,
+}
+
+impl Default for FitSettings {
+    fn default() -> Self {
+        FitSettings { loss: Loss::Squares, max_iterations: None, starts: 1 }
+    }
+}
+
+/// What the search for missing effects may try.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SearchSettings {
+    /// Names of effects; none: the whole library.
+    pub effects: Option<Vec<String>>,
+    /// Places and channels as written in `at`; none: all.
+    pub places: Option<Vec<String>>,
+    /// Effects added at most.
+    pub max_added: Option<usize>,
+}
+
+/// Reads `split`.
+pub(super) fn split(root: &TableView<'_>, dataset: &Dataset) -> Result<Split, TomlError> {
+    let Some(value) = root.get("split") else { return Ok(Split::default()) };
+    let table = value.table()?;
+    table.only(&["select", "held_out"])?;
+    let mut seen: BTreeMap<String, &str> = BTreeMap::new();
+    let mut ids = |key: &'static str| -> Result<Vec<String>, TomlError> {
+        let Some(list) = table.get(key) else { return Ok(vec![]) };
+        let mut ids = Vec::new();
+        for v in list.list()? {
+            let id = v.string()?;
+            if dataset.test(id).is_none() {
+                return Err(unknown(&v, "test", id, dataset.tests.iter().map(|t| t.id.as_str())));
+            }
+            if let Some(first) = seen.insert(id.to_string(), key) {
+                let message = if first == key {
+                    format!("test `{id}` stands twice in {key}")
+                } else {
+                    format!("test `{id}` stands in {first} and in {key}")
+                };
+                return Err(v.refuse(message, "each test in one of select and held_out, or in neither to be fitted"));
+            }
+            ids.push(id.to_string());
+        }
+        Ok(ids)
+    };
+    let split = Split { select: ids("select")?, held_out: ids("held_out")? };
+    if dataset.tests.iter().all(|t| split.word(&t.id) != "fit") {
+        return Err(table.refuse("every test is in select or held_out: nothing is left to fit", "at least one test in neither"));
+    }
+    Ok(split)
+}
+
+/// Reads `[fit]`.
+pub(super) fn fit(root: &TableView<'_>) -> Result<FitSettings, TomlError> {
+    let Some(value) = root.get("fit") else { return Ok(FitSettings::default()) };
+    let table = value.table()?;
+    table.only(&["loss", "width", "max_iterations", "starts"])?;
+    #[derive(Clone, Copy)]
+    enum Word {
+        Squares,
+        Huber,
+        SoftL1,
+        Cauchy,
+    }
+    let words = [("squares", Word::Squares), ("huber", Word::Huber), ("soft_l1", Word::SoftL1), ("cauchy", Word::Cauchy)];
+    let word = table.optional("loss", |v| v.word("loss", &words))?.unwrap_or(Word::Squares);
+    let width = table.optional("width", |v| {
+        let width = v.number()?;
+        if width > 0.0 { Ok(width) } else { Err(v.refuse(format!("a width of {width}"), "a width above 0, in units of the noise")) }
+    })?;
+    let loss = match (word, width) {
+        (Word::Squares, None) => Loss::Squares,
+        (Word::Squares, Some(_)) => {
+            return Err(table.refuse("squares have no width", "loss = \"huber\", \"soft_l1\" or \"cauchy\" with a width"));
+        }
+        // Widths of 95 % efficiency on Gaussian noise (Huber 1964; Holland and Welsch 1977).
+        (Word::Huber, w) => Loss::Huber(w.unwrap_or(1.345)),
+        (Word::SoftL1, w) => Loss::SoftL1(w.unwrap_or(1.345)),
+        (Word::Cauchy, w) => Loss::Cauchy(w.unwrap_or(2.385)),
+    };
+    let default = FitSettings::default();
+    Ok(FitSettings {
+        loss,
+        max_iterations: table.optional("max_iterations", |v| v.integer(1, 1_000_000))?.map(|n| n as usize),
+        starts: table.optional("starts", |v| v.integer(1, 10_000))?.map_or(default.starts, |n| n as usize),
+    })
+}
+
+/// Reads `[search]`.
+pub(super) fn search(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Result<SearchSettings, TomlError> {
+    let Some(value) = root.get("search") else { return Ok(SearchSettings::default()) };
+    let table = value.table()?;
+    table.only(&["effects", "places", "max_added"])?;
+    let list = |key: &str, check: &dyn Fn(&ValueView<'_>) -> Result<(), TomlError>| {
+        table.optional(key, |v| {
+            v.list()?.iter().map(|v| check(v).and_then(|()| v.string().map(str::to_string))).collect::<Result<Vec<_>, _>>()
+        })
+    };
+    let known = |v: &ValueView<'_>| effect(v).map(|_| ());
+    // A place or a channel: what stands before the last dot tells which is meant.
+    let there = |v: &ValueView<'_>| {
+        let text = v.string()?;
+        let force = model.places_at(text).map(|_| ());
+        let test = text.rsplit_once('.').map_or("", |(test, _)| test);
+        if force.is_err() && (test == "*" || dataset.test(test).is_some()) {
+            let delay = effect::LIBRARY.iter().find(|e| matches!(e, Effect::Channel(_)));
+            return delay.map_or(Ok(()), |e| site::resolve(model, dataset, e, &[text]).map(|_| ()).map_err(|(_, e)| at(v, &e)));
+        }
+        force.map_err(|e| at(v, &e))
+    };
+    Ok(SearchSettings {
+        effects: list("effects", &known)?,
+        places: list("places", &there)?,
+        max_added: table.optional("max_added", |v| v.integer(0, 1_000))?.map(|n| n as usize),
+    })
+}
+
+/// The effect a value names.
+pub(super) fn effect(value: &ValueView<'_>) -> Result<&'static Effect, TomlError> {
+    let name = value.string()?;
+    effect::find(name).map_err(|_| unknown(value, "effect", name, effect::LIBRARY.iter().map(|e| e.info().name)))
+}
+
+/// An unknown word with the nearest of the known ones.
+pub(super) fn unknown<'a>(value: &ValueView<'_>, what: &str, found: &str, known: impl Iterator<Item = &'a str>) -> TomlError {
+    let accepted: Vec<String> = known.map(str::to_string).collect();
+    let nearest = nearest(found, accepted.iter().map(String::as_str));
+    value.error(TomlProblem::UnknownWord { what: what.into(), found: found.into(), nearest, accepted })
+}

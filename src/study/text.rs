@@ -1,0 +1,203 @@
+//! A study as text: one effect, or the whole file.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use crate::data::{Conditions, Control, Dataset, StoredEnergy};
+use crate::effect::Kind;
+use crate::identify::Loss;
+use crate::model::{Instance, System};
+use crate::units::{Dimension, Quantity, Unit};
+
+use super::{ConnectorSpec, CycleQuantity, Ends, Predicted, PredictionSpec, Study};
+use super::{effects, engineering, unit_of};
+
+/// A TOML string.
+fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
+fn list<S: AsRef<str>>(items: &[S]) -> String {
+    format!("[{}]", items.iter().map(|i| quoted(i.as_ref())).collect::<Vec<_>>().join(", "))
+}
+
+/// The `[[effect]]` block of an instance of `system` (or of one that is about to join it).
+pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) -> String {
+    let info = instance.effect.info();
+    let entries: Vec<&str> = instance.at.split(',').map(str::trim).collect();
+    let at = if entries.len() == 1 { quoted(entries[0]) } else { list(&entries) };
+    let mut text = format!("[[effect]]\neffect = {}\nat = {at}\n", quoted(info.name));
+    if let Some(target) = &instance.target {
+        let of = effects::of_name(&system.model, &system.instances, &instance.site, target);
+        let unit = engineering::condition(dataset, &target.condition).unwrap_or_else(|| Unit::si(Dimension::DIMENSIONLESS));
+        let _ = writeln!(text, "of = {}\ncondition = {}", quoted(&of), quoted(&target.condition));
+        let _ = writeln!(text, "reference = {}", quoted(&unit.print(target.reference)));
+    }
+    for (p, (param, value)) in info.params.iter().zip(&instance.params).enumerate() {
+        let unit = unit_of(system, dataset, instance, p);
+        let print = |si: f64| quoted(&unit.print(si));
+        let mut keys = vec![format!("start = {}", print(value.value))];
+        for (key, bound) in [("min", value.min), ("max", value.max)] {
+            if bound.is_finite() {
+                keys.push(format!("{key} = {}", print(bound)));
+            }
+        }
+        if let Some((mean, sigma)) = value.prior {
+            keys.push(format!("prior = {{ mean = {}, sigma = {} }}", print(mean), print(sigma)));
+        }
+        let setting = param.kind == Kind::Setting;
+        match (setting, value.free) {
+            (true, true) => keys.push("free = true".into()),
+            (false, false) => keys.push("fixed = true".into()),
+            _ => {}
+        }
+        let implied = value.min == effects::lowest(param.sign) && value.max == f64::INFINITY && value.prior.is_none();
+        let _ = match setting && !value.free && implied {
+            true => writeln!(text, "{} = {}", param.name, print(value.value)),
+            false => writeln!(text, "{} = {{ {} }}", param.name, keys.join(", ")),
+        };
+    }
+    text
+}
+
+impl Study {
+    /// A whole study.toml with the values and the effects of `system` (the study's own model, effects added and removed as they may be):
+    /// starts are its values; graph, split, orders, settings, assumptions and predictions are the study's. Orders on parameters that
+    /// `system` does not free are left out. Comments of the original are not kept. Paths are absolute, so the text serves in any folder.
+    pub fn with_values(&self, system: &System) -> String {
+        let absolute = |path: &Path| quoted(&path.canonicalize().unwrap_or_else(|_| path.to_path_buf()).to_string_lossy());
+        let mut text = String::from("schema = 1\n");
+        let _ = writeln!(text, "title = {}\ndataset = {}", quoted(&self.title), absolute(&self.dataset.file));
+        if let Some(data) = &self.data {
+            let _ = writeln!(text, "folder = {}", absolute(data));
+        }
+        if !self.assumptions.is_empty() {
+            let _ = writeln!(text, "assumptions = {}", list(&self.assumptions));
+        }
+        let (select, held_out) = (list(&self.split.select), list(&self.split.held_out));
+        let _ = writeln!(text, "split = {{ select = {select}, held_out = {held_out} }}");
+        self.settings(&mut text);
+        for body in &self.graph.bodies {
+            let _ = writeln!(text, "\n[[body]]\nname = {}", quoted(&body.name));
+            if body.fixed {
+                text.push_str("fixed = true\n");
+            } else {
+                let _ = writeln!(text, "free = {}", list(&body.free.iter().map(|a| a.name()).collect::<Vec<_>>()));
+            }
+            quantity(&mut text, "mass", body.mass.as_ref());
+            quantity(&mut text, "inertia", body.inertia.as_ref());
+            if let Some(count) = body.count {
+                let _ = writeln!(text, "count = {count}");
+            }
+        }
+        for ConnectorSpec { name, ends } in &self.graph.connectors {
+            let _ = writeln!(text, "\n[[connector]]\nname = {}", quoted(name));
+            let _ = match ends {
+                Ends::Between { from, to } => writeln!(text, "from = {}\nto = {}", quoted(from), quoted(to)),
+                Ends::Chain(body) => writeln!(text, "chain = {}", quoted(body)),
+            };
+        }
+        for instance in system.instances.iter().filter(|i| !i.follower) {
+            let _ = write!(text, "\n{}", effect(system, &self.dataset, instance));
+        }
+        let free = system.free();
+        for order in &self.orders {
+            let there = |name: &str| free.iter().find(|f| f.name == name);
+            let (Some(below), Some(_)) = (there(&order.below), there(&order.above)) else { continue };
+            let _ = writeln!(text, "\n[[order]]\norder = {}", list(&[&order.below, &order.above]));
+            if order.gap > 0.0 {
+                let unit = unit_of(system, &self.dataset, &system.instances[below.instance], below.param);
+                let _ = writeln!(text, "gap = {}", quoted(&unit.print(order.gap)));
+            }
+        }
+        for prediction in &self.predictions {
+            prediction_text(&mut text, prediction);
+        }
+        text
+    }
+
+    fn settings(&self, text: &mut String) {
+        text.push_str("\n[fit]\n");
+        let (loss, width) = match self.fit.loss {
+            Loss::Squares => ("squares", None),
+            Loss::Huber(k) => ("huber", Some(k)),
+            Loss::SoftL1(k) => ("soft_l1", Some(k)),
+            Loss::Cauchy(k) => ("cauchy", Some(k)),
+        };
+        let _ = writeln!(text, "loss = {}\nstarts = {}", quoted(loss), self.fit.starts);
+        if let Some(width) = width {
+            // TOML tells integers from floats; both are read as numbers.
+            let _ = writeln!(text, "width = {width:?}");
+        }
+        if let Some(n) = self.fit.max_iterations {
+            let _ = writeln!(text, "max_iterations = {n}");
+        }
+        let search = &self.search;
+        if search.effects.is_some() || search.places.is_some() || search.max_added.is_some() {
+            text.push_str("\n[search]\n");
+            for (key, names) in [("effects", &search.effects), ("places", &search.places)] {
+                if let Some(names) = names {
+                    let _ = writeln!(text, "{key} = {}", list(names));
+                }
+            }
+            if let Some(n) = search.max_added {
+                let _ = writeln!(text, "max_added = {n}");
+            }
+        }
+    }
+}
+
+fn quantity(text: &mut String, key: &str, value: Option<&Quantity>) {
+    if let Some(q) = value {
+        let _ = writeln!(text, "{key} = {}", quoted(&q.to_string()));
+    }
+}
+
+fn prediction_text(text: &mut String, prediction: &PredictionSpec) {
+    let si = |value: f64, dimension: Dimension| quoted(&Quantity::si(value, dimension).to_string());
+    let _ = writeln!(text, "\n[[prediction]]\ncase = {}\nquantity = {}", quoted(&prediction.case), quoted(prediction.quantity.word()));
+    match &prediction.quantity {
+        Predicted::Cycle { quantity, at, control, limits, .. } => {
+            let force = *control == Control::Force;
+            let dimension = match force {
+                true => super::site::along(&[Dimension::FORCE, Dimension::MOMENT], at),
+                false => super::site::along(&[Dimension::LENGTH, Dimension::ANGLE], at),
+            };
+            let word = control.role().word();
+            let _ = writeln!(text, "at = {}\ncontrol = {}", quoted(at), quoted(word));
+            let _ = writeln!(text, "{word}_min = {}\n{word}_max = {}", si(limits.0, dimension), si(limits.1, dimension));
+            if let CycleQuantity::Stored(reading) | CycleQuantity::LossRatio(reading) = quantity {
+                let _ = writeln!(text, "W_s_reading = \"{}\"", if *reading == StoredEnergy::Slope { "slope" } else { "product" });
+            }
+        }
+        Predicted::Frequency(mode) | Predicted::Damping(mode) => {
+            let _ = writeln!(text, "mode = {mode}");
+        }
+        Predicted::Frf { excite, respond, frequency, excitation, .. } => {
+            let _ = writeln!(text, "excite = {}\nrespond = {}", quoted(excite), quoted(respond));
+            let _ = writeln!(text, "frequency = {}", si(*frequency, Dimension::FREQUENCY));
+            if let Some(f) = excitation {
+                let dimension = super::site::along(&[Dimension::FORCE, Dimension::MOMENT], excite);
+                let _ = writeln!(text, "excitation = {}", si(*f, dimension));
+            }
+        }
+    }
+    conditions_text(text, &prediction.conditions);
+    quantity(text, "reference", prediction.reference.as_ref());
+}
+
+fn conditions_text(text: &mut String, conditions: &Conditions) {
+    if conditions.is_empty() {
+        return;
+    }
+    let one = |(name, c): (&String, &crate::data::Condition)| match c.sigma {
+        // A difference has no offset of a temperature scale, and reads back as it is printed.
+        Some(sigma) => {
+            let unit = Unit::si(c.unit.dimension);
+            let pair = format!("{{ value = {}, sigma = {} }}", quoted(&unit.print(c.value)), quoted(&unit.print(sigma)));
+            format!("{} = {pair}", quoted(name))
+        }
+        None => format!("{} = {}", quoted(name), quoted(&c.unit.print(c.value))),
+    };
+    let _ = writeln!(text, "conditions = {{ {} }}", conditions.iter().map(one).collect::<Vec<_>>().join(", "));
+}

@@ -1,0 +1,99 @@
+//! Writing study.toml: whole or not at all.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use crate::data::toml_strict::{TomlFile, TomlProblem};
+use crate::model::{Instance, System};
+
+use super::{Study, StudyError, load, text};
+
+impl Study {
+    /// Appends `instance` as an `[[effect]]` to the file of the study, leaving the rest as it is byte for byte, and returns the study
+    /// with it. The new text is read as a study before it takes the place of the old; on any error the file is as it was.
+    pub fn write_effect(&self, instance: &Instance) -> Result<Study, StudyError> {
+        let file = self.file.canonicalize().map_err(|e| fail(&self.file, &e))?;
+        // The file as it is now, not as it was loaded: the engineer may have edited it meanwhile.
+        let mut whole = std::fs::read_to_string(&file).map_err(|e| fail(&file, &e))?;
+        let before = whole.clone();
+        let block = text::effect(&self.system, &self.dataset, instance);
+        let newline = if whole.contains("\r\n") { "\r\n" } else { "\n" };
+        if !whole.ends_with('\n') && !whole.is_empty() {
+            whole.push_str(newline);
+        }
+        whole.push_str(&format!("\n{block}").replace('\n', newline));
+        let study = self.reread(&self.file, whole.clone()).map_err(|e| not_appendable(&file, &before, e))?;
+        if study.system.instances.len() != self.system.instances.len() + 1 {
+            return Err(StudyError::Write {
+                file,
+                reason: "the effects in the file are no longer those that were read".into(),
+                accepted: "the verb again, on the file as it is now".into(),
+            });
+        }
+        replace(&file, &whole)?;
+        Ok(study)
+    }
+
+    /// Writes `<folder>/study.toml` with the values and effects of `system` ([`Study::with_values`]) and returns its path; makes the
+    /// folder where it is missing. Never writes over the file of this study.
+    pub fn save(&self, system: &System, folder: &Path) -> Result<PathBuf, StudyError> {
+        std::fs::create_dir_all(folder).map_err(|e| fail(folder, &e))?;
+        let file = folder.join("study.toml");
+        if let (Ok(new), Ok(own)) = (file.canonicalize(), self.file.canonicalize())
+            && new == own
+        {
+            let reason = "it is the study's own file".into();
+            return Err(StudyError::Write { file, reason, accepted: "another folder".into() });
+        }
+        let whole = self.with_values(system);
+        self.reread(&file, whole.clone())?;
+        replace(&file, &whole)?;
+        Ok(file)
+    }
+
+    /// Reads a text as the study it would be in `file`, with the dataset at hand.
+    fn reread(&self, file: &Path, whole: String) -> Result<Study, StudyError> {
+        let toml = TomlFile::parse(file, whole, "study")?;
+        let mut study = Study::from_toml(&toml, self.dataset.clone())?;
+        study.data = self.data.clone();
+        Ok(study)
+    }
+}
+
+/// TOML that was valid and is not any more with a block at its end: its effects stand in a list `effect = [...]`.
+fn not_appendable(file: &Path, before: &str, e: StudyError) -> StudyError {
+    let syntax = matches!(&e, StudyError::Toml(t) if matches!(*t.problem, TomlProblem::Syntax(_)));
+    if !syntax || TomlFile::parse(file, before.to_string(), "study").is_err() {
+        return e;
+    }
+    let reason = "its effects stand in a list, `effect = [...]`, to which no block can be appended".into();
+    StudyError::Write { file: file.to_path_buf(), reason, accepted: "each effect as an [[effect]] of its own".into() }
+}
+
+fn fail(file: &Path, e: &std::io::Error) -> StudyError {
+    StudyError::Write { file: file.to_path_buf(), reason: e.to_string(), accepted: "a file and a folder that can be written".into() }
+}
+
+/// Puts `whole` in the place of `file` in one step: a temporary file beside it, renamed over it.
+fn replace(file: &Path, whole: &str) -> Result<(), StudyError> {
+    let folder = load::folder_of(file);
+    let mut temporary = tempfile::NamedTempFile::new_in(&folder).map_err(|e| fail(file, &e))?;
+    temporary.write_all(whole.as_bytes()).map_err(|e| fail(file, &e))?;
+    temporary.as_file().sync_all().map_err(|e| fail(file, &e))?;
+    permissions(file, temporary.as_file()).map_err(|e| fail(file, &e))?;
+    temporary.persist(file).map_err(|e| fail(file, &e.error))?;
+    Ok(())
+}
+
+/// A temporary file is private; what takes its name has the permissions of the old file, or those any new file has.
+fn permissions(file: &Path, temporary: &std::fs::File) -> std::io::Result<()> {
+    if let Ok(old) = std::fs::metadata(file) {
+        return temporary.set_permissions(old.permissions());
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        temporary.set_permissions(std::fs::Permissions::from_mode(0o644))?;
+    }
+    Ok(())
+}
