@@ -91,7 +91,9 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
             Role::Coefficient => {
                 for (condition, reference) in conditions(plans) {
                     for (i, target) in system.instances.iter().enumerate() {
-                        let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else { continue };
+                        let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else {
+                            continue;
+                        };
                         let taken = system.instances.iter().any(|c| {
                             c.target.as_ref().is_some_and(|t| t.instance == i && t.condition == condition) && c.name() == info.name
                         });
@@ -100,7 +102,16 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                         }
                         let of = format!("{}.{}", target.name(), target.effect.info().params[0].name);
                         let to = Target { instance: i, param: 0, condition: condition.clone(), reference };
-                        push(&mut names, &mut trials, effect, target.at.clone(), Site::Places(places.clone()), Some(of), Some(to), vec![vec![]]);
+                        push(
+                            &mut names,
+                            &mut trials,
+                            effect,
+                            target.at.clone(),
+                            Site::Places(places.clone()),
+                            Some(of),
+                            Some(to),
+                            vec![vec![]],
+                        );
                     }
                 }
             }

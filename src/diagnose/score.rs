@@ -55,10 +55,10 @@ pub fn score(
     let problem = Problem::new(plans.to_vec(), augmented);
     let own = system.free().len();
     let p = problem.variables();
-    let computed = problem.jacobian(&p).map_err(|e| crate::identify::IdentifyError::from_start(e))?;
+    let computed = problem.jacobian(&p).map_err(|e| crate::identify::IdentifyError::StartFails { reason: e.reason })?;
     let (mut r, j) = computed;
     let rows = r.len() + priors.len();
-    let cost = 0.5 * r.norm_squared();
+    let cost: f64 = 0.5 * r.norm_squared();
     // Prior rows belong to the columns of the model's own parameters.
     let mut base = DMatrix::zeros(rows, own);
     base.view_mut((0, 0), (r.len(), own)).copy_from(&j.columns(0, own));
@@ -90,7 +90,17 @@ pub fn score(
         // A gain or an exponent may go either way from its null; a strength with a sign only up.
         let two_sided = sign == Sign::Any || trial.instance.effect.info().params[0].default != 0.0;
         let gain = if two_sided { z.abs() } else { z.max(0.0) };
-        scores.push((Score { trial: t, z: gain, drop: 0.5 * gain * gain / cost.max(f64::MIN_POSITIVE), strength: z / norm, p_value: 1.0, visible: norm }, two_sided));
+        scores.push((
+            Score {
+                trial: t,
+                z: gain,
+                drop: 0.5 * gain * gain / cost.max(f64::MIN_POSITIVE),
+                strength: z / norm,
+                p_value: 1.0,
+                visible: norm,
+            },
+            two_sided,
+        ));
         columns.push(left / norm);
     }
     let null = null_distribution(&columns, &scores.iter().map(|s| s.1).collect::<Vec<_>>(), seed);
