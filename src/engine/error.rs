@@ -49,7 +49,9 @@ pub enum EngineError {
         accepted: String,
     },
     /// Harmonic balance found no steady response.
-    #[error("no steady response found at {frequency} Hz under a force of {amplitude} (peak): the balance stays at {residual:.2e} of the displacements")]
+    #[error(
+        "no steady response found at {frequency} Hz under a force of {amplitude} (peak): the balance stays at {residual:.2e} of the displacements"
+    )]
     NoHarmonicBalance {
         /// Frequency [Hz].
         frequency: f64,

@@ -1,4 +1,4 @@
-//! Newton's method on the balance at the nonlinear places, its continuation, and what follows from its solution.
+//! Newton's method on the balance at the nonlinear places, and what follows from its solution.
 
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
@@ -15,8 +15,6 @@ const TOLERANCE: f64 = 1e-12;
 /// What is accepted where rounding in a stiff law ends the descent earlier.
 const ACCEPTED: f64 = 1e-9;
 const ITERATIONS: usize = 60;
-/// Smallest step of the continuation in frequency and in force, as a fraction of the whole way.
-const SMALLEST: [f64; 2] = [1.0 / 64.0, 1.0 / 2048.0];
 
 /// Harmonic balance of one structure under one drive.
 pub(super) struct Balance<'a> {
@@ -30,9 +28,9 @@ pub(super) struct Balance<'a> {
     /// `G_k`, element by element.
     g: Vec<Vec<Complex64>>,
     aft: Vec<Aft>,
-    x: DVector<f64>,
-    residual: DVector<f64>,
-    matrix: DMatrix<f64>,
+    pub(super) x: DVector<f64>,
+    pub(super) residual: DVector<f64>,
+    pub(super) matrix: DMatrix<f64>,
     known: bool,
 }
 
@@ -65,12 +63,17 @@ impl<'a> Balance<'a> {
         })
     }
 
+    /// Coefficients of one element's displacement.
+    pub(super) fn width(&self) -> usize {
+        self.basis.width
+    }
+
     fn m(&self) -> usize {
         self.structure.nonlinear.len()
     }
 
     /// Condenses the linear part at a frequency.
-    fn condense(&mut self, omega: f64) -> Result<(), EngineError> {
+    pub(super) fn condense(&mut self, omega: f64) -> Result<(), EngineError> {
         let (n, m) = (self.structure.n, self.m());
         self.omega = omega;
         for k in 0..=self.harmonics {
@@ -108,64 +111,15 @@ impl<'a> Balance<'a> {
             self.condense(omega)?;
         }
         self.linear_start();
-        if self.newton(1.0, &mut residual) || self.raise_force(&mut residual) {
+        if self.newton(1.0, &mut residual) || self.raise_force(&mut residual) || self.follow_force(&mut residual) {
             self.known = true;
             return Ok(());
         }
         Err(EngineError::NoHarmonicBalance { frequency: omega / std::f64::consts::TAU, amplitude: self.drive.1, residual })
     }
 
-    /// In steps from a frequency whose solution stands in `x`.
-    fn raise_frequency(&mut self, from: f64, to: f64, residual: &mut f64) -> Result<bool, EngineError> {
-        let (mut done, mut step) = (0.0, 0.5);
-        let mut good = self.x.clone();
-        while done < 1.0 {
-            let next = f64::min(done + step, 1.0);
-            self.condense(from + next * (to - from))?;
-            if self.newton(1.0, residual) {
-                (done, step) = (next, 1.5 * step);
-                good.copy_from(&self.x);
-            } else {
-                step *= 0.5;
-                self.x.copy_from(&good);
-                if step < SMALLEST[0] {
-                    return Ok(false);
-                }
-            }
-        }
-        Ok(true)
-    }
-
-    /// In steps of the force from rest.
-    fn raise_force(&mut self, residual: &mut f64) -> bool {
-        let (mut done, mut step) = (0.0, 0.25);
-        self.x.fill(0.0);
-        let mut good = self.x.clone();
-        while done < 1.0 {
-            let next = f64::min(done + step, 1.0);
-            // The straight line through rest and the last solution.
-            if done > 0.0 {
-                self.x *= next / done;
-            } else {
-                self.linear_start();
-                self.x *= next;
-            }
-            if self.newton(next, residual) {
-                (done, step) = (next, 1.5 * step);
-                good.copy_from(&self.x);
-            } else {
-                step *= 0.5;
-                self.x.copy_from(&good);
-                if step < SMALLEST[1] {
-                    return false;
-                }
-            }
-        }
-        true
-    }
-
     /// Response with the stand-in stiffnesses.
-    fn linear_start(&mut self) {
+    pub(super) fn linear_start(&mut self) {
         self.x.fill(0.0);
         for a in 0..self.m() {
             let x = self.structure.relative(self.structure.nonlinear[a], &self.flex[1].drive);
@@ -175,14 +129,18 @@ impl<'a> Balance<'a> {
     }
 
     /// Newton's method with step control at `share` of the force; `x` holds the start and then the solution.
-    fn newton(&mut self, share: f64, reached: &mut f64) -> bool {
-        // A second pass takes its scales from the solution of the first; it is usually done at once.
-        (0..2).all(|_| self.newton_pass(share, reached))
+    pub(super) fn newton(&mut self, share: f64, reached: &mut f64) -> bool {
+        let scales = self.scales(share);
+        if !self.newton_pass(share, &scales, reached) {
+            return false;
+        }
+        // Where the solution is much smaller than what it started from, its own size is the measure.
+        let own = self.scales(share);
+        own.iter().zip(&scales).all(|(own, used)| *own > 0.05 * used) || self.newton_pass(share, &own, reached)
     }
 
-    fn newton_pass(&mut self, share: f64, reached: &mut f64) -> bool {
-        let scales = self.scales(share);
-        let Some(mut norm) = self.balance(share, &scales) else { return false };
+    fn newton_pass(&mut self, share: f64, scales: &[f64], reached: &mut f64) -> bool {
+        let Some(mut norm) = self.balance(share, scales) else { return false };
         let mut trial = self.x.clone();
         for _ in 0..ITERATIONS {
             *reached = norm;
@@ -196,7 +154,7 @@ impl<'a> Balance<'a> {
             let better = loop {
                 self.x.copy_from(&trial);
                 self.x.axpy(-length, &step, 1.0);
-                match self.balance(share, &scales) {
+                match self.balance(share, scales) {
                     Some(next) if next < norm => break Some(next),
                     _ if length < 1e-3 => break None,
                     _ => length *= 0.5,
@@ -207,7 +165,7 @@ impl<'a> Balance<'a> {
                 None => {
                     self.x.copy_from(&trial);
                     // Residual and derivatives belong to the point that stays.
-                    return norm <= ACCEPTED && self.balance(share, &scales).is_some();
+                    return norm <= ACCEPTED && self.balance(share, scales).is_some();
                 }
             }
         }
@@ -215,7 +173,7 @@ impl<'a> Balance<'a> {
     }
 
     /// Largest displacement coefficient of each element, of the start and of the linear response.
-    fn scales(&self, share: f64) -> Vec<f64> {
+    pub(super) fn scales(&self, share: f64) -> Vec<f64> {
         let w = self.basis.width;
         let own: Vec<f64> = (0..self.m())
             .map(|a| {
@@ -228,7 +186,7 @@ impl<'a> Balance<'a> {
     }
 
     /// Evaluates the laws and the residual `x - x_lin + G (f - z x)` at `x`; its size against the scales, `None` where a law gives up.
-    fn balance(&mut self, share: f64, scales: &[f64]) -> Option<f64> {
+    pub(super) fn balance(&mut self, share: f64, scales: &[f64]) -> Option<f64> {
         let (w, m) = (self.basis.width, self.m());
         for a in 0..m {
             let element = &self.structure.bound.elements[self.structure.nonlinear[a]];
@@ -255,7 +213,7 @@ impl<'a> Balance<'a> {
     }
 
     /// Jacobian of the residual, `I + G (df/dx - z)`.
-    fn assemble(&mut self) {
+    pub(super) fn assemble(&mut self) {
         let (w, m) = (self.basis.width, self.m());
         self.matrix.fill_with_identity();
         for b in 0..m {
@@ -324,7 +282,8 @@ impl<'a> Balance<'a> {
         let mut source = DMatrix::<f64>::zeros(m * w, n_free);
         let mut direct = vec![Complex64::ZERO; self.outputs.len() * n_free];
         let harmonics: Vec<usize> = if m == 0 { vec![1] } else { (0..=self.harmonics).collect() };
-        let motion: Vec<Vec<Complex64>> = (0..=self.harmonics).map(|k| if harmonics.contains(&k) { self.motion(k) } else { vec![] }).collect();
+        let motion: Vec<Vec<Complex64>> =
+            (0..=self.harmonics).map(|k| if harmonics.contains(&k) { self.motion(k) } else { vec![] }).collect();
         let (mut dp, mut candidate) = (Vec::new(), Aft::default());
         for (e, element) in bound.elements.iter().enumerate().filter(|(_, e)| e.chains.iter().any(|c| !c.is_empty())) {
             if self.structure.parts[e] == Part::Candidate {
@@ -339,7 +298,8 @@ impl<'a> Balance<'a> {
                 if self.structure.parts[e] == Part::Linear {
                     element.stiffness(Complex64::new(0.0, k as f64 * omega), &mut dp)?;
                 }
-                let by_place: Vec<Complex64> = (0..m).map(|a| self.structure.relative(e, &self.flex[k].places[a * n..(a + 1) * n])).collect();
+                let by_place: Vec<Complex64> =
+                    (0..m).map(|a| self.structure.relative(e, &self.flex[k].places[a * n..(a + 1) * n])).collect();
                 for (p, chain) in element.chains.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
                     let np = element.n_params();
                     let df = match self.structure.parts[e] {
@@ -398,14 +358,10 @@ fn put(series: &mut [f64], k: usize, x: Complex64) {
 
 /// Derivative of coefficient `k` with respect to parameter `p`.
 fn column(by_param: &[f64], np: usize, p: usize, k: usize) -> Complex64 {
-    if k == 0 {
-        Complex64::new(by_param[p], 0.0)
-    } else {
-        Complex64::new(by_param[(2 * k - 1) * np + p], -by_param[2 * k * np + p])
-    }
+    if k == 0 { Complex64::new(by_param[p], 0.0) } else { Complex64::new(by_param[(2 * k - 1) * np + p], -by_param[2 * k * np + p]) }
 }
 
-fn solve(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>> {
+pub(super) fn solve(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>> {
     let step = solve_columns(matrix, &DMatrix::from_column_slice(rhs.len(), 1, rhs.as_slice()));
     step.iter().all(|s| s.is_finite()).then(|| step.column(0).into_owned())
 }

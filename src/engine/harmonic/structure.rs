@@ -113,7 +113,14 @@ impl<'a> Structure<'a> {
 
     /// Solves at harmonic `k` of `omega`: nonlinear elements stand in with a linear stiffness of their own, which the caller takes out
     /// of their force again.
-    pub fn solve(&mut self, k: usize, omega: f64, drive: (usize, f64), outputs: &[usize], out: &mut Flexibility) -> Result<(), EngineError> {
+    pub fn solve(
+        &mut self,
+        k: usize,
+        omega: f64,
+        drive: (usize, f64),
+        outputs: &[usize],
+        out: &mut Flexibility,
+    ) -> Result<(), EngineError> {
         let s = Complex64::new(0.0, k as f64 * omega);
         self.stiffnesses(s, omega)?;
         out.stand_in.clear();
