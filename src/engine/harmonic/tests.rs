@@ -110,9 +110,9 @@ fn the_response_equals_the_marched_steady_cycle() {
         let reference = marched(&system, OMEGA, 2, force, 2, 512);
         let error = |settings| (run(&system, &[OMEGA], 2, force, &[2], settings)[0] - reference).norm() / reference.norm();
         let small = (receptance_of(&system, &[OMEGA]).map(|h| (h - reference).norm() / reference.norm())).unwrap_or(f64::NAN);
-        let [default, more, most] = [Settings::default(), fine(15, 256), fine(25, 1024)].map(error);
-        println!("{name:28} 7 of 256 {default:.1e}, 15 of 256 {more:.1e}, 25 of 1024 {most:.1e}; the small signal is off by {small:.1e}");
-        assert!(default < 6e-3 && more < 6e-4 && most < 6e-5, "{name}");
+        let [few, default, most] = [fine(7, 256), Settings::default(), fine(25, 1024)].map(error);
+        println!("{name:28} 7 of 256 {few:.1e}, 15 of 256 {default:.1e}, 25 of 1024 {most:.1e}; the small signal is off by {small:.1e}");
+        assert!(few < 6e-3 && default < 1e-4 && most < 1e-5, "{name}");
     }
 }
 
@@ -145,7 +145,7 @@ fn time_per_line() {
     let omega: Vec<f64> = (0..1000).map(|k| TAU * (20.0 + 0.3 * k as f64)).collect();
     let bound = bind(&eight);
     for (label, sens) in [("response", false), ("with sensitivities", true)] {
-        for settings in [fine(3, 64), fine(7, 128), Settings::default(), fine(15, 256)] {
+        for settings in [fine(3, 64), fine(7, 128), fine(7, 256), fine(15, 128), Settings::default()] {
             let start = std::time::Instant::now();
             at_amplitude(&eight.model, &bound, &omega, 0, 0.5, &[7], sens, settings).unwrap();
             println!("{label}, {settings:?}: {:.1} us per line", start.elapsed().as_secs_f64() * 1e3);
@@ -201,9 +201,8 @@ fn step(system: &System, k: usize) -> f64 {
 }
 
 /// Largest gap between sensitivities and central differences, against the largest of the parameter; from parameter `first` on.
-fn gaps(system: &System, omega: &[f64], force: f64, outputs: &[usize], first: usize) -> Vec<(String, f64)> {
+fn gaps(system: &System, omega: &[f64], force: f64, outputs: &[usize], first: usize, settings: Settings) -> Vec<(String, f64)> {
     let free = system.free();
-    let settings = Settings::default();
     let base = at_amplitude(&system.model, &bind(system), omega, 2, force, outputs, true, settings).unwrap();
     (first..free.len())
         // A film has no meaning with d below 0, so there is no central difference around a rigid contact.
@@ -221,15 +220,22 @@ fn gaps(system: &System, omega: &[f64], force: f64, outputs: &[usize], first: us
                 i.params[f.param].value = if f.log { i.params[f.param].value * h.exp() } else { i.params[f.param].value + h };
                 run(&moved, omega, 2, force, outputs, settings)
             };
-            // Two steps: the error of the differences falls with the fourth power.
-            let [up, down, near_up, near_down] = [h, -h, 0.5 * h, -0.5 * h].map(at);
-            let (mut gap, mut size) = (0.0f64, 0.0f64);
-            for l in 0..base.h.len() {
-                let numeric = ((near_up[l] - near_down[l]) * 8.0 - (up[l] - down[l])) / (6.0 * h);
-                gap = gap.max((numeric - base.dh[l * free.len() + k]).norm());
-                size = size.max(numeric.norm());
+            // The best of three steps: kinks and curvature spoil large ones, rounding small ones.
+            let gap = [3.0, 0.3, 0.03].map(|factor| {
+                let h = factor * h;
+                let (up, down) = (at(h), at(-h));
+                let (mut gap, mut size) = (0.0f64, 0.0f64);
+                for l in 0..base.h.len() {
+                    let numeric = (up[l] - down[l]) / (2.0 * h);
+                    gap = gap.max((numeric - base.dh[l * free.len() + k]).norm());
+                    size = size.max(numeric.norm());
+                }
+                gap / size
+            });
+            if gap.iter().all(|g| *g > 1e-7) {
+                println!("{} at three steps: {:.1e} {:.1e} {:.1e}", f.name, gap[0], gap[1], gap[2]);
             }
-            (f.name.clone(), gap / size)
+            (f.name.clone(), gap.into_iter().fold(f64::INFINITY, f64::min))
         })
         .collect()
 }
@@ -248,12 +254,11 @@ const MIXED: [(&str, &str, &[f64]); 8] = [
 #[test]
 fn sensitivities_equal_central_differences() {
     let mut worst = 0.0f64;
-    let lines = [11.0, 18.0, 34.0, 60.0];
+    let lines = [18.0, 34.0];
     let mut systems: Vec<(System, f64)> = cases().into_iter().map(|(_, s, f)| (s, f)).collect();
     systems.push((with(&MIXED), 4.0));
     for (system, force) in &systems {
-        for (name, gap) in gaps(system, &lines, *force, &[0, 2], 0) {
-            println!("{name}: {gap:.1e}");
+        for (_, gap) in gaps(system, &lines, *force, &[0, 2], 0, fine(7, 128)) {
             worst = worst.max(gap);
         }
     }
@@ -280,10 +285,11 @@ fn candidates_give_the_slope_at_zero_strength() {
         i.params.iter_mut().skip(1).for_each(|p| p.free = false);
         system.instances.push(i);
     }
+    // A linear candidate beside a nonlinear one is marched here and exact there: of second order in the samples, 6e-5 at 256.
     // The differences turn each candidate into an effect in turn; their steps leave the strength's sign, as the laws allow.
-    for (name, gap) in gaps(&system, &[18.0, 34.0], 4.0, &[0, 2], first) {
+    for (name, gap) in gaps(&system, &[18.0, 34.0], 4.0, &[0, 2], first, fine(7, 256)) {
         println!("{name}: {gap:.1e}");
-        assert!(gap < 2e-4, "{name}: {gap:.1e}");
+        assert!(gap < 1e-4, "{name}: {gap:.1e}");
     }
 }
 
