@@ -117,7 +117,7 @@ impl Aft {
         self.start.clone_from(&self.s);
         let mut change = f64::INFINITY;
         for round in 0..CYCLES {
-            self.cycle(element, basis, omega, full, true);
+            self.cycle(element, basis, omega, full);
             if !self.f.iter().all(|f| f.is_finite()) {
                 return Err(EngineError::NotFinite { step: 0 });
             }
@@ -172,8 +172,8 @@ impl Aft {
         Inputs { x: self.x[i], v: self.v[i], a: self.a[i], dx: self.x[i] - before }
     }
 
-    /// One cycle from `start` with its derivatives; sums of the force with the basis when `sum`.
-    fn cycle(&mut self, element: &Element, basis: &Basis, omega: f64, full: bool, sum: bool) {
+    /// One cycle from `start` with its derivatives and the sums of the force with the basis.
+    fn cycle(&mut self, element: &Element, basis: &Basis, omega: f64, full: bool) {
         let (n, w, ns) = (basis.samples, basis.width, element.n_states());
         let np = if full { element.n_params() } else { 0 };
         let columns = w + ns + np;
@@ -184,28 +184,21 @@ impl Aft {
             self.settle_followers(element, basis, omega);
             self.s.clone_from(&self.start);
         }
-        if sum {
-            sized(&mut self.f, w);
-            sized(&mut self.sums, w * columns);
-        }
+        sized(&mut self.f, w);
+        sized(&mut self.sums, w * columns);
         for k in 1..=n {
             self.advance(element, basis, omega, k, columns, full);
-            if sum {
-                let phi = basis.row(&basis.value, k % n);
-                let f = self.sensed.f;
-                for (r, phi) in phi.iter().enumerate() {
-                    self.f[r] += phi * f;
-                    let sums = &mut self.sums[r * columns..(r + 1) * columns];
-                    sums.iter_mut().zip(&self.row).for_each(|(s, d)| *s += phi * d);
-                }
+            let f = self.sensed.f;
+            for (r, phi) in basis.row(&basis.value, k % n).iter().enumerate() {
+                self.f[r] += phi * f;
+                let sums = &mut self.sums[r * columns..(r + 1) * columns];
+                sums.iter_mut().zip(&self.row).for_each(|(s, d)| *s += phi * d);
             }
         }
-        if sum {
-            for r in 0..w {
-                let weight = if r == 0 { 1.0 } else { 2.0 } / n as f64;
-                self.f[r] *= weight;
-                self.sums[r * columns..(r + 1) * columns].iter_mut().for_each(|s| *s *= weight);
-            }
+        for r in 0..w {
+            let weight = if r == 0 { 1.0 } else { 2.0 } / n as f64;
+            self.f[r] *= weight;
+            self.sums[r * columns..(r + 1) * columns].iter_mut().for_each(|s| *s *= weight);
         }
     }
 
@@ -329,11 +322,12 @@ impl Aft {
                 element.tangent(&u, dt, &mut self.s, &mut self.fs, true, &mut self.sensed, &mut self.scratch);
             }
         }
-        for i in 0..self.fs.len() {
-            let (before, last) = (seen[1][i] - seen[0][i], self.fs[i] - seen[1][i]);
+        let [first, second] = &seen;
+        for (s, (first, second)) in self.fs.iter_mut().zip(first.iter().zip(second)) {
+            let (before, last) = (second - first, *s - second);
             let ratio = last / before;
-            if before != 0.0 && ratio.abs() < 1.0 && last.abs() > 1e-12 * self.fs[i].abs() {
-                self.fs[i] += last * ratio / (1.0 - ratio);
+            if before != 0.0 && ratio.abs() < 1.0 && last.abs() > 1e-12 * s.abs() {
+                *s += last * ratio / (1.0 - ratio);
             }
         }
     }

@@ -370,12 +370,11 @@ pub(super) fn solve(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector
 fn solve_columns(matrix: &DMatrix<f64>, rhs: &DMatrix<f64>) -> DMatrix<f64> {
     let lu = matrix.clone().lu();
     let u = lu.u();
-    let pivots = || u.diagonal().iter().map(|p| p.abs()).collect::<Vec<_>>();
-    let (largest, smallest) = pivots().iter().fold((0.0f64, f64::INFINITY), |(l, s), p| (l.max(*p), s.min(*p)));
-    if smallest > 1e-12 * largest {
-        if let Some(x) = lu.solve(rhs) {
-            return x;
-        }
+    let (largest, smallest) = u.diagonal().iter().fold((0.0f64, f64::INFINITY), |(l, s), p| (l.max(p.abs()), s.min(p.abs())));
+    if smallest > 1e-12 * largest
+        && let Some(x) = lu.solve(rhs)
+    {
+        return x;
     }
     let svd = matrix.clone().svd(true, true);
     let cut = 1e-11 * svd.singular_values.max();

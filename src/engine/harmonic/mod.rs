@@ -35,8 +35,7 @@ use balance::Balance;
 /// Resolution of the harmonic balance.
 ///
 /// Against a long march of a three-body chain (`tests::the_response_equals_the_marched_steady_cycle`) the default is off by 1e-7 to
-/// 1e-4. With seven harmonics it would be 4e-3 where those of stick-slip beyond the seventh fall near a resonance of the chain; the
-/// cost is two thirds.
+/// 1e-4. With seven harmonics it would be 4e-3 where those of stick-slip beyond the seventh fall near a resonance of the chain.
 /// What a law differentiates over samples (film contact, velocity inside a play) is of second order in their distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
