@@ -1,8 +1,18 @@
 //! From misfit to missing physics: fit a case, see where it fails, search what explains it, prove it, and climb.
 
+mod accept;
+mod candidates;
 mod case;
 mod error;
+mod findings;
+mod ladder;
+mod next;
+mod refit;
 pub mod results;
+mod score;
+mod search;
+mod trace;
 
 pub use case::{Case, Fitted, Search, compare, fit};
 pub use error::DiagnoseError;
+pub use ladder::{diagnose, ladder};

@@ -77,6 +77,31 @@ impl CyclePlan {
         self.loads.dt * (self.points * self.stride) as f64
     }
 
+    pub(super) fn varied(&self, frequency: f64, amplitude: f64) -> (Self, f64, f64) {
+        let mut plan = self.clone();
+        plan.loads.dt /= frequency;
+        let steps = (self.points * self.stride) as f64;
+        let mut reach = 0.0;
+        let mut swing = |values: &[f64]| {
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            reach = values.iter().fold(reach, |m: f64, v| m.max(amplitude * (v - mean).abs()));
+            mean
+        };
+        for (_, path) in &mut plan.loads.prescribed {
+            let mean = swing(&path.iter().map(|s| s[0]).collect::<Vec<_>>());
+            for s in path {
+                *s = [mean + amplitude * (s[0] - mean), amplitude * frequency * s[1], amplitude * frequency * frequency * s[2]];
+            }
+        }
+        for (_, path) in &mut plan.loads.forces {
+            let mean = swing(path);
+            path.iter_mut().for_each(|f| *f = mean + amplitude * (*f - mean));
+        }
+        plan.acceleration.iter_mut().for_each(|a| *a *= amplitude * frequency * frequency);
+        let f = 1.0 / (plan.loads.dt * steps);
+        (plan, f, reach)
+    }
+
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
         let probes: Vec<Probe> = self.probes.iter().map(|p| p.0).collect();
         let mut cycle = periodic(model, bound, &self.loads, &probes, sensitivities)?;

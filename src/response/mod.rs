@@ -176,6 +176,14 @@ impl Plan {
         }
     }
 
+    /// The same test with its drive at `frequency` times the frequency and `amplitude` times the amplitude, with that frequency [Hz] and
+    /// half range of the drive [SI]; `None` for tests that are not cycles. What was measured loses its meaning.
+    pub fn varied(&self, frequency: f64, amplitude: f64) -> Option<(Plan, f64, f64)> {
+        let Work::Cycle(cycle) = &self.work else { return None };
+        let (cycle, f, a) = cycle.varied(frequency, amplitude);
+        Some((Plan { work: Work::Cycle(cycle), ..self.clone() }, f, a))
+    }
+
     /// Shortest and longest period the test speaks of [s].
     pub fn periods(&self) -> (f64, f64) {
         match &self.work {

@@ -1,0 +1,48 @@
+//! When an effect has earned its place, and when two cannot be told apart.
+
+use super::refit::{Proof, Whitened, cost};
+
+/// Points per chunk at least: neighbouring residuals are not independent, their chunk means nearly are.
+const CHUNKS: usize = 12;
+/// Standard errors by which the improvement must exceed zero.
+const STANDARD_ERRORS: f64 = 2.0;
+
+/// Mean improvement of the squared whitened residual and its standard error, paired over chunks of every test.
+pub fn improvement(before: &Whitened, after: &Whitened) -> (f64, f64) {
+    let mut gains = Vec::new();
+    for (b, a) in before.iter().zip(after) {
+        let size = b.len().div_ceil(CHUNKS).max(1);
+        for (b, a) in b.chunks(size).zip(a.chunks(size)) {
+            let mean = |w: &[f64]| w.iter().map(|r| r * r).sum::<f64>() / w.len() as f64;
+            gains.push(mean(b) - mean(a));
+        }
+    }
+    let n = gains.len() as f64;
+    if n < 2.0 {
+        return (gains.first().copied().unwrap_or(0.0), f64::INFINITY);
+    }
+    let mean = gains.iter().sum::<f64>() / n;
+    let variance = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (mean, (variance / n).sqrt())
+}
+
+/// Whether the improvement on the tests that decide exceeds two standard errors.
+pub fn earns_its_place(before: &Whitened, after: &Whitened) -> bool {
+    let (mean, error) = improvement(before, after);
+    // A perfect improvement in every chunk has no scatter to measure it by.
+    mean > 0.0 && mean > STANDARD_ERRORS * error
+}
+
+/// What a candidate costs on all tests it may be judged on: half the sum of squares on fit and select, plus one per added parameter.
+pub fn verdict_cost(proof: &Proof) -> f64 {
+    cost(&proof.fit) + cost(&proof.select) + proof.fitted.free.len() as f64
+}
+
+/// Whether the data cannot tell a candidate from the best: their costs differ by less than the noise in a cost difference explains, or
+/// by a hundredth where neither fits.
+pub fn tied(best: &Proof, other: &Proof) -> bool {
+    let (a, b) = (verdict_cost(best), verdict_cost(other));
+    let points: usize = best.fit.iter().chain(&best.select).map(Vec::len).sum();
+    let above_noise = (2.0 * a / points.max(1) as f64 - 1.0).max(0.0);
+    (b - a).abs() <= 3.0 + 0.01 * above_noise.min(1.0) * a
+}

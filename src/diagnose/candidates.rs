@@ -1,0 +1,259 @@
+//! The candidates of the search: every effect of the library at every place it may act, over a grid of its shapes.
+
+use crate::effect::{Effect, Grid, Kind, LIBRARY, Role};
+use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
+use crate::response::{Amplitude, BlockKind, Plan};
+
+use super::Case;
+
+/// One point of the search: an effect at a place with one choice of shapes.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// The instance with its strength at the null value.
+    pub instance: Instance,
+    /// Index of the candidate (effect and place) it belongs to.
+    pub candidate: usize,
+    /// Unit of strength that moves the response visibly: used to scale secants.
+    pub channel: bool,
+}
+
+/// What the tests show at each place, and over which periods.
+pub struct Scene {
+    amplitudes: Vec<Amplitude>,
+    periods: (f64, f64),
+}
+
+impl Scene {
+    /// Looks at the tests with the present system.
+    pub fn new(plans: &[&Plan], system: &System) -> Scene {
+        let mut amplitudes = vec![Amplitude::default(); system.model.places.len()];
+        let mut periods = (f64::INFINITY, 0.0f64);
+        for plan in plans {
+            let (lo, hi) = plan.periods();
+            periods = (periods.0.min(lo), periods.1.max(hi));
+            // A test whose response cannot be computed has been reported by the fit; its amplitudes are not needed here.
+            if let Ok(Some(here)) = plan.amplitudes(system) {
+                for (a, b) in amplitudes.iter_mut().zip(here) {
+                    *a = Amplitude { x: a.x.max(b.x), v: a.v.max(b.v), f: a.f.max(b.f) };
+                }
+            }
+        }
+        Scene { amplitudes, periods }
+    }
+
+    fn grid(&self, grid: Grid, places: &[usize]) -> Vec<f64> {
+        let widest = |pick: fn(&Amplitude) -> f64| places.iter().map(|p| pick(&self.amplitudes[*p])).fold(0.0, f64::max);
+        let times = |factors: &[f64], size: f64| if size > 0.0 { factors.iter().map(|f| f * size).collect() } else { vec![] };
+        match grid {
+            Grid::None => vec![],
+            Grid::OfX(f) => times(f, widest(|a| a.x)),
+            Grid::OfV(f) => times(f, widest(|a| a.v)),
+            Grid::OfF(f) => times(f, widest(|a| a.f)),
+            Grid::Time(n) => {
+                let (lo, hi) = (self.periods.0 / std::f64::consts::TAU, self.periods.1 / std::f64::consts::TAU);
+                if !(lo > 0.0 && hi.is_finite()) {
+                    return vec![];
+                }
+                (0..n).map(|k| lo * (hi / lo).powf(k as f64 / (n - 1).max(1) as f64)).collect()
+            }
+        }
+    }
+}
+
+/// Names of a candidate: effect, place, and for a coefficient the parameter it acts on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Name {
+    /// Effect.
+    pub effect: &'static str,
+    /// Place.
+    pub at: String,
+    /// Parameter scaled.
+    pub of: Option<String>,
+}
+
+/// All candidates and their trials.
+pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) -> (Vec<Name>, Vec<Trial>) {
+    let (mut names, mut trials) = (Vec::new(), Vec::new());
+    let wanted = |effect: &str| case.search.effects.as_ref().is_none_or(|list| list.iter().any(|e| e == effect));
+    let allowed = |at: &str| case.search.places.as_ref().is_none_or(|list| list.iter().any(|p| p == at));
+    for effect in LIBRARY.iter().filter(|e| wanted(e.info().name)) {
+        let info = effect.info();
+        match info.role {
+            Role::Force | Role::Series => {
+                for (at, places) in sites(system) {
+                    if !allowed(&at) || already(system, info.name, &places, info.params.iter().any(|p| p.kind == Kind::Shape)) {
+                        continue;
+                    }
+                    let shapes = shapes(effect, &places, scene);
+                    push(&mut names, &mut trials, effect, at, Site::Places(places), None, None, shapes);
+                }
+            }
+            Role::Coefficient => {
+                for (condition, reference) in conditions(plans) {
+                    for (i, target) in system.instances.iter().enumerate() {
+                        let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else {
+                            continue;
+                        };
+                        let taken = system.instances.iter().any(|c| {
+                            c.target.as_ref().is_some_and(|t| t.instance == i && t.condition == condition) && c.name() == info.name
+                        });
+                        if taken || !allowed(&target.at) {
+                            continue;
+                        }
+                        let of = format!("{}.{}", target.name(), target.effect.info().params[0].name);
+                        let to = Target { instance: i, param: 0, condition: condition.clone(), reference };
+                        push(
+                            &mut names,
+                            &mut trials,
+                            effect,
+                            target.at.clone(),
+                            Site::Places(places.clone()),
+                            Some(of),
+                            Some(to),
+                            vec![vec![]],
+                        );
+                    }
+                }
+            }
+            Role::Channel => {
+                for site in channels(plans, info.name) {
+                    let at = format!("{}.{}", site.test, site.role);
+                    let taken = system.instances.iter().any(|i| i.name() == info.name && i.site == Site::Channel(site.clone()));
+                    if !taken && allowed(&at) {
+                        push(&mut names, &mut trials, effect, at, Site::Channel(site), None, None, vec![vec![]]);
+                    }
+                }
+            }
+        }
+    }
+    (names, trials)
+}
+
+/// Every place where something acts, and the groups that effects of the model share.
+fn sites(system: &System) -> Vec<(String, Vec<usize>)> {
+    let mut sites: Vec<(String, Vec<usize>)> = Vec::new();
+    for p in 0..system.model.places.len() {
+        let acted = system.instances.iter().any(|i| matches!(&i.site, Site::Places(list) if list.contains(&p)));
+        if acted {
+            sites.push((system.model.place_name(p), vec![p]));
+        }
+    }
+    for i in &system.instances {
+        if let Site::Places(list) = &i.site
+            && list.len() > 1
+            && !sites.iter().any(|(_, s)| s == list)
+        {
+            sites.push((i.at.clone(), list.clone()));
+        }
+    }
+    sites
+}
+
+/// Whether the effect already stands at exactly these places and a second one could not differ from it.
+fn already(system: &System, effect: &str, places: &[usize], shaped: bool) -> bool {
+    let here = system.instances.iter().filter(|i| i.name() == effect && matches!(&i.site, Site::Places(p) if p == places)).count();
+    here > usize::from(shaped)
+}
+
+fn conditions(plans: &[&Plan]) -> Vec<(String, f64)> {
+    let mut names: Vec<&String> = plans.iter().flat_map(|p| p.conditions.keys()).collect();
+    names.sort();
+    names.dedup();
+    names
+        .into_iter()
+        .filter(|n| !["frequency", "amplitude", "load"].contains(&n.as_str()))
+        .filter_map(|n| {
+            let mut values: Vec<f64> = plans.iter().filter_map(|p| p.conditions.get(n).copied()).collect();
+            if values.len() < plans.len() {
+                return None;
+            }
+            values.sort_by(f64::total_cmp);
+            values.dedup();
+            (values.len() > 1).then(|| (n.clone(), values[values.len() / 2]))
+        })
+        .collect()
+}
+
+fn channels(plans: &[&Plan], effect: &str) -> Vec<ChannelSite> {
+    let mut sites: Vec<ChannelSite> = Vec::new();
+    let mut add = |test: &str, role: &str| {
+        let site = ChannelSite { test: test.into(), role: role.into() };
+        if !sites.contains(&site) {
+            sites.push(site);
+        }
+    };
+    let timed = |p: &&&Plan, role: &str| p.blocks.iter().any(|b| matches!(b.kind, BlockKind::Loop | BlockKind::Record) && b.role == role);
+    let is_frf = |p: &&&Plan| p.blocks.iter().any(|b| b.kind == BlockKind::Frf);
+    let forces: Vec<_> = plans.iter().filter(|p| timed(p, "force")).collect();
+    let motions: Vec<_> = plans.iter().filter(|p| timed(p, "displacement")).collect();
+    let frfs: Vec<_> = plans.iter().filter(is_frf).collect();
+    if !forces.is_empty() && (frfs.is_empty() || effect != "offset") {
+        add("*", "force");
+    }
+    if effect == "moving_mass" {
+        // Only a load cell carries a moving mass; under an FRF it is that of the exciting force.
+        if !frfs.is_empty() {
+            add("*", "force");
+        }
+        return sites;
+    }
+    if !motions.is_empty() && effect != "offset" {
+        add("*", "displacement");
+    }
+    if !frfs.is_empty() && effect != "offset" {
+        add("*", "response");
+    }
+    for p in &forces {
+        add(&p.id, "force");
+    }
+    for p in &motions {
+        add(&p.id, "displacement");
+    }
+    if effect != "offset" {
+        for p in &frfs {
+            add(&p.id, "response");
+        }
+    }
+    sites
+}
+
+/// All combinations of grid values of the shape and searched setting parameters; empty where a shape has no grid here.
+fn shapes(effect: &Effect, places: &[usize], scene: &Scene) -> Vec<Vec<(usize, f64)>> {
+    let mut combinations = vec![vec![]];
+    for (k, p) in effect.info().params.iter().enumerate().filter(|(_, p)| p.grid != Grid::None) {
+        let values = scene.grid(p.grid, places);
+        combinations =
+            combinations.iter().flat_map(|c: &Vec<(usize, f64)>| values.iter().map(move |v| [c.as_slice(), &[(k, *v)]].concat())).collect();
+    }
+    combinations
+}
+
+#[allow(clippy::too_many_arguments)]
+fn push(
+    names: &mut Vec<Name>,
+    trials: &mut Vec<Trial>,
+    effect: &'static Effect,
+    at: String,
+    site: Site,
+    of: Option<String>,
+    target: Option<Target>,
+    shapes: Vec<Vec<(usize, f64)>>,
+) {
+    if shapes.is_empty() {
+        return;
+    }
+    let info = effect.info();
+    let candidate = names.len();
+    names.push(Name { effect: info.name, at: at.clone(), of });
+    for shape in shapes {
+        let mut params: Vec<ParamValue> = info.params.iter().map(|p| ParamValue::fixed(p.default)).collect();
+        for (k, v) in shape {
+            params[k].value = v;
+        }
+        params[0] = ParamValue::free(info.params[0].default, info.params[0].sign);
+        let follower = matches!(info.role, Role::Force | Role::Series);
+        let channel = info.role == Role::Channel;
+        let instance = Instance { effect, at: at.clone(), site: site.clone(), params, target: target.clone(), follower };
+        trials.push(Trial { instance, candidate, channel });
+    }
+}

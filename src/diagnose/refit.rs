@@ -1,0 +1,115 @@
+//! Full refits of the best candidates: what the score predicts is proved here.
+
+use rayon::prelude::*;
+
+use crate::effect::{Kind, Role};
+use crate::identify::{Monitor, Termination};
+use crate::model::System;
+use crate::response::Plan;
+
+use super::candidates::{Name, Trial};
+use super::case::{Case, Fitted};
+use super::results::SplitName;
+use super::score::Score;
+
+/// Residuals of one test, whitened.
+pub type Whitened = Vec<Vec<f64>>;
+
+/// A refitted candidate.
+pub struct Refit {
+    /// Index of the candidate.
+    pub candidate: usize,
+    /// Its best score.
+    pub score: Score,
+    /// The refitted system, or why there is none.
+    pub result: Result<Proof, String>,
+}
+
+/// What a refit gave.
+pub struct Proof {
+    /// The fitted system.
+    pub fitted: Fitted,
+    /// Whitened residuals on the fit tests.
+    pub fit: Whitened,
+    /// Whitened residuals on the select tests.
+    pub select: Whitened,
+}
+
+/// Best score of each candidate, in order.
+pub fn best_per_candidate(scores: &[Score], trials: &[Trial]) -> Vec<Score> {
+    let mut seen = std::collections::HashSet::new();
+    scores.iter().filter(|s| s.z > 0.0 && seen.insert(trials[s.trial].candidate)).copied().collect()
+}
+
+/// The candidate's instance with a start for its strength, everything of it free.
+pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
+    let mut instance = trial.instance.clone();
+    instance.follower = false;
+    let info = instance.effect.info();
+    for (value, p) in instance.params.iter_mut().zip(info.params) {
+        if p.kind == Kind::Shape {
+            value.free = true;
+            value.min = 0.0;
+        }
+    }
+    let start = info.params[0].default + strength;
+    // A gain must stay positive; other strengths with a sign were scored one-sided.
+    instance.params[0].value = if info.role == Role::Channel && info.params[0].default == 1.0 { start.clamp(0.5, 2.0) } else { start };
+    instance
+}
+
+/// Whitened residuals of the given tests.
+pub fn whitened(plans: &[&Plan], system: &System) -> Result<Whitened, String> {
+    plans
+        .par_iter()
+        .map(|plan| {
+            let c = plan.evaluate(system, &[], false).map_err(|e| e.to_string())?;
+            Ok(c.values.iter().zip(&plan.measured).zip(&plan.sigma).map(|((y, m), s)| (y - m) / s).collect())
+        })
+        .collect()
+}
+
+/// Refits candidates in full, in parallel; the order of the list is kept.
+pub fn refit_all(
+    case: &Case,
+    base: &System,
+    names: &[Name],
+    trials: &[Trial],
+    picked: &[Score],
+    monitor: &Monitor,
+    watch: &(dyn Fn(&str) + Sync),
+) -> Vec<Refit> {
+    picked
+        .par_iter()
+        .map(|score| {
+            let trial = &trials[score.trial];
+            let name = &names[trial.candidate];
+            let mut system = base.clone();
+            system.instances.push(started(trial, score.strength));
+            let result = prove(case, &system, monitor);
+            match &result {
+                Ok(p) => watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, p.fitted.outcome.cost)),
+                Err(e) => watch(&format!("  refit {} at {} failed: {e}", name.effect, name.at)),
+            }
+            Refit { candidate: trial.candidate, score: *score, result }
+        })
+        .collect()
+}
+
+/// Fits a system and holds it against the select tests.
+pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, String> {
+    let mut single = case.clone();
+    single.starts = 1;
+    let fitted = single.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
+    if let Termination::Failed(reason) = &fitted.outcome.termination {
+        return Err(reason.clone());
+    }
+    let fit = whitened(&case.plans_of(SplitName::Fit), &fitted.system)?;
+    let select = whitened(&case.plans_of(SplitName::Select), &fitted.system)?;
+    Ok(Proof { fitted, fit, select })
+}
+
+/// Half the sum of squares.
+pub fn cost(w: &Whitened) -> f64 {
+    0.5 * w.iter().flatten().map(|r| r * r).sum::<f64>()
+}
