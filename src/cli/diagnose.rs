@@ -1,7 +1,7 @@
 //! `misfit diagnose`: where the model fails, which effects explain it, how sure that is.
 
 use crate::diagnose::results::{Candidate, Diagnosis, FitResult, Verdict};
-use crate::diagnose::Case;
+use crate::diagnose::{self, Case};
 
 use super::failure::Failure;
 use super::session::{Common, Session};
@@ -30,19 +30,13 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     value["fit"] = fit::plain(&result)?;
     folder.result(&value)?;
     let shown = args.common.study.display().to_string();
-    let text = format!(
-        "{}\n\n{}\n{}\nRun: {}\n",
-        study.title,
-        text::tests(&result.tests),
-        told(&diagnosis, &shown),
-        folder.path.display()
-    );
+    let text = format!("{}\n\n{}\n{}\nRun: {}\n", study.title, text::tests(&result.tests), told(&diagnosis, &shown), folder.path.display());
     Ok(Outcome { json: value, text, code: if session.interrupted() { INTERRUPTED } else { 0 } })
 }
 
 /// Fit and diagnosis under the session's watch.
 pub(super) fn call(session: &Session, case: &Case) -> Result<(FitResult, Diagnosis), Failure> {
-    Ok(shim::diagnose(case, &session.monitor(), &|step: &str| session.progress.say(step))?)
+    Ok(diagnose::diagnose(case, &session.monitor(), &|step: &str| session.progress.say(step))?)
 }
 
 /// Candidates as a table.
@@ -100,18 +94,4 @@ fn told(d: &Diagnosis, study: &str) -> String {
         text += &format!("Next: `misfit add {study} {} --at {}`, or `misfit ladder {study}`.\n", first.effect, first.at);
     }
     text
-}
-
-pub(super) mod shim {
-    use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
-    use crate::diagnose::{Case, DiagnoseError};
-    use crate::identify::Monitor;
-    use crate::model::{ModelError, System};
-    type Watch<'a> = &'a (dyn Fn(&str) + Sync);
-    pub fn diagnose(_: &Case, _: &Monitor, _: Watch) -> Result<(FitResult, Diagnosis), DiagnoseError> {
-        Err(ModelError::invalid("", "not merged", "").into())
-    }
-    pub fn ladder(_: &Case, _: &Monitor, _: Watch) -> Result<(LadderResult, System), DiagnoseError> {
-        Err(ModelError::invalid("", "not merged", "").into())
-    }
 }

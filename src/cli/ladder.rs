@@ -1,5 +1,6 @@
 //! `misfit ladder`: diagnose, add, refit, prune until nothing earns its place.
 
+use crate::diagnose;
 use crate::diagnose::results::{LadderResult, Rung, SplitName};
 
 use super::failure::Failure;
@@ -19,7 +20,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let case = session.case(&study)?;
     let folder = session.folder(&study, "ladder")?;
     session.progress.say("first fit");
-    let done = super::diagnose::shim::ladder(&case, &session.monitor(), &|step: &str| session.progress.say(step));
+    let done = diagnose::ladder(&case, &session.monitor(), &|step: &str| session.progress.say(step));
     session.progress.end();
     let (mut result, system) = done.inspect_err(|_| folder.discard())?;
     folder.study(&study, &system)?;
@@ -36,7 +37,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 
 fn told(result: &LadderResult) -> String {
     let row = |(k, rung): (usize, &Rung)| {
-        let error = |split| text::pooled(&rung.tests, split).map_or(["-".to_string(), "-".into()], |(e, f)| [percent(e), significant(e / f, 3)]);
+        let error =
+            |split| text::pooled(&rung.tests, split).map_or(["-".to_string(), "-".into()], |(e, f)| [percent(e), significant(e / f, 3)]);
         let name = |e: &crate::diagnose::results::EffectAt| format!("{} at {}", e.effect, e.at);
         let mut row = vec![
             k.to_string(),

@@ -3,15 +3,20 @@
 //! Exit codes: 0 done; 1 could not be done; 2 wrong usage; 130 interrupted (a signal, or `--max-seconds` used up) with the best state
 //! saved.
 
+mod add;
+mod check;
 mod compare;
 mod diagnose;
 mod effects;
+mod export;
 mod failure;
 mod fit;
 mod ladder;
+mod predict;
 mod progress;
 mod report;
 mod session;
+mod simulate;
 mod table;
 mod text;
 
@@ -32,14 +37,24 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
+    /// Validates data, units and model: the gate before a fit
+    Check(check::Args),
+    /// Virtual rig: writes the dataset the study's model would have given
+    Simulate(simulate::Args),
     /// Identifies the study as it stands
     Fit(fit::Args),
     /// Holds the model as it stands against the measurements
     Compare(compare::Args),
     /// Says where the model fails, which effects explain it, and how sure that is
     Diagnose(diagnose::Args),
+    /// Writes an effect into study.toml and refits
+    Add(add::Args),
     /// Diagnoses, adds, refits and prunes until nothing earns its place
     Ladder(ladder::Args),
+    /// Fits, then computes the study's predictions with their deviations
+    Predict(predict::Args),
+    /// Fits, then writes the calibrated set in other formats
+    Export(export::Args),
     /// Writes one HTML file that opens offline
     Report(report::Args),
     /// Lists the library of effects, or shows one
@@ -49,10 +64,15 @@ enum Verb {
 impl Verb {
     fn run(&self) -> Result<Outcome, Failure> {
         match self {
+            Verb::Check(a) => check::run(a),
+            Verb::Simulate(a) => simulate::run(a),
             Verb::Fit(a) => fit::run(a),
             Verb::Compare(a) => compare::run(a),
             Verb::Diagnose(a) => diagnose::run(a),
+            Verb::Add(a) => add::run(a),
             Verb::Ladder(a) => ladder::run(a),
+            Verb::Predict(a) => predict::run(a),
+            Verb::Export(a) => export::run(a),
             Verb::Report(a) => report::run(a),
             Verb::Effects(a) => effects::run(a),
         }
@@ -60,10 +80,15 @@ impl Verb {
 
     fn json(&self) -> bool {
         match self {
+            Verb::Check(a) => a.common.json,
+            Verb::Simulate(a) => a.common.json,
             Verb::Fit(a) => a.common.json,
             Verb::Compare(a) => a.common.json,
             Verb::Diagnose(a) => a.common.json,
+            Verb::Add(a) => a.common.json,
             Verb::Ladder(a) => a.common.json,
+            Verb::Predict(a) => a.common.json,
+            Verb::Export(a) => a.common.json,
             Verb::Report(a) => a.common.json,
             Verb::Effects(a) => a.json,
         }

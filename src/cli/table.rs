@@ -57,7 +57,10 @@ mod tests {
         let rows = vec![vec!["a".into(), "1.5 %".into()], vec!["long name".into(), "12.5 %".into()]];
         let text = table(&["test", "error"], &rows);
         assert_eq!(text, "  test        error\n  ---------  ------\n  a           1.5 %\n  long name  12.5 %\n");
-        assert_eq!((significant(1234.5678, 4), significant(0.00123, 2), significant(1e9, 3)), ("1235".into(), "0.0012".into(), "1.00e9".into()));
+        assert_eq!(
+            (significant(1234.5678, 4), significant(0.00123, 2), significant(1e9, 3)),
+            ("1235".into(), "0.0012".into(), "1.00e9".into())
+        );
         assert_eq!((percent(0.0265), percent(f64::NAN)), ("2.65 %".into(), "-".into()));
     }
 }
