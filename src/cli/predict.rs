@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use crate::diagnose;
 use crate::identify::{UncertaintyOptions, uncertainty};
+use crate::units::Dimension;
 
 use super::failure::Failure;
 use super::session::{Common, Session};
@@ -41,14 +42,16 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         let std = value::deviation(&found, &spread.covariance, &fitted.outcome.p);
         let reference = spec.reference.as_ref().map(|q| q.value);
         let relative = reference.filter(|r| *r != 0.0).map(|r| found.value / r - 1.0);
-        let unit = spec.dimension().si_unit();
-        let shown = |v: f64| significant(v, 4);
+        let unit = si(spec.dimension());
+        // The table is in the unit of the reference where there is one, the JSON in SI.
+        let (symbol, factor) = spec.reference.as_ref().map_or((unit.clone(), 1.0), |q| (q.unit.symbol.clone(), q.unit.factor));
+        let shown = |v: f64| significant(v / factor, 4);
         rows.push(vec![
             spec.case.clone(),
             spec.quantity.word().to_string(),
             shown(found.value),
-            std.map_or("-".into(), |s| format!("{:.2e}", s)),
-            unit.clone(),
+            std.map_or("-".into(), |s| significant(s / factor, 2)),
+            symbol,
             reference.map_or("-".into(), shown),
             relative.map_or("-".into(), percent),
         ]);
@@ -67,4 +70,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let header = ["case", "quantity", "value", "std", "unit", "reference", "error"];
     let text = format!("{}\n\n{}\n{}\nRun: {}\n", study.title, text::tests(&result.tests), table(&header, &rows), folder.path.display());
     Ok(Outcome { json: value, text, code: fit::code(&result.termination) })
+}
+
+/// The SI unit as it is printed: an energy in J.
+fn si(dimension: Dimension) -> String {
+    if dimension == Dimension::ENERGY { "J".into() } else { dimension.si_unit() }
 }
