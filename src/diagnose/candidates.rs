@@ -13,8 +13,6 @@ pub struct Trial {
     pub instance: Instance,
     /// Index of the candidate (effect and place) it belongs to.
     pub candidate: usize,
-    /// Unit of strength that moves the response visibly: used to scale secants.
-    pub channel: bool,
 }
 
 /// What the tests show at each place, and over which periods.
@@ -252,8 +250,7 @@ fn push(
         }
         params[0] = ParamValue::free(info.params[0].default, info.params[0].sign);
         let follower = matches!(info.role, Role::Force | Role::Series);
-        let channel = info.role == Role::Channel;
         let instance = Instance { effect, at: at.clone(), site: site.clone(), params, target: target.clone(), follower };
-        trials.push(Trial { instance, candidate, channel });
+        trials.push(Trial { instance, candidate });
     }
 }

@@ -63,6 +63,17 @@ impl Case {
         self.plans.iter().filter(|(_, s)| *s == split).map(|(p, _)| p).collect()
     }
 
+    /// The case with as many time steps in every test as the noise asks for at the system's present values; `None` where they are enough.
+    pub fn refined(&self, system: &System) -> Option<Case> {
+        use rayon::prelude::*;
+        let finer: Vec<_> = self.plans.par_iter().map(|(p, _)| p.refined(system)).collect();
+        if finer.iter().all(Option::is_none) {
+            return None;
+        }
+        let plans = self.plans.iter().zip(finer).map(|((p, s), f)| (f.unwrap_or_else(|| p.clone()), *s)).collect();
+        Some(Case { plans: Arc::new(plans), ..self.clone() })
+    }
+
     /// Bounds, orders and priors of the system's free parameters in the fit's variables.
     pub fn options(&self, system: &System, n_residuals: usize) -> Result<FitOptions, ModelError> {
         let free = system.free();
@@ -113,10 +124,17 @@ impl Case {
     }
 }
 
-/// Fits a case to its fit tests and holds every test that `splits` names against the result.
-pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Fitted, FitResult), DiagnoseError> {
+/// Fits a case to its fit tests and holds every test that `splits` names against the result. The case comes back with the time steps
+/// that the fit needed.
+pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case, Fitted, FitResult), DiagnoseError> {
     let started = std::time::Instant::now();
-    let fitted = case.fit_system(&case.system, case.plans_of(SplitName::Fit), monitor)?;
+    let mut case = case.clone();
+    let mut fitted = case.fit_system(&case.system, case.plans_of(SplitName::Fit), monitor)?;
+    if let Some(finer) = case.refined(&fitted.system) {
+        case = finer;
+        fitted = case.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
+    }
+    let case = &case;
     let tests = compare(case, &fitted.system, splits)?;
     let (parameters, unidentifiable) = parameters(case, &fitted)?;
     let mut notes: Vec<String> = case.plans.iter().flat_map(|(p, _)| p.notes.iter().map(move |n| format!("{}: {n}", p.id))).collect();
@@ -135,7 +153,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Fitt
         effects: effects(&fitted.system),
         notes,
     };
-    Ok((fitted, result))
+    Ok((case.clone(), fitted, result))
 }
 
 /// The effects of a system with their places.
@@ -161,15 +179,14 @@ fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult
     let block = &plan.blocks[e.worst.1];
     let within = e.worst.0 - block.range.start;
     use crate::response::BlockKind;
-    let (point, axis) = match block.kind {
+    let axis = match block.kind {
         BlockKind::Frf => {
-            (within / 2, format!("{:.4} Hz, {}", block.abscissa[within / 2], if within % 2 == 0 { "real" } else { "imaginary" }))
+            format!("{:.4} Hz, {}", block.abscissa[within / 2], if within % 2 == 0 { "real" } else { "imaginary" })
         }
-        BlockKind::Loop => (within, format!("{:.0} deg of the cycle", block.abscissa[within].to_degrees())),
-        BlockKind::Record => (within, format!("{:.4} s", block.abscissa[within])),
-        BlockKind::Table => (within, format!("{} Hz", block.abscissa[within])),
+        BlockKind::Loop => format!("{:.0} deg of the cycle", block.abscissa[within].to_degrees()),
+        BlockKind::Record => format!("{:.4} s", block.abscissa[within]),
+        BlockKind::Table => format!("{} Hz", block.abscissa[within]),
     };
-    let _ = point;
     let curves = plan
         .blocks
         .iter()

@@ -22,7 +22,8 @@ type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 
 /// Fits, finds where the model fails, and weighs what could be missing.
 pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResult, Diagnosis), DiagnoseError> {
-    let (fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
+    let (case, fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
+    let case = &case;
     let step = step(case, &fitted, monitor, watch)?;
     let verdict = verdict(&step, whitened_rms(case, &fitted));
     let missing = step.accepted.iter().map(|(n, ..)| EffectAt { effect: n.effect.into(), at: n.at.clone() }).collect();
@@ -90,10 +91,10 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let started = std::time::Instant::now();
     let seen = [SplitName::Fit, SplitName::Select];
     watch("fitting the study as it stands");
-    let (mut fitted, first) = fit(case, &seen, monitor)?;
+    let (mut case, mut fitted, first) = fit(case, &seen, monitor)?;
     let base_instances = fitted.system.instances.len();
     let first_system = fitted.system.clone();
-    let mut rungs = vec![rung(case, &fitted, None, vec![], vec![], first.tests)?];
+    let mut rungs = vec![rung(&case, &fitted, None, vec![], vec![], first.tests)?];
     let mut missing: Vec<Missing> = Vec::new();
     let limit = case.search.max_added.unwrap_or(MAX_ADDED);
     let mut next = None;
@@ -106,12 +107,12 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break (format!("{limit} effects were added, which is the limit"), Verdict::Missing);
         }
         watch(&format!("rung {now}"));
-        let step = step(case, &fitted, monitor, watch)?;
+        let step = step(&case, &fitted, monitor, watch)?;
         if let Some(last) = rungs.last_mut() {
             last.candidates = step.candidates.clone();
         }
-        let step_verdict = verdict_of(case, &fitted, &step);
-        next = next.or_else(|| next_test(case, &step));
+        let step_verdict = verdict_of(&case, &fitted, &step);
+        next = next.or_else(|| next_test(&case, &step));
         let Some((name, proof, ties)) = step.accepted else {
             let said = match step_verdict {
                 Verdict::NothingMissing => "the residual is at the noise and no candidate scores beyond chance",
@@ -126,16 +127,19 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         };
         watch(&format!("added {} at {}", name.effect, name.at));
         fitted = proof.fitted;
+        // The refit was cut short, and a new effect may ask for finer steps.
+        case = case.refined(&fitted.system).unwrap_or(case);
+        fitted = case.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
         missing.push(Missing {
             effect: name.effect.into(),
             at: name.at.clone(),
             tied_with: ties.iter().map(|n| format!("{} at {}", n.effect, n.at)).collect(),
         });
-        let removed = prune(case, &mut fitted, base_instances, &mut missing, monitor, watch);
-        let tests = compare(case, &fitted.system, &seen)?;
+        let removed = prune(&case, &mut fitted, base_instances, &mut missing, monitor, watch);
+        let tests = compare(&case, &fitted.system, &seen)?;
         let added = EffectAt { effect: name.effect.into(), at: name.at };
         let undone = removed.contains(&added);
-        rungs.push(rung(case, &fitted, Some(added), removed, vec![], tests)?);
+        rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
         if undone {
             break (
                 "the effect added last was pruned again".to_string(),
@@ -143,8 +147,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             );
         }
     };
-    let before = compare(case, &first_system, &[SplitName::HeldOut])?;
-    let after = compare(case, &fitted.system, &[SplitName::HeldOut])?;
+    let before = compare(&case, &first_system, &[SplitName::HeldOut])?;
+    let after = compare(&case, &fitted.system, &[SplitName::HeldOut])?;
     let held_out = HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&after, |t| t.floor) };
     if rungs.len() > 1 {
         if let Some(rung) = rungs.first_mut() {
@@ -156,7 +160,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     }
     let result = LadderResult {
         study: case.name.clone(),
-        findings: all_findings(case, &fitted.system)?,
+        findings: all_findings(&case, &fitted.system)?,
         rungs,
         verdict,
         missing,

@@ -12,6 +12,9 @@ use super::case::{Case, Fitted};
 use super::results::SplitName;
 use super::score::Score;
 
+/// Iterations of a refit: what is far from the floor after these is no explanation.
+const REFIT_ITERATIONS: u64 = 40;
+
 /// Residuals of one test, whitened.
 pub type Whitened = Vec<Vec<f64>>;
 
@@ -100,6 +103,7 @@ pub fn refit_all(
 pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, String> {
     let mut single = case.clone();
     single.starts = 1;
+    single.max_iterations = single.max_iterations.min(REFIT_ITERATIONS);
     let fitted = single.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
     if let Termination::Failed(reason) = &fitted.outcome.termination {
         return Err(reason.clone());

@@ -30,8 +30,6 @@ pub struct Step {
     pub p_value: f64,
     /// Name and visible strength of each candidate.
     pub visible: Vec<(Name, f64)>,
-    /// Candidates whose refit failed.
-    pub failed: usize,
 }
 
 /// Scores, refits, compares. `base` is the fitted case without the candidate.
@@ -73,7 +71,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     };
     if p_value > LEVEL || trace::stopped(monitor) {
         let list = best.iter().take(REFITS).map(|s| blank(s, "within what chance gives")).collect();
-        return Ok(Step { candidates: list, accepted: None, tied_systems: vec![], p_value, visible, failed: 0 });
+        return Ok(Step { candidates: list, accepted: None, tied_systems: vec![], p_value, visible });
     }
     let top = best.first().map_or(0.0, |s| s.drop);
     let picked: Vec<Score> = best.iter().take(REFITS).filter(|s| s.p_value <= LEVEL && s.drop >= WORTH * top).copied().collect();
@@ -93,7 +91,6 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
             && if judge_select { earns_its_place(&before_select, &proof.select) } else { earns_its_place(&before_fit, &proof.fit) }
     };
     let winner = refits.iter().position(|r| r.result.as_ref().is_ok_and(earned));
-    let failed = refits.iter().filter(|r| r.result.is_err()).count();
     let mut list = Vec::new();
     let mut ties: Vec<usize> = Vec::new();
     if let Some(w) = winner
@@ -134,7 +131,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         let r = refits.swap_remove(w);
         Some((names[r.candidate].clone(), r.result.ok()?, tied_names))
     });
-    Ok(Step { candidates: list, accepted, tied_systems, p_value, visible, failed })
+    Ok(Step { candidates: list, accepted, tied_systems, p_value, visible })
 }
 
 fn visible(scores: &[Score], names: &[Name], trials: &[Trial]) -> Vec<(Name, f64)> {

@@ -63,6 +63,8 @@ impl Tangent {
 pub trait ForceLaw: Send + Sync {
     /// What the law says of itself.
     fn info(&self) -> &'static Info;
+    /// [`Force::LINEAR`].
+    fn linear(&self) -> bool;
     /// [`Force::advance`] in plain numbers.
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64;
     /// [`Force::advance`] with derivatives with respect to the inputs the law reads, its states, and the parameters marked active.
@@ -140,6 +142,10 @@ fn tangent_n<L: Force, const N: usize>(u: &Inputs<f64>, dt: f64, s: &mut [f64], 
 impl<L: Force> ForceLaw for Dispatch<L> {
     fn info(&self) -> &'static Info {
         &L::INFO
+    }
+
+    fn linear(&self) -> bool {
+        L::LINEAR
     }
 
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64 {

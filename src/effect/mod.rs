@@ -67,6 +67,8 @@ pub struct Inputs<T> {
 pub trait Force: Send + Sync + 'static {
     /// What the law says of itself.
     const INFO: Info;
+    /// Whether the force is a fixed linear combination of displacement, velocity and acceleration, without states.
+    const LINEAR: bool = false;
 
     /// General force at the end of a step of length `dt` [s]; `s` enters with the states at its start and leaves with those at its
     /// end; `p` stands in the order of `INFO.params`.

@@ -23,6 +23,8 @@ impl Force for Viscous {
         smooth: true,
     };
 
+    const LINEAR: bool = true;
+
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {
         p[0] * u.v
     }

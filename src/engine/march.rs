@@ -209,12 +209,6 @@ impl<'a> March<'a> {
         }
     }
 
-    /// Makes room for the given number of sensitivities where only those of motion and states are set.
-    pub fn adopt_columns(&self, state: &mut State, columns: usize) {
-        state.dg.clear();
-        state.dg.resize(self.mass.len() * columns, 0.0);
-    }
-
     /// Degrees of freedom that are not prescribed.
     pub fn free_dofs(&self) -> &[usize] {
         &self.free_dofs

@@ -30,15 +30,17 @@ pub struct Cycle {
 /// Change per cycle, relative to the largest value in the cycle, at which it counts as repeating.
 const TOLERANCE: f64 = 1e-10;
 /// Largest state for which the monodromy matrix is formed.
-const SHOOT: usize = 160;
+const SHOOT: usize = 200;
 const CYCLES: usize = 60;
+/// Spectral radius at infinite frequency: little error of second order in what is resolved, and damping of what is not.
+const RADIUS: f64 = 0.7;
 
 /// Marches to the steady cycle. `loads` holds one cycle: its first and last sample are equal.
 pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], sensitivities: bool) -> Result<Cycle, EngineError> {
     let steps = length(loads);
     let columns = if sensitivities { bound.n_free } else { 0 };
     let mut state = ramp(model, bound, loads, (steps / 4).max(16))?;
-    let mut march = March::new(model, bound, loads, 0.0)?;
+    let mut march = March::new(model, bound, loads, RADIUS)?;
     let mut z = Shooting::new(&march, &state);
     let mut cycles = 0;
     let mut change = f64::INFINITY;
@@ -120,7 +122,7 @@ fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize) -> Result<Sta
             .collect(),
         forces: loads.forces.iter().map(|(d, f)| (*d, (0..=steps).map(|k| f[0] * rise(k).0).collect())).collect(),
     };
-    let mut march = March::new(model, bound, &path, 0.0)?;
+    let mut march = March::new(model, bound, &path, RADIUS)?;
     let mut state = march.rest(0);
     for k in 1..=steps {
         march.step(k, &mut state, 0)?;
@@ -209,8 +211,7 @@ fn by_repetition(
         before = after;
         // Values start again exactly from the steady cycle; only the sensitivities go on.
         let kept = std::mem::take(&mut state);
-        state = State { dq: kept.dq, dv: kept.dv, da: kept.da, ds: kept.ds, ..start.clone() };
-        march.adopt_columns(&mut state, columns);
+        state = State { dq: kept.dq, dv: kept.dv, da: kept.da, ds: kept.ds, dg: kept.dg, ..start.clone() };
     }
     Ok(None)
 }
@@ -264,21 +265,21 @@ struct Shooting {
     dofs: Vec<usize>,
     n: usize,
     ns: usize,
-    scale: [f64; 3],
+    scale: [f64; 4],
     state_scale: Vec<f64>,
 }
 
 impl Shooting {
     fn new(march: &March, state: &State) -> Self {
         let dofs = march.free_dofs().to_vec();
-        Shooting { dofs, n: state.q.len(), ns: state.s.len(), scale: [1e-300; 3], state_scale: vec![1e-300; state.s.len()] }
+        Shooting { dofs, n: state.q.len(), ns: state.s.len(), scale: [1e-300; 4], state_scale: vec![1e-300; state.s.len()] }
     }
     fn len(&self) -> usize {
-        3 * self.dofs.len() + self.ns
+        4 * self.dofs.len() + self.ns
     }
     /// Takes the largest values seen as scales.
     fn widen(&mut self, state: &State) {
-        for (scale, u) in self.scale.iter_mut().zip([&state.q, &state.v, &state.a]) {
+        for (scale, u) in self.scale.iter_mut().zip([&state.q, &state.v, &state.a, &state.g]) {
             *scale = u.iter().fold(*scale, |m, x| m.max(x.abs()));
         }
         for (scale, s) in self.state_scale.iter_mut().zip(&state.s) {
@@ -286,7 +287,7 @@ impl Shooting {
         }
     }
     fn pack(&self, state: &State) -> DVector<f64> {
-        let parts = [&state.q, &state.v, &state.a];
+        let parts = [&state.q, &state.v, &state.a, &state.g];
         let motion = parts.iter().zip(self.scale).flat_map(|(u, scale)| self.dofs.iter().map(move |d| u[*d] / scale));
         DVector::from_iterator(self.len(), motion.chain(state.s.iter().zip(&self.state_scale).map(|(s, scale)| s / scale)))
     }
@@ -296,9 +297,10 @@ impl Shooting {
             state.q[*d] = z[i] * self.scale[0];
             state.v[*d] = z[m + i] * self.scale[1];
             state.a[*d] = z[2 * m + i] * self.scale[2];
+            state.g[*d] = z[3 * m + i] * self.scale[3];
         }
         for (i, s) in state.s.iter_mut().enumerate() {
-            *s = z[3 * m + i] * self.state_scale[i];
+            *s = z[4 * m + i] * self.state_scale[i];
         }
     }
     fn change(&self, before: &State, after: &State) -> f64 {
@@ -311,17 +313,20 @@ impl Shooting {
             state.dq[(first + i) * self.n + d] = self.scale[0];
             state.dv[(first + m + i) * self.n + d] = self.scale[1];
             state.da[(first + 2 * m + i) * self.n + d] = self.scale[2];
+            state.dg[(first + 3 * m + i) * self.n + d] = self.scale[3];
         }
         for i in 0..self.ns {
-            state.ds[(first + 3 * m + i) * self.ns + i] = self.state_scale[i];
+            state.ds[(first + 4 * m + i) * self.ns + i] = self.state_scale[i];
         }
     }
     /// Scaled sensitivities, one column each.
     fn pack_columns(&self, state: &State, columns: usize) -> DMatrix<f64> {
         let m = self.dofs.len();
         DMatrix::from_fn(self.len(), columns, |r, c| match (r / m.max(1), r) {
-            (g @ 0..=2, r) if r < 3 * m => [&state.dq, &state.dv, &state.da][g][c * self.n + self.dofs[r - g * m]] / self.scale[g],
-            _ => state.ds[c * self.ns + r - 3 * m] / self.state_scale[r - 3 * m],
+            (g @ 0..=3, r) if r < 4 * m => {
+                [&state.dq, &state.dv, &state.da, &state.dg][g][c * self.n + self.dofs[r - g * m]] / self.scale[g]
+            }
+            _ => state.ds[c * self.ns + r - 4 * m] / self.state_scale[r - 4 * m],
         })
     }
     /// One Newton step on the start of the cycle.

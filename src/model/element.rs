@@ -42,6 +42,9 @@ pub struct Element {
     p: Vec<f64>,
     active: Vec<bool>,
     forces: Vec<ForcePiece>,
+    /// Linear laws, and what they sum up to per displacement, velocity and acceleration.
+    linear: Vec<ForcePiece>,
+    linear_sum: [f64; 3],
     followers: Vec<ForcePiece>,
     series: Vec<SeriesPiece>,
     n_states: usize,
@@ -113,6 +116,8 @@ impl Element {
             p: vec![],
             active: vec![],
             forces: vec![],
+            linear: vec![],
+            linear_sum: [0.0; 3],
             followers: vec![],
             series: vec![],
             n_states: 0,
@@ -137,6 +142,12 @@ impl Element {
             let p = self.push_params(p, chains);
             self.followers.push(ForcePiece { law, p, s: self.n_follower_states..self.n_follower_states + n });
             self.n_follower_states += n;
+        } else if law.linear() {
+            let mut t = Tangent::default();
+            law.tangent(&Inputs::default(), 1.0, &mut [], &p, &vec![false; p.len()], &mut t);
+            self.linear_sum.iter_mut().zip(t.inputs(0)).for_each(|(sum, d)| *sum += d);
+            let p = self.push_params(p, chains);
+            self.linear.push(ForcePiece { law, p, s: 0..0 });
         } else {
             let p = self.push_params(p, chains);
             self.forces.push(ForcePiece { law, p, s: self.n_states..self.n_states + n });
@@ -174,26 +185,35 @@ impl Element {
     /// Whether both have the same laws with the same numbers and the same free parameters behind them.
     pub fn same_law(&self, other: &Element) -> bool {
         let names = |e: &Element| -> Vec<&'static str> {
-            let forces = e.forces.iter().chain(&e.followers).map(|f| f.law.info().name);
+            let forces = e.linear.iter().chain(&e.forces).chain(&e.followers).map(|f| f.law.info().name);
             forces.chain(e.series.iter().map(|s| s.law.info().name)).collect()
         };
         self.p == other.p && self.chains == other.chains && names(self) == names(other)
     }
 
-    /// Whether the force depends on nothing but displacement, velocity and acceleration, linearly.
+    /// Whether the force is a fixed linear combination of displacement, velocity and acceleration.
     pub fn is_linear(&self) -> bool {
-        !self.opening && self.forces.iter().all(|f| matches!(f.law.info().name, "linear_stiffness" | "viscous" | "added_mass"))
+        !self.opening && self.forces.is_empty()
+    }
+
+    fn linear_force(&self, u: &Inputs<f64>) -> f64 {
+        self.linear_sum[0] * u.x + self.linear_sum[1] * u.v + self.linear_sum[2] * u.a
+    }
+
+    fn parallel(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64]) -> f64 {
+        let others: f64 = self.forces.iter().map(|f| f.law.value(u, dt, &mut s[f.s.clone()], &self.p[f.p.clone()])).sum();
+        others + self.linear_force(u)
     }
 
     /// General force at the end of the step; `s` leaves with the new states.
     pub fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], scratch: &mut ElementScratch) -> f64 {
         if !self.opening {
-            return self.forces.iter().map(|f| f.law.value(u, dt, &mut s[f.s.clone()], &self.p[f.p.clone()])).sum();
+            return self.parallel(u, dt, s);
         }
         let (e1, e2) = (s[0], s[1]);
         let e = self.solve_opening(u, dt, s, scratch);
         let inner = inside(u, dt, e, e1, e2);
-        let force = self.forces.iter().map(|f| f.law.value(&inner, dt, &mut s[f.s.clone()], &self.p[f.p.clone()])).sum();
+        let force = self.parallel(&inner, dt, s);
         (s[0], s[1]) = (e, e1);
         force
     }
@@ -216,6 +236,15 @@ impl Element {
             old = (s[0], s[1]);
             e = self.solve_opening(u, dt, s, scratch);
             inner = inside(u, dt, e, old.0, old.1);
+        }
+        let row = out.row_mut(0);
+        row[..3].copy_from_slice(&self.linear_sum);
+        out.f = self.linear_force(&inner);
+        for piece in self.linear.iter().filter(|_| full) {
+            let (p, active) = (&self.p[piece.p.clone()], &self.active[piece.p.clone()]);
+            piece.law.tangent(&inner, dt, &mut [], p, active, &mut scratch.piece);
+            let row = out.row_mut(0);
+            row[INPUTS + self.n_states + piece.p.start..].iter_mut().zip(scratch.piece.params(0)).for_each(|(o, d)| *o += d);
         }
         for piece in &self.forces {
             let (p, active) = (&self.p[piece.p.clone()], &self.active[piece.p.clone()]);
@@ -312,7 +341,8 @@ impl Element {
         let mut reach = 0.0;
         for _ in 0..200 {
             let inner = inside(u, dt, e, e1, e2);
-            let (mut force, mut stiffness) = (0.0, 0.0);
+            let mut force = self.linear_force(&inner);
+            let mut stiffness = self.linear_sum[0] + 1.5 / dt * self.linear_sum[1];
             for piece in &self.forces {
                 scratch.old.clear();
                 scratch.old.extend_from_slice(&s[piece.s.clone()]);
@@ -363,7 +393,7 @@ impl Element {
         dp.clear();
         dp.resize(self.p.len(), zero);
         let (mut z, mut dz) = (zero, zero);
-        for piece in &self.forces {
+        for piece in self.linear.iter().chain(&self.forces) {
             let (value, slope) = piece.law.stiffness_tangent(s, &self.p[piece.p.clone()], &mut dp[piece.p.clone()])?;
             z += value;
             dz += slope;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::data::{Control, TimeRecord};
+use crate::data::{Control, FourierInput, TimeRecord};
 use crate::engine::EngineError;
 use crate::engine::march::{Loads, Probe};
 use crate::engine::periodic::periodic;
@@ -10,8 +10,11 @@ use crate::model::{Bound, Model};
 
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel, site};
 
-/// Steps per cycle at least: the integration error of second order then lies below 1e-4 of the amplitude.
-const STEPS: usize = 300;
+/// Steps per cycle at least, before [`Plan::refined`] looks whether they are enough.
+const STEPS: usize = 200;
+
+/// Steps per cycle at most.
+const MOST_STEPS: usize = 6000;
 
 /// A cycle test made ready.
 #[derive(Clone, Debug)]
@@ -23,6 +26,26 @@ pub struct CyclePlan {
     stride: usize,
     /// Acceleration of the driven end at every step.
     acceleration: Vec<f64>,
+    drive: Drive,
+}
+
+/// What drives the test, from which its loads are sampled.
+#[derive(Clone, Debug)]
+struct Drive {
+    input: FourierInput,
+    phase: f64,
+    frequency: f64,
+    control: Control,
+    dof: usize,
+    sign: f64,
+}
+
+impl Drive {
+    /// Value, velocity and acceleration over one cycle.
+    fn samples(&self, steps: usize) -> Vec<[f64; 3]> {
+        let at = |j: usize| self.input.at_phase(self.phase + TAU * j as f64 / steps as f64);
+        (0..=steps).map(at).map(|(x, v, a)| [x, v, a]).collect()
+    }
 }
 
 impl CyclePlan {
@@ -33,14 +56,8 @@ impl CyclePlan {
         let (dof, sign) = site::driven(model, &controlled.at, &plan.id)?;
         let n = settled.n;
         let stride = STEPS.div_ceil(n).max(1);
-        let steps = n * stride;
-        let samples: Vec<[f64; 3]> = (0..=steps)
-            .map(|j| {
-                let (x, v, a) = settled.input.at_phase(settled.phase[0] + TAU * j as f64 / steps as f64);
-                [x, v, a]
-            })
-            .collect();
-        let loads = site::loads(control, dof, sign, 1.0 / (settled.frequency * steps as f64), &samples);
+        let drive = Drive { input: settled.input.clone(), phase: settled.phase[0], frequency: settled.frequency, control, dof, sign };
+        let samples = drive.samples(n * stride);
         let driven_motion = control == Control::Displacement;
         let mut probes = Vec::new();
         for (k, c) in settled.channels.iter().enumerate().filter(|(k, _)| *k != settled.controlled) {
@@ -69,8 +86,22 @@ impl CyclePlan {
             let _ = k;
         }
         plan.notes.extend(settled.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
+        Ok(Self::sampled(drive, probes, n, stride))
+    }
+
+    fn sampled(drive: Drive, probes: Vec<(Probe, f64)>, points: usize, stride: usize) -> Self {
+        let steps = points * stride;
+        let samples = drive.samples(steps);
+        let driven_motion = drive.control == Control::Displacement;
+        let loads = site::loads(drive.control, drive.dof, drive.sign, 1.0 / (drive.frequency * steps as f64), &samples);
         let acceleration = samples.iter().skip(1).map(|s| if driven_motion { s[2] } else { 0.0 }).collect();
-        Ok(CyclePlan { loads, probes, points: n, stride, acceleration })
+        CyclePlan { loads, probes, points, stride, acceleration, drive }
+    }
+
+    /// The same test marched with twice the steps; `None` where it has as many as it may.
+    pub(super) fn finer(&self) -> Option<Self> {
+        (self.points * self.stride < MOST_STEPS)
+            .then(|| Self::sampled(self.drive.clone(), self.probes.clone(), self.points, 2 * self.stride))
     }
 
     pub(super) fn period(&self) -> f64 {

@@ -22,6 +22,9 @@ pub use error::ResponseError;
 pub use frf::FrfPlan;
 pub use transient::TransientPlan;
 
+/// Integration error that is allowed, in units of sigma: its square is a hundredth of the noise's.
+const STEP_ERROR: f64 = 0.1;
+
 /// What the points of a block are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockKind {
@@ -182,6 +185,25 @@ impl Plan {
         let Work::Cycle(cycle) = &self.work else { return None };
         let (cycle, f, a) = cycle.varied(frequency, amplitude);
         Some((Plan { work: Work::Cycle(cycle), ..self.clone() }, f, a))
+    }
+
+    /// The plan with as many steps as its noise asks for at the system's present values: they are doubled until the computed response
+    /// moves by less than [`STEP_ERROR`] of sigma. `None` where they are enough.
+    pub fn refined(&self, system: &System) -> Option<Plan> {
+        let mut best: Option<Plan> = None;
+        loop {
+            let now = best.as_ref().unwrap_or(self);
+            let Work::Cycle(cycle) = &now.work else { return None };
+            let Some(finer) = cycle.finer() else { return best };
+            let finer = Plan { work: Work::Cycle(finer), ..now.clone() };
+            let (Ok(a), Ok(b)) = (now.evaluate(system, &[], false), finer.evaluate(system, &[], false)) else { return best };
+            let moved: f64 = a.values.iter().zip(&b.values).zip(&self.sigma).map(|((a, b), s)| ((a - b) / s).powi(2)).sum();
+            // The error is of second order: what doubling moves is three quarters of it, and three times what then remains.
+            if (moved / self.len().max(1) as f64).sqrt() < 0.75 * STEP_ERROR {
+                return best;
+            }
+            best = Some(finer);
+        }
     }
 
     /// Shortest and longest period the test speaks of [s].
