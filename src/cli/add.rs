@@ -48,7 +48,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let study = session.study()?;
     let case = session.case(&study)?;
     session.progress.say("fit before");
-    let (before_fit, before) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
+    let (case, before_fit, before) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
     let instances = starts(args, &study, &case)?;
     let mut best: Option<(Fitted, FitResult)> = None;
     let mut first_failure = None;
@@ -58,8 +58,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         with.system = before_fit.system.clone();
         with.system.instances.push(instance);
         match diagnose::fit(&with, &fit::ALL, &session.monitor()) {
-            Ok(done) if done.1.termination == "failed" => {}
-            Ok(done) if best.as_ref().is_none_or(|b| done.1.cost < b.1.cost) => best = Some(done),
+            Ok((_, _, result)) if result.termination == "failed" => {}
+            Ok((_, fitted, result)) if best.as_ref().is_none_or(|b| result.cost < b.1.cost) => best = Some((fitted, result)),
             Ok(_) => {}
             Err(e) => first_failure = first_failure.or(Some(Failure::from(e))),
         }

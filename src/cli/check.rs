@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::data::Dataset;
-use crate::data::toml_strict::{TomlError, TomlFile};
+use crate::data::toml_strict::{TomlError, TomlFile, TomlProblem};
 use crate::diagnose::Case;
 use crate::diagnose::results::SplitName;
 use crate::identify::{GateReport, gate};
@@ -128,7 +128,7 @@ fn all_of(first: StudyError, args: &Args) -> Vec<Failure> {
     let mut all: Vec<Failure> = problems.drain(..).map(|p| p.1).collect();
     if let Some(dataset) = dataset {
         let follows = |f: &Failure| blanked.iter().any(|t| !t.is_empty() && f.message().contains(&format!("`{t}`")));
-        all.extend(effects(&file, text, &dataset).into_iter().filter(|f| !follows(f)));
+        all.extend(effects(&file, text, &dataset, &follows));
     }
     if all.is_empty() { vec![first.into()] } else { all }
 }
@@ -176,37 +176,44 @@ fn tests(path: &Path, data: Option<&Path>) -> (Vec<(String, Failure)>, Option<Da
     (problems, rest)
 }
 
-/// Problems of study.toml, block by block.
-fn effects(file: &Path, mut text: String, dataset: &Dataset) -> Vec<Failure> {
+/// Problems of study.toml, block by block. `follows` tells what only comes from a test that is left out (its place in the split).
+fn effects(file: &Path, mut text: String, dataset: &Dataset, follows: &dyn Fn(&Failure) -> bool) -> Vec<Failure> {
     let mut problems = Vec::new();
-    let mut gone = false;
-    // Each round blanks a block, so their number bounds the rounds.
-    for _ in 0..=blocks(&text).len() {
-        let error = match TomlFile::parse(file, text.clone(), "study")
-            .map_err(StudyError::from)
-            .and_then(|t| Study::from_toml(&t, dataset.clone()))
-        {
-            Ok(_) => break,
-            Err(e) => e,
+    let (mut gone, mut cut) = (false, false);
+    // Each round blanks a block or a line, so their number bounds the rounds.
+    for _ in 0..=text.lines().count() {
+        let read = TomlFile::parse(file, text.clone(), "study").map_err(StudyError::from);
+        let Err(error) = read.and_then(|t| Study::from_toml(&t, dataset.clone())) else { break };
+        let (line, syntax) = match &error {
+            StudyError::Toml(TomlError { line, file: at, problem, .. }) if at == file => {
+                (*line, matches!(**problem, TomlProblem::Syntax(_)))
+            }
+            _ => (0, false),
         };
-        let line = match &error {
-            StudyError::Toml(TomlError { line, file: at, .. }) if at == file => *line,
-            _ => 0,
-        };
+        // A line taken out of the middle of a value: what comes now is of our making.
+        if syntax && cut {
+            break;
+        }
+        let failure = Failure::from(error);
         let block = blocks(&text).into_iter().find(|b| b.0 < line && line <= b.1);
         let kind = block.map_or("", |b| header(&text, b.0)).to_string();
-        // An order or a prediction may only miss what a blanked effect had.
-        if !(gone && matches!(kind.as_str(), "order" | "prediction")) {
-            problems.push(Failure::from(error));
+        if follows(&failure) {
+            if line == 0 {
+                break;
+            }
+            cut = true;
+            text = blank(&text, &[block.unwrap_or((line - 1, line))]);
+            continue;
+        }
+        // An order, a prediction, or the hold of a body may only miss what a blanked effect had.
+        let missed = gone && (matches!(kind.as_str(), "order" | "prediction") || failure.message().contains("nothing holds"));
+        if !missed {
+            problems.push(failure);
         }
         // Without a body or a connector everything at it would be wrong: the reading ends there.
         let (Some(block), "effect" | "order" | "prediction") = (block, kind.as_str()) else { break };
         gone |= kind == "effect";
-        text = blank(&text, &[(block.0, block.1)]);
-    }
-    // With an effect gone something may move freely; that is no problem of its own.
-    if gone && problems.len() > 1 && problems.last().is_some_and(|p| p.message().contains("nothing holds")) {
-        problems.pop();
+        text = blank(&text, &[block]);
     }
     problems
 }

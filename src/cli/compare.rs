@@ -19,6 +19,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let study = session.study()?;
     let case = session.case(&study)?;
     session.progress.say("computing every test");
+    let case = case.refined(&case.system).unwrap_or(case);
     let tests = diagnose::compare(&case, &case.system, &fit::ALL)?;
     session.progress.end();
     let folder = session.folder(&study, "compare")?;

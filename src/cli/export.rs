@@ -43,7 +43,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let study = session.study()?;
     let case = session.case(&study)?;
     session.progress.say("fit");
-    let (fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
+    let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
     session.progress.end();
     let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
     let source = std::fs::read(&study.file)

@@ -58,7 +58,12 @@ fn fitted(session: &Session, case: &Case, folder: &RunFolder, resume: Option<&Pa
     let monitor: Monitor = session.monitor().checkpoint(folder.checkpoint(), resume.is_some());
     let result = diagnose::fit(case, &ALL, &monitor);
     session.progress.end();
-    Ok(result?)
+    let (_, fitted, mut result) = result?;
+    // Of several starts the best may have converged before the others were stopped: the search as a whole was not done.
+    if case.starts > 1 && session.interrupted() {
+        result.termination = "interrupted".into();
+    }
+    Ok((fitted, result))
 }
 
 /// Copies the checkpoint of an earlier run, so that its folder stays as it was.

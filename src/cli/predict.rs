@@ -32,7 +32,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let case = session.case(&study)?;
     session.progress.say("fit");
-    let (fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
+    let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
     let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
     session.progress.say("predictions");
     let mut rows = Vec::new();

@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
+use crate::report::{ReportInput, html};
 use crate::study::Study;
 use crate::study::run::RunFolder;
 
@@ -26,7 +27,7 @@ pub(super) fn write(
     diagnosis: Option<&Diagnosis>,
     ladder: Option<&LadderResult>,
 ) -> Result<std::path::PathBuf, Failure> {
-    let html = shim::html(study, fit, diagnosis, ladder)?;
+    let html = html(&ReportInput { study, fit, diagnosis, ladder })?;
     Ok(folder.write(FILE, html.as_bytes())?)
 }
 
@@ -46,11 +47,4 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let text = format!("{shown}\nOpens in any browser, without a network.\n");
     let value = fit::json(&json!({ "file": shown }), &folder)?;
     Ok(Outcome { json: value, text, code: if session.interrupted() { super::INTERRUPTED } else { 0 } })
-}
-
-mod shim {
-    use super::*;
-    pub fn html(_: &Study, _: Option<&FitResult>, _: Option<&Diagnosis>, _: Option<&LadderResult>) -> Result<String, Failure> {
-        Ok("<html></html>".into())
-    }
 }

@@ -47,6 +47,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let study = session.study()?;
     let case = session.case(&study)?;
     session.progress.say("computing every test");
+    let case = case.refined(&case.system).unwrap_or(case);
     let folder = target(&session, &study)?;
     let written = dataset(&study, &case, args, &folder);
     session.progress.end();

@@ -150,7 +150,8 @@ fn export() {
 
 #[test]
 fn report() {
-    let json = Rig::new().json("report", &[]);
+    let rig = Rig::new();
+    let json = rig.json("report", &[]);
     holds(&json, &shape(r#"{"file":"text"}"#), "report");
     let html = std::fs::read_to_string(json["file"].as_str().unwrap()).unwrap();
     assert!(html.contains("<html"), "no page");
