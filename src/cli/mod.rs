@@ -1,1 +1,153 @@
-//! (in work)
+//! The command line: one verb per file, people on the terminal, scripts with `--json`.
+//!
+//! Exit codes: 0 done; 1 could not be done; 2 wrong usage; 130 interrupted (a signal, or `--max-seconds` used up) with the best state
+//! saved.
+
+mod add;
+mod check;
+mod compare;
+mod diagnose;
+mod effects;
+mod export;
+mod failure;
+mod fit;
+mod ladder;
+mod predict;
+mod progress;
+mod report;
+mod session;
+mod simulate;
+mod table;
+mod text;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use serde_json::Value;
+
+use failure::Failure;
+
+/// Calibrates models of assembled flexible mechanical systems and finds out what physics they are missing.
+#[derive(Parser)]
+#[command(name = "misfit", version, about)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Validates data, units and model: the gate before a fit
+    Check(check::Args),
+    /// Virtual rig: writes the dataset the study's model would have given
+    Simulate(simulate::Args),
+    /// Identifies the study as it stands
+    Fit(fit::Args),
+    /// Holds the model as it stands against the measurements
+    Compare(compare::Args),
+    /// Says where the model fails, which effects explain it, and how sure that is
+    Diagnose(diagnose::Args),
+    /// Writes an effect into study.toml and refits
+    Add(add::Args),
+    /// Diagnoses, adds, refits and prunes until nothing earns its place
+    Ladder(ladder::Args),
+    /// Fits, then computes the study's predictions with their deviations
+    Predict(predict::Args),
+    /// Fits, then writes the calibrated set in other formats
+    Export(export::Args),
+    /// Writes one HTML file that opens offline
+    Report(report::Args),
+    /// Lists the library of effects, or shows one
+    Effects(effects::Args),
+}
+
+impl Verb {
+    fn run(&self) -> Result<Outcome, Failure> {
+        match self {
+            Verb::Check(a) => check::run(a),
+            Verb::Simulate(a) => simulate::run(a),
+            Verb::Fit(a) => fit::run(a),
+            Verb::Compare(a) => compare::run(a),
+            Verb::Diagnose(a) => diagnose::run(a),
+            Verb::Add(a) => add::run(a),
+            Verb::Ladder(a) => ladder::run(a),
+            Verb::Predict(a) => predict::run(a),
+            Verb::Export(a) => export::run(a),
+            Verb::Report(a) => report::run(a),
+            Verb::Effects(a) => effects::run(a),
+        }
+    }
+
+    fn json(&self) -> bool {
+        match self {
+            Verb::Check(a) => a.common.json,
+            Verb::Simulate(a) => a.common.json,
+            Verb::Fit(a) => a.common.json,
+            Verb::Compare(a) => a.common.json,
+            Verb::Diagnose(a) => a.common.json,
+            Verb::Add(a) => a.common.json,
+            Verb::Ladder(a) => a.common.json,
+            Verb::Predict(a) => a.common.json,
+            Verb::Export(a) => a.common.json,
+            Verb::Report(a) => a.common.json,
+            Verb::Effects(a) => a.json,
+        }
+    }
+}
+
+/// What a verb gives: the JSON object, the text for people, the exit code.
+struct Outcome {
+    json: Value,
+    text: String,
+    code: u8,
+}
+
+const NOT_DONE: u8 = 1;
+const USAGE: u8 = 2;
+const INTERRUPTED: u8 = 130;
+
+/// Runs the command line of the process.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => return usage(&e),
+    };
+    let json = cli.verb.json();
+    match cli.verb.run() {
+        Ok(outcome) => {
+            print(json, &outcome.json, &outcome.text);
+            ExitCode::from(outcome.code)
+        }
+        Err(failure) => {
+            if json {
+                print(true, &failure.json(), "");
+            }
+            failure.tell();
+            ExitCode::from(NOT_DONE)
+        }
+    }
+}
+
+/// Help and version go to stdout with 0; wrong usage to stderr with 2, and as the one JSON object where a script asked for JSON.
+fn usage(e: &clap::Error) -> ExitCode {
+    // A terminal that is gone is no reason to fail differently.
+    let _ = e.print();
+    if !e.use_stderr() {
+        return ExitCode::SUCCESS;
+    }
+    if std::env::args().any(|a| a == "--json") {
+        let text = e.render().to_string();
+        let (message, rest) = text.split_once("\n\n").unwrap_or((&text, ""));
+        let message = message.trim_start_matches("error: ").trim();
+        print(true, &Failure::new("cli", "command line", message, rest.trim()).json(), "");
+    }
+    ExitCode::from(USAGE)
+}
+
+/// One JSON object, or the text, on stdout. A reader that has closed the pipe is no error of ours.
+fn print(json: bool, value: &Value, text: &str) {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    let _ = if json { writeln!(out, "{value}") } else { write!(out, "{text}") };
+    let _ = out.flush();
+}

@@ -1,1 +1,65 @@
-//! (in work)
+//! The report: one HTML file that opens offline and says first what an engineer asks first: does the model fit, where does it fail,
+//! what is missing, how far did the error fall.
+//!
+//! Measured is drawn dark, computed in colour (Okabe and Ito's palette, distinct to colour-blind eyes), the noise as a grey band of two
+//! standard deviations. plotly's script stands once in the file; nothing is loaded from elsewhere.
+
+mod assumptions;
+mod chart;
+mod curves;
+mod error;
+mod evidence;
+mod overview;
+mod page;
+mod parameters;
+mod stage;
+mod summary;
+mod text;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
+use crate::study::Study;
+
+pub use error::ReportError;
+
+/// What a report is made of. A part that is not there is left out of the page.
+#[derive(Clone, Copy, Debug)]
+pub struct ReportInput<'a> {
+    /// The study: title, model, assumptions, conditions of the tests.
+    pub study: &'a Study,
+    /// The fit of the study as it stands.
+    pub fit: Option<&'a FitResult>,
+    /// What a diagnosis said of that fit.
+    pub diagnosis: Option<&'a Diagnosis>,
+    /// The ladder climbed from it; where there is one, its rungs are what the page compares.
+    pub ladder: Option<&'a LadderResult>,
+}
+
+/// The page as text: one self-contained HTML document.
+///
+/// Curves are thinned to at most 800 points per trace, and to fewer where there are many, so that the page stays under 8 MB. Refuses
+/// curves whose columns are not equally long.
+pub fn html(input: &ReportInput) -> Result<String, ReportError> {
+    let stages = stage::stages(input);
+    stage::check(&stages)?;
+    let mut charts = chart::Charts::default();
+    let mut page = page::Page::new(&input.study.title);
+    page.section("", "", summary::section(input, &stages, &mut charts));
+    page.section("tests", "Every test against the model", overview::tests(input, &stages, &mut charts));
+    page.section("rungs", "The rungs of the ladder", evidence::rungs(input, &stages, &mut charts));
+    page.section("candidates", "Effects that were weighed", evidence::candidates(input));
+    page.section("findings", "What the residuals show", evidence::findings(input));
+    page.section("parameters", "Parameters", parameters::section(input, &stages));
+    page.section("curves", "Measurement and model, test by test", curves::section(input, &stages, &mut charts));
+    page.section("assumptions", "Assumptions, data and sources", assumptions::section(input));
+    Ok(page.finish())
+}
+
+/// Writes the page to `file`.
+pub fn write(input: &ReportInput, file: &Path) -> Result<(), ReportError> {
+    let text = html(input)?;
+    std::fs::write(file, text).map_err(|source| ReportError::Write { file: file.to_path_buf(), source })
+}

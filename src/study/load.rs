@@ -52,6 +52,8 @@ impl Study {
     pub fn load(path: &Path, data: Option<&Path>) -> Result<Study, StudyError> {
         let file = if path.is_dir() { path.join("study.toml") } else { path.to_path_buf() };
         let toml = TomlFile::read(&file, "study")?;
+        // A misspelt `dataset` is to be named as such, not as missing.
+        toml.root().only(&KEYS)?;
         let (dataset, data) = dataset(&toml, data)?;
         let mut study = Study::from_toml(&toml, dataset)?;
         study.data = data;

@@ -30,6 +30,7 @@ mod load;
 mod mechanism;
 mod orders;
 mod prediction;
+pub mod run;
 mod settings;
 mod site;
 mod text;

@@ -1,0 +1,39 @@
+//! `misfit compare`: the model as it stands against the measurements.
+
+use serde_json::json;
+
+use crate::diagnose;
+
+use super::failure::Failure;
+use super::session::{Common, Session};
+use super::{Outcome, fit, text};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    pub common: Common,
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let session = Session::begin(&args.common)?;
+    let study = session.study()?;
+    let case = session.case(&study)?;
+    session.progress.say("computing every test");
+    let case = case.refined(&case.system).unwrap_or(case);
+    let tests = diagnose::compare(&case, &case.system, &fit::ALL)?;
+    session.progress.end();
+    let folder = session.folder(&study, "compare")?;
+    folder.study(&study, &case.system)?;
+    folder.residuals(&tests)?;
+    let value = fit::json(&json!({ "study": study.title, "tests": fit::plain(&tests)? }), &folder)?;
+    folder.result(&value)?;
+    let shown = args.common.study.display().to_string();
+    let text = format!(
+        "{} at the values of its study.toml\n\n{}\n{}Run: {}\n",
+        study.title,
+        text::tests(&tests),
+        text::verdict(&tests, &shown),
+        folder.path.display()
+    );
+    Ok(Outcome { json: value, text, code: 0 })
+}

@@ -1,0 +1,97 @@
+//! `misfit diagnose`: where the model fails, which effects explain it, how sure that is.
+
+use crate::diagnose::results::{Candidate, Diagnosis, FitResult, Verdict};
+use crate::diagnose::{self, Case};
+
+use super::failure::Failure;
+use super::session::{Common, Session};
+use super::table::{percent, significant, table};
+use super::{INTERRUPTED, Outcome, fit, report, text};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    pub common: Common,
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let session = Session::begin(&args.common)?;
+    let study = session.study()?;
+    let case = session.case(&study)?;
+    session.progress.say("fit");
+    let done = call(&session, &case);
+    session.progress.end();
+    let (result, diagnosis) = done?;
+    let folder = session.folder(&study, "diagnose")?;
+    folder.study(&study, &case.system)?;
+    folder.residuals(&result.tests)?;
+    report::write(&folder, &study, Some(&result), Some(&diagnosis), None)?;
+    let mut value = fit::json(&diagnosis, &folder)?;
+    value["fit"] = fit::plain(&result)?;
+    folder.result(&value)?;
+    let shown = args.common.study.display().to_string();
+    let text = format!("{}\n\n{}\n{}\nRun: {}\n", study.title, text::tests(&result.tests), told(&diagnosis, &shown), folder.path.display());
+    Ok(Outcome { json: value, text, code: if session.interrupted() { INTERRUPTED } else { 0 } })
+}
+
+/// Fit and diagnosis under the session's watch.
+pub(super) fn call(session: &Session, case: &Case) -> Result<(FitResult, Diagnosis), Failure> {
+    Ok(diagnose::diagnose(case, &session.monitor(), &|step: &str| session.progress.say(step))?)
+}
+
+/// Candidates as a table.
+pub(super) fn candidates(list: &[Candidate]) -> String {
+    let row = |c: &Candidate| {
+        vec![
+            c.effect.clone(),
+            c.at.clone(),
+            percent(c.predicted_drop),
+            significant(c.p_value, 2),
+            percent(c.error_before),
+            c.error_after.map_or("-".into(), percent),
+            if c.accepted { "yes" } else { "no" }.into(),
+            c.tied_with.join("; "),
+            c.remark.clone(),
+        ]
+    };
+    let header = ["effect", "at", "predicted drop", "p", "error before", "after", "accepted", "cannot be told from", "remark"];
+    table(&header, &list.iter().map(row).collect::<Vec<_>>())
+}
+
+/// A verdict in a sentence.
+pub(super) fn sentence(verdict: Verdict, missing: &[(&str, &str)]) -> String {
+    let names: Vec<String> = missing.iter().map(|(effect, at)| format!("{effect} at {at}")).collect();
+    match verdict {
+        Verdict::Missing => format!("Missing: {}.", names.join(", ")),
+        Verdict::NothingMissing => "Nothing is missing: what is left of the misfit is noise.".into(),
+        Verdict::Unexplained => "Something is missing that no effect of the library explains.".into(),
+    }
+}
+
+fn told(d: &Diagnosis, study: &str) -> String {
+    let mut text = String::new();
+    if !d.findings.is_empty() {
+        let row = |f: &crate::diagnose::results::Finding| {
+            vec![f.test.clone(), f.claim.clone(), significant(f.number, 3), significant(f.threshold, 3), percent(f.power)]
+        };
+        text += &table(&["test", "finding", "number", "threshold", "power"], &d.findings.iter().map(row).collect::<Vec<_>>());
+        text += "\n";
+    }
+    if !d.candidates.is_empty() {
+        text += &candidates(&d.candidates);
+        text += "\n";
+    }
+    let missing: Vec<(&str, &str)> = d.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
+    text += &sentence(d.verdict, &missing);
+    text += "\n";
+    for seen in &d.would_have_been_seen {
+        text += &format!("would have been seen: {seen}\n");
+    }
+    if let Some(next) = &d.next_test {
+        text += &format!("A test that would separate the tied: {}\n", next.describe);
+    }
+    if let (Verdict::Missing, Some(first)) = (d.verdict, d.missing.first()) {
+        text += &format!("Next: `misfit add {study} {} --at {}`, or `misfit ladder {study}`.\n", first.effect, first.at);
+    }
+    text
+}

@@ -1,0 +1,70 @@
+//! An error of any stage on its way to a person or a script.
+
+use std::fmt;
+
+use serde_json::{Value, json};
+
+use crate::explain::Explain;
+
+/// What could not be done, where, and what would be accepted.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Failure {
+    stage: String,
+    place: String,
+    message: String,
+    accepted: String,
+}
+
+impl Failure {
+    pub fn new(stage: &str, place: impl Into<String>, message: impl Into<String>, accepted: impl Into<String>) -> Self {
+        Failure { stage: stage.into(), place: place.into(), message: message.into(), accepted: accepted.into() }
+    }
+
+    /// `{error: {stage, where, message, accepted}}`.
+    pub fn json(&self) -> Value {
+        json!({ "error": { "stage": self.stage, "where": self.place, "message": self.message, "accepted": self.accepted } })
+    }
+
+    /// `{where, message}` of the verb `check`, with what would be accepted.
+    pub fn problem(&self) -> Value {
+        json!({ "stage": self.stage, "where": self.place, "message": self.message, "accepted": self.accepted })
+    }
+
+    pub fn place(&self) -> &str {
+        &self.place
+    }
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+    pub fn accepted(&self) -> &str {
+        &self.accepted
+    }
+
+    /// On stderr, for people.
+    pub fn tell(&self) {
+        eprintln!("{:?}", miette::Report::new(self.clone()));
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.place.is_empty() { write!(f, "{}", self.message) } else { write!(f, "{}\nwhere: {}", self.message, self.place) }
+    }
+}
+
+impl std::error::Error for Failure {}
+
+impl miette::Diagnostic for Failure {
+    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        Some(Box::new(&self.stage))
+    }
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        (!self.accepted.is_empty()).then(|| Box::new(format!("accepted: {}", self.accepted)) as Box<dyn fmt::Display>)
+    }
+}
+
+impl<E: Explain> From<E> for Failure {
+    fn from(e: E) -> Self {
+        Failure::new(e.stage(), e.place(), e.to_string(), e.accepted())
+    }
+}

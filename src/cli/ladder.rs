@@ -1,0 +1,80 @@
+//! `misfit ladder`: diagnose, add, refit, prune until nothing earns its place.
+
+use crate::diagnose;
+use crate::diagnose::results::{LadderResult, Rung, SplitName};
+
+use super::failure::Failure;
+use super::session::{Common, Session};
+use super::table::{percent, significant, table};
+use super::{INTERRUPTED, Outcome, fit, report, text};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    pub common: Common,
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let session = Session::begin(&args.common)?;
+    let study = session.study()?;
+    let case = session.case(&study)?;
+    let folder = session.folder(&study, "ladder")?;
+    session.progress.say("first fit");
+    let done = diagnose::ladder(&case, &session.monitor(), &|step: &str| session.progress.say(step));
+    session.progress.end();
+    let (mut result, system) = done.inspect_err(|_| folder.discard())?;
+    folder.study(&study, &system)?;
+    result.result_study = Some(folder.path.display().to_string());
+    if let Some(last) = result.rungs.last() {
+        folder.residuals(&last.tests)?;
+    }
+    report::write(&folder, &study, None, None, Some(&result))?;
+    let value = fit::json(&result, &folder)?;
+    folder.result(&value)?;
+    let text = told(&result) + &format!("The study with these effects and values: {}\n", folder.path.display());
+    Ok(Outcome { json: value, text, code: if session.interrupted() { INTERRUPTED } else { 0 } })
+}
+
+fn told(result: &LadderResult) -> String {
+    let row = |(k, rung): (usize, &Rung)| {
+        let error =
+            |split| text::pooled(&rung.tests, split).map_or(["-".to_string(), "-".into()], |(e, f)| [percent(e), significant(e / f, 3)]);
+        let name = |e: &crate::diagnose::results::EffectAt| format!("{} at {}", e.effect, e.at);
+        let mut row = vec![
+            k.to_string(),
+            rung.added.as_ref().map_or("-".into(), name),
+            rung.removed.iter().map(name).collect::<Vec<_>>().join(", "),
+            significant(rung.cost, 4),
+        ];
+        row.extend(error(SplitName::Fit));
+        row.extend(error(SplitName::Select));
+        row.extend(error(SplitName::HeldOut));
+        row
+    };
+    let rows: Vec<Vec<String>> = result.rungs.iter().enumerate().map(row).collect();
+    let header = ["rung", "added", "removed", "cost", "fit error", "/floor", "select error", "/floor", "held-out error", "/floor"];
+    let mut text = format!("{}\n\n{}\n", result.study, table(&header, &rows));
+    if let Some(last) = result.rungs.last() {
+        text += &text::parameters(&last.parameters);
+        text += "\n";
+    }
+    let missing: Vec<(&str, &str)> = result.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
+    text += &super::diagnose::sentence(result.verdict, &missing);
+    text += "\n";
+    for m in result.missing.iter().filter(|m| !m.tied_with.is_empty()) {
+        text += &format!("{} at {} cannot be told from {} by these tests.\n", m.effect, m.at, m.tied_with.join(", "));
+    }
+    if let (Some(before), Some(after), Some(floor)) = (result.held_out.before, result.held_out.after, result.held_out.floor) {
+        text += &format!(
+            "Held-out error: {} before, {} after, floor {} (ratio {}).\n",
+            percent(before),
+            percent(after),
+            percent(floor),
+            significant(after / floor, 3)
+        );
+    }
+    if let Some(next) = &result.next_test {
+        text += &format!("A test that would separate the tied: {}\n", next.describe);
+    }
+    text + &format!("It ended because {}.\n", result.ended)
+}

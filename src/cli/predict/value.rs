@@ -1,0 +1,149 @@
+//! One prediction and its derivatives with respect to the fit's variables.
+//!
+//! Energies and FRF lines are computed by the plan of a test that asks for them, so a prediction and a measurement are one computation.
+
+use nalgebra::DMatrix;
+use num_complex::Complex64;
+
+use crate::data::{EnergyRow, EnergyTable, Frf, FrfQuantity, Record, StoredEnergy, TableValue, Test};
+use crate::model::{FreeParam, Site, System};
+use crate::response::Plan;
+use crate::study::{CycleQuantity, Predicted, PredictionSpec};
+use crate::units::{Dimension, Unit};
+
+use super::super::failure::Failure;
+
+/// A value [SI] and its slopes.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Found {
+    pub value: f64,
+    pub slopes: Vec<f64>,
+}
+
+impl Found {
+    /// `f` of a and b with its partial derivatives.
+    fn of(a: &Found, b: &Found, value: f64, da: f64, db: f64) -> Found {
+        Found { value, slopes: a.slopes.iter().zip(&b.slopes).map(|(x, y)| da * x + db * y).collect() }
+    }
+}
+
+pub(super) fn evaluate(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
+    let system = structure(system);
+    match &spec.quantity {
+        Predicted::Cycle { quantity, at, control, limits, frequency } => {
+            let of = |stored: Option<StoredEnergy>| {
+                let one = || Some(TableValue { value: 1.0, unit: Unit::si(Dimension::ENERGY), sigma: Some(1.0), rounding: 0.0 });
+                let row = EnergyRow {
+                    case: None,
+                    conditions: spec.conditions.clone(),
+                    frequency: Some(*frequency),
+                    dissipated: if stored.is_none() { one() } else { None },
+                    stored: if stored.is_some() { one() } else { None },
+                    ratio: None,
+                    place: spec.case.clone(),
+                };
+                let table = EnergyTable { at: at.clone(), control: *control, limits: Some(*limits), stored, rows: vec![row] };
+                compute(spec, Record::Energy(table), &system, free).map(|mut all| all.remove(0))
+            };
+            let driven = limits.1 - limits.0;
+            let constant = |value: f64| Found { value, slopes: vec![0.0; free.len()] };
+            // With dF and dx the ranges: W_product = dF dx / 2, W_slope = dF^2 / (2 k); one of dF and dx is driven.
+            let force = control.role() == crate::data::Role::Force;
+            let other = |w: &Found| Found::of(w, w, 2.0 * w.value / driven, 2.0 / driven, 0.0);
+            Ok(match quantity {
+                CycleQuantity::Dissipated => of(None)?,
+                CycleQuantity::Stored(reading) => of(Some(*reading))?,
+                CycleQuantity::LossRatio(reading) => {
+                    let (d, s) = (of(None)?, of(Some(*reading))?);
+                    Found::of(&d, &s, d.value / s.value, 1.0 / s.value, -d.value / s.value.powi(2))
+                }
+                CycleQuantity::ForceRange if force => constant(driven),
+                CycleQuantity::ForceRange => other(&of(Some(StoredEnergy::Product))?),
+                CycleQuantity::DisplacementRange if !force => constant(driven),
+                CycleQuantity::DisplacementRange => other(&of(Some(StoredEnergy::Product))?),
+                CycleQuantity::Stiffness => {
+                    let w = of(Some(StoredEnergy::Slope))?;
+                    let df = if force { constant(driven) } else { other(&of(Some(StoredEnergy::Product))?) };
+                    let k = df.value.powi(2) / (2.0 * w.value);
+                    Found::of(&df, &w, k, df.value / w.value, -k / w.value)
+                }
+            })
+        }
+        Predicted::Frf { quantity, excite, respond, frequency, excitation } => {
+            let frf = line(spec, *quantity, excite, respond, *frequency, *excitation);
+            let parts = compute(spec, Record::Frf(Box::new(frf)), &system, free)?;
+            let [re, im] = parts.as_slice() else { return Err(refused(spec, "the line was not computed")) };
+            let size = re.value.hypot(im.value);
+            if size == 0.0 {
+                return Err(refused(spec, "the response is zero, and its amount has no slope"));
+            }
+            Ok(Found::of(re, im, size, re.value / size, im.value / size))
+        }
+        Predicted::Frequency(_) | Predicted::Damping(_) => Err(refused(spec, "modes are not computed yet")),
+    }
+}
+
+/// Standard deviation by the delta method, sqrt(g' C g); none where it depends on a parameter that the data leave open.
+pub(super) fn deviation(found: &Found, covariance: &DMatrix<f64>, p: &[f64]) -> Option<f64> {
+    let n = found.slopes.len();
+    let open = |k: usize| covariance[(k, k)].is_nan();
+    let matters = |k: usize| (found.slopes[k] * p[k].abs().max(f64::MIN_POSITIVE)).abs() > 1e-9 * found.value.abs();
+    if (0..n).any(|k| open(k) && matters(k)) {
+        return None;
+    }
+    let known: Vec<usize> = (0..n).filter(|k| !open(*k)).collect();
+    let variance: f64 = known
+        .iter()
+        .flat_map(|a| known.iter().map(move |b| (a, b)))
+        .map(|(a, b)| found.slopes[*a] * covariance[(*a, *b)] * found.slopes[*b])
+        .sum();
+    (variance.is_finite() && variance >= 0.0).then(|| variance.sqrt())
+}
+
+fn compute(spec: &PredictionSpec, record: Record, system: &System, free: &[FreeParam]) -> Result<Vec<Found>, Failure> {
+    let test = Test { id: spec.case.clone(), description: None, conditions: spec.conditions.clone(), record, line: spec.line };
+    let plan = Plan::new(&test, &system.model)?;
+    let computed = plan.evaluate(system, free, true)?;
+    let n = free.len();
+    let one = |(row, value): (usize, &f64)| Found { value: *value, slopes: computed.slopes[row * n..(row + 1) * n].to_vec() };
+    let all: Vec<Found> = computed.values.iter().enumerate().map(one).collect();
+    if all.is_empty() { Err(refused(spec, "nothing was computed")) } else { Ok(all) }
+}
+
+/// The structure without its measuring channels: a prediction is of the thing, not of the rig. The channel effects stay in the list, so
+/// that the free parameters keep their places, and cover no test.
+fn structure(system: &System) -> System {
+    let mut system = system.clone();
+    for instance in &mut system.instances {
+        if let Site::Channel(site) = &mut instance.site {
+            site.test.clear();
+        }
+    }
+    system
+}
+
+/// One line of an FRF of value 1; only its frequency matters here.
+fn line(spec: &PredictionSpec, quantity: FrfQuantity, excite: &str, respond: &str, frequency: f64, excitation: Option<f64>) -> Frf {
+    let one = vec![Complex64::new(1.0, 0.0)];
+    Frf {
+        test: spec.case.clone(),
+        file: std::path::PathBuf::new(),
+        excite: excite.into(),
+        respond: respond.into(),
+        quantity,
+        unit: Unit::si(spec.dimension()),
+        excitation,
+        frequency: vec![frequency],
+        measured: one.clone(),
+        sigma: vec![1.0],
+        receptance: one,
+        receptance_sigma: vec![1.0],
+        coherence: None,
+        notes: vec![],
+    }
+}
+
+fn refused(spec: &PredictionSpec, message: &str) -> Failure {
+    let place = format!("study.toml, line {}, prediction {}", spec.line, spec.case);
+    Failure::new("response", place, message, "W_D, W_s, D, stiffness, force_range, displacement_range, or |H| of a response that moves")
+}

@@ -1,0 +1,50 @@
+//! `misfit report`: one self-contained HTML file.
+
+use serde_json::json;
+
+use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
+use crate::report::{ReportInput, html};
+use crate::study::Study;
+use crate::study::run::RunFolder;
+
+use super::failure::Failure;
+use super::session::{Common, Session};
+use super::{Outcome, fit};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    pub common: Common,
+}
+
+const FILE: &str = "report.html";
+
+/// Writes `report.html` into the folder of a run and returns its path.
+pub(super) fn write(
+    folder: &RunFolder,
+    study: &Study,
+    fit: Option<&FitResult>,
+    diagnosis: Option<&Diagnosis>,
+    ladder: Option<&LadderResult>,
+) -> Result<std::path::PathBuf, Failure> {
+    let html = html(&ReportInput { study, fit, diagnosis, ladder })?;
+    Ok(folder.write(FILE, html.as_bytes())?)
+}
+
+/// Fits the study and looks for what is missing, then reports both.
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let session = Session::begin(&args.common)?;
+    let study = session.study()?;
+    let case = session.case(&study)?;
+    session.progress.say("fit and diagnosis");
+    let (result, diagnosis) = super::diagnose::call(&session, &case)?;
+    session.progress.end();
+    let folder = session.folder(&study, "report")?;
+    let file = write(&folder, &study, Some(&result), Some(&diagnosis), None)?;
+    folder.residuals(&result.tests)?;
+    folder.result(&json!({ "fit": fit::plain(&result)?, "diagnosis": fit::plain(&diagnosis)? }))?;
+    let shown = file.display().to_string();
+    let text = format!("{shown}\nOpens in any browser, without a network.\n");
+    let value = fit::json(&json!({ "file": shown }), &folder)?;
+    Ok(Outcome { json: value, text, code: if session.interrupted() { super::INTERRUPTED } else { 0 } })
+}

@@ -1,0 +1,99 @@
+//! What every verb on a study shares: options, the study, time and interruption.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+
+use crate::diagnose::Case;
+use crate::identify::{Monitor, interrupt_flag};
+use crate::study::Study;
+use crate::study::run::RunFolder;
+
+use super::failure::Failure;
+use super::progress::Progress;
+
+/// Options of every verb on a study.
+#[derive(Args, Clone)]
+pub(super) struct Common {
+    /// Folder with study.toml, or that file
+    pub study: PathBuf,
+    /// One JSON object on stdout, everything else on stderr
+    #[arg(long)]
+    pub json: bool,
+    /// Folder of the run, instead of runs/<time>-<verb> in the study
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Threads [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Stop after this time with the best state
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub max_seconds: Option<f64>,
+    /// Folder of the raw measurement files
+    #[arg(long, value_name = "DIR")]
+    pub data: Option<PathBuf>,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(s) if s.is_finite() && s > 0.0 => Ok(s),
+        _ => Err("a number of seconds above 0, such as 60".into()),
+    }
+}
+
+/// A verb at work.
+pub(super) struct Session<'a> {
+    pub common: &'a Common,
+    pub progress: Progress,
+    flag: Arc<AtomicBool>,
+    deadline: Option<Instant>,
+}
+
+impl<'a> Session<'a> {
+    /// Sets threads and the handler of Ctrl-C.
+    pub fn begin(common: &'a Common) -> Result<Self, Failure> {
+        if let Some(n) = common.threads {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(n.into())
+                .build_global()
+                .map_err(|e| Failure::new("cli", "--threads", e.to_string(), "a number of threads the machine can start"))?;
+        }
+        let flag = interrupt_flag()
+            .map_err(|e| Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers"))?;
+        // What no Duration can hold is as good as no limit.
+        let limit = common.max_seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+        let deadline = limit.and_then(|d| Instant::now().checked_add(d));
+        Ok(Session { common, progress: Progress::new(common.json, deadline), flag, deadline })
+    }
+
+    pub fn study(&self) -> Result<Study, Failure> {
+        self.progress.say("reading the study and its measurements");
+        Ok(Study::load(&self.common.study, self.common.data.as_deref())?)
+    }
+
+    pub fn case(&self, study: &Study) -> Result<Case, Failure> {
+        Ok(Case::from_study(study, self.common.seed)?)
+    }
+
+    pub fn folder(&self, study: &Study, verb: &str) -> Result<RunFolder, Failure> {
+        Ok(RunFolder::create(study, verb, self.common.out.as_deref())?)
+    }
+
+    /// Stops on Ctrl-C and at `--max-seconds`, and shows the iterations.
+    pub fn monitor(&self) -> Monitor<'_> {
+        let mut monitor = Monitor::default().cancel(self.flag.clone()).on_iteration(|p| self.progress.iteration(p));
+        monitor.deadline = self.deadline;
+        monitor
+    }
+
+    /// Whether a signal came or the time is used up.
+    pub fn interrupted(&self) -> bool {
+        self.flag.load(Ordering::Relaxed) || self.deadline.is_some_and(|d| Instant::now() >= d)
+    }
+}

@@ -1,0 +1,66 @@
+//! Tables of text with aligned columns.
+
+/// Rows under a header; columns whose cells are all numbers are set to the right.
+pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |c: usize| {
+        let cells = rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count());
+        cells.chain([header[c].chars().count()]).max().unwrap_or(0)
+    };
+    let numeric = |c: usize| {
+        let mut cells = rows.iter().filter_map(|r| r.get(c)).filter(|s| !s.is_empty() && *s != "-").peekable();
+        cells.peek().is_some() && cells.all(|s| s.starts_with(|ch: char| ch.is_ascii_digit() || "+-".contains(ch)))
+    };
+    let columns: Vec<(usize, bool)> = (0..header.len()).map(|c| (width(c), numeric(c))).collect();
+    let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let set = |(text, (width, right)): (&str, &(usize, bool))| {
+            if *right { format!("{text:>width$}") } else { format!("{text:<width$}") }
+        };
+        let cells: Vec<String> = cells.zip(&columns).map(set).collect();
+        format!("  {}", cells.join("  ")).trim_end().to_string() + "\n"
+    };
+    let mut text = line(&mut header.iter().copied());
+    let rules: Vec<String> = columns.iter().map(|c| "-".repeat(c.0)).collect();
+    text += &line(&mut rules.iter().map(String::as_str));
+    for row in rows {
+        text += &line(&mut row.iter().map(String::as_str));
+    }
+    text
+}
+
+/// A fraction in percent with three significant digits.
+pub(super) fn percent(fraction: f64) -> String {
+    if fraction.is_finite() { format!("{} %", significant(100.0 * fraction, 3)) } else { "-".into() }
+}
+
+/// A number with so many significant digits, as an exponent where it is very large or small.
+pub(super) fn significant(x: f64, digits: usize) -> String {
+    if !x.is_finite() {
+        return "-".into();
+    }
+    if x == 0.0 {
+        return "0".into();
+    }
+    let exponent = x.abs().log10().floor() as i32;
+    if !(-4..=6).contains(&exponent) {
+        return format!("{x:.*e}", digits.saturating_sub(1));
+    }
+    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+    format!("{x:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_align_and_numbers_stand_right() {
+        let rows = vec![vec!["a".into(), "1.5 %".into()], vec!["long name".into(), "12.5 %".into()]];
+        let text = table(&["test", "error"], &rows);
+        assert_eq!(text, "  test        error\n  ---------  ------\n  a           1.5 %\n  long name  12.5 %\n");
+        assert_eq!(
+            (significant(1234.5678, 4), significant(0.00123, 2), significant(1e9, 3)),
+            ("1235".into(), "0.0012".into(), "1.00e9".into())
+        );
+        assert_eq!((percent(0.0265), percent(f64::NAN)), ("2.65 %".into(), "-".into()));
+    }
+}

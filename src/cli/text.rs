@@ -1,0 +1,105 @@
+//! Results as an engineer reads them on the terminal.
+
+use crate::diagnose::results::{FitResult, ParameterResult, SplitName, TestResult};
+
+use super::table::{percent, significant, table};
+
+pub(super) fn split(split: SplitName) -> &'static str {
+    match split {
+        SplitName::Fit => "fit",
+        SplitName::Select => "select",
+        SplitName::HeldOut => "held out",
+    }
+}
+
+/// A value with its SI unit.
+fn si(value: f64, unit: &str) -> String {
+    format!("{} {unit}", significant(value, 4))
+}
+
+pub(super) fn tests(tests: &[TestResult]) -> String {
+    let row = |t: &TestResult| {
+        let unit = t.curves.iter().find(|c| t.worst.place.starts_with(&c.label)).map_or("", |c| c.unit.as_str());
+        vec![
+            t.id.clone(),
+            t.kind.clone(),
+            split(t.split).into(),
+            percent(t.error),
+            percent(t.floor),
+            significant(t.error / t.floor, 3),
+            significant(t.whitened_rms, 3),
+            format!("{}: measured {}, computed {}", t.worst.place, si(t.worst.measured, unit), si(t.worst.computed, unit)),
+        ]
+    };
+    table(
+        &["test", "kind", "split", "error", "floor", "error/floor", "rms/sigma", "farthest point"],
+        &tests.iter().map(row).collect::<Vec<_>>(),
+    )
+}
+
+pub(super) fn parameters(parameters: &[ParameterResult]) -> String {
+    let row = |p: &ParameterResult| {
+        let state = match (p.at_bound, p.identifiable) {
+            (true, _) => "at its bound",
+            (false, true) => "yes",
+            (false, false) => "no",
+        };
+        vec![p.name.clone(), p.printed.clone(), state.into(), p.note.clone().unwrap_or_default()]
+    };
+    table(&["parameter", "value (95 %)", "identified", "remark"], &parameters.iter().map(row).collect::<Vec<_>>())
+}
+
+/// Root mean square of error and floor over the tests of a split; none where it has no test.
+pub(super) fn pooled(tests: &[TestResult], split: SplitName) -> Option<(f64, f64)> {
+    let picked: Vec<&TestResult> = tests.iter().filter(|t| t.split == split).collect();
+    let rms = |value: fn(&TestResult) -> f64| (picked.iter().map(|t| value(t).powi(2)).sum::<f64>() / picked.len() as f64).sqrt();
+    (!picked.is_empty()).then(|| (rms(|t| t.error), rms(|t| t.floor)))
+}
+
+/// Error over floor beyond which a model is said to miss its data.
+const MISSES: f64 = 1.2;
+
+/// One sentence per split, and what to do next.
+pub(super) fn verdict(tests: &[TestResult], study: &str) -> String {
+    let mut text = String::new();
+    let mut misses = false;
+    for which in [SplitName::Fit, SplitName::Select, SplitName::HeldOut] {
+        let Some((error, floor)) = pooled(tests, which) else { continue };
+        let ratio = error / floor;
+        misses |= ratio > MISSES;
+        let words = if ratio <= MISSES { "the model agrees to within the noise" } else { "the model misses what was measured" };
+        let (split, error, floor) = (split(which), percent(error), percent(floor));
+        text += &format!("On the {split} tests {words}: error {error}, noise floor {floor}, ratio {}.\n", significant(ratio, 3));
+    }
+    text += &if misses {
+        format!("Next: `misfit diagnose {study}` says what is missing, `misfit ladder {study}` climbs until nothing is.\n")
+    } else {
+        format!("Next: `misfit predict {study}`, `misfit export {study} --to json`.\n")
+    };
+    text
+}
+
+/// A whole fit.
+pub(super) fn fit(fit: &FitResult, study: &str) -> String {
+    let mut text = format!(
+        "{}: {} after {} iterations, {} s; cost {} over {} residuals, {} free parameters\n\n",
+        fit.study,
+        fit.termination,
+        fit.iterations,
+        significant(fit.wall_s, 3),
+        significant(fit.cost, 5),
+        fit.n_residuals,
+        fit.n_free
+    );
+    text += &tests(&fit.tests);
+    text += "\n";
+    text += &parameters(&fit.parameters);
+    for combination in &fit.unidentifiable {
+        text += &format!("not determined by these data: {combination}\n");
+    }
+    for note in &fit.notes {
+        text += &format!("note: {note}\n");
+    }
+    text += "\n";
+    text + &verdict(&fit.tests, study)
+}

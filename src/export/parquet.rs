@@ -1,0 +1,25 @@
+//! Parquet: the tables of the CSV export.
+
+use polars::prelude::{DataFrame, ParquetWriter};
+
+use super::{CalibratedSet, ExportError, Exporter, csv};
+
+pub(super) struct Parquet;
+
+impl Exporter for Parquet {
+    fn name(&self) -> &'static str {
+        "parquet"
+    }
+    fn files(&self, set: &CalibratedSet) -> Result<Vec<(String, Vec<u8>)>, ExportError> {
+        let write = |mut frame: DataFrame| -> polars::error::PolarsResult<Vec<u8>> {
+            let mut bytes = Vec::new();
+            ParquetWriter::new(&mut bytes).finish(&mut frame)?;
+            Ok(bytes)
+        };
+        let fail = |e: polars::error::PolarsError| ExportError { format: "parquet", reason: e.to_string() };
+        Ok(vec![
+            ("parameters.parquet".into(), csv::parameters(set).and_then(write).map_err(fail)?),
+            ("covariance.parquet".into(), csv::covariance(set).and_then(write).map_err(fail)?),
+        ])
+    }
+}

@@ -1,0 +1,93 @@
+//! Every test in a table, and its error against the rungs by name.
+
+use plotly::Scatter;
+use plotly::common::{DashType, Line, Marker, Mode};
+
+use super::ReportInput;
+use super::chart::{self, Charts};
+use super::stage::{Stage, ids, over_floor, split_words, test};
+use super::summary::{rung_axis, worst_words};
+use super::text::{esc, percent, ratio, table};
+
+/// Table and charts.
+pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> String {
+    let (Some(first), Some(last)) = (stages.first(), stages.last()) else { return String::new() };
+    let several = stages.len() > 1;
+    let rows: Vec<Vec<String>> = ids(stages)
+        .iter()
+        .enumerate()
+        .filter_map(|(k, id)| {
+            let now = test(last, id).or_else(|| stages.iter().rev().find_map(|s| test(s, id)))?;
+            let then = test(first, id);
+            let mut row = vec![
+                format!("<a href=\"#test-{k}\">{}</a>", esc(id)),
+                format!("{}, {}", esc(&now.kind), split_words(now.split)),
+                super::text::digits(now.n as f64, 6),
+            ];
+            if several {
+                row.push(then.map_or("-".into(), |t| percent(t.error)));
+            }
+            row.extend([percent(now.error), percent(now.floor), ratio(over_floor(now.error, now.floor)), worst_words(now)]);
+            Some(row)
+        })
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let header: &[&str] = if several {
+        &["Test", "Kind and use", "Values", "Error as given", "Error now", "Noise floor", "Error / floor", "Farthest point now"]
+    } else {
+        &["Test", "Kind and use", "Values", "Error", "Noise floor", "Error / floor", "Farthest point"]
+    };
+    let right: &[usize] = if several { &[2, 3, 4, 5, 6] } else { &[2, 3, 4, 5] };
+    let reading = "<p class=\"soft\">Error: rms of measured less computed, over rms of measured about its mean (complex FRF: about zero). \
+                   Noise floor: the same with the standard deviation of the noise in place of the difference. A perfect model \
+                   stands at the floor.</p>";
+    let against = if several { error_over_floor(stages, charts) } else { String::new() };
+    let frequency = against_frequency(input, stages, charts);
+    let charts = if against.is_empty() && frequency.is_empty() {
+        String::new()
+    } else {
+        format!("<div class=\"figures\">{against}{frequency}</div>")
+    };
+    format!("{reading}{}{charts}", table("", header, right, &rows))
+}
+
+const DASHES: [DashType; 3] = [DashType::Solid, DashType::Dash, DashType::Dot];
+
+fn error_over_floor(stages: &[Stage], charts: &mut Charts) -> String {
+    let (mut plot, layout) = chart::chart(&chart::linear(""), &chart::log("error / noise floor"));
+    let colours = [chart::LAST, chart::FIRST].into_iter().chain(chart::OTHERS).collect::<Vec<_>>();
+    let ids = ids(stages);
+    for (n, id) in ids.iter().enumerate() {
+        let over = |(k, s): (usize, &Stage)| test(s, id).map(|t| (k as f64, over_floor(t.error, t.floor)));
+        let (x, y): (Vec<f64>, Vec<f64>) = stages.iter().enumerate().filter_map(over).unzip();
+        let colour = colours[n % colours.len()];
+        let line = Line::new().color(colour).width(1.8).dash(DASHES[(n / colours.len()) % DASHES.len()].clone());
+        plot.add_trace(Scatter::new(x, y).mode(Mode::LinesMarkers).line(line).marker(Marker::new().color(colour).size(7)).name(esc(id)));
+    }
+    plot.add_trace(chart::dashed(vec![0.0, (stages.len() - 1) as f64], vec![1.0, 1.0], "noise floor"));
+    plot.set_layout(layout.x_axis(rung_axis(stages)));
+    charts.figure(&plot, 300 + 12 * ids.len().min(24), "Error over floor, test by test", "")
+}
+
+/// Error over floor of the tests that declare a drive frequency, against it.
+fn against_frequency(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> String {
+    let frequency = |id: &str| input.study.dataset.test(id)?.conditions.get("frequency").map(|c| c.value).filter(|f| *f > 0.0);
+    let (mut plot, layout) = chart::chart(&chart::log("drive frequency [Hz]"), &chart::log("error / noise floor"));
+    let n = stages.len();
+    let mut most = 0;
+    for (k, stage) in stages.iter().enumerate().filter(|(k, _)| *k == 0 || k + 1 == n) {
+        let of = |t: &crate::diagnose::results::TestResult| Some((frequency(&t.id)?, over_floor(t.error, t.floor), esc(&t.id)));
+        let found: Vec<_> = stage.tests.iter().filter_map(of).collect();
+        most = most.max(found.len());
+        let (x, y) = found.iter().map(|f| (f.0, f.1)).unzip();
+        let names: Vec<String> = found.into_iter().map(|f| f.2).collect();
+        plot.add_trace(chart::points(x, y, &stage.name, chart::stage_colour(k, n), 10).text_array(names));
+    }
+    if most < 2 {
+        return String::new();
+    }
+    plot.set_layout(layout);
+    charts.figure(&plot, 300, "Error over floor <span>against the frequency of the drive</span>", "")
+}

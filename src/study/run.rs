@@ -1,0 +1,251 @@
+//! From a study to a case that can be fitted, and the folder that keeps a run.
+//!
+//! Every file of a run is written whole or not at all: a temporary file beside it takes its name when it is complete.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use polars::prelude::{Column, DataFrame, ParquetWriter};
+use rayon::prelude::*;
+
+use crate::diagnose::results::{SplitName, TestResult};
+use crate::diagnose::{Case, DiagnoseError, Search};
+use crate::explain::Explain;
+use crate::identify::Tolerances;
+use crate::model::System;
+use crate::response::{BlockKind, Plan};
+
+use super::{Study, StudyError};
+
+impl Case {
+    /// Plans every test of the study and takes over its split, orders, loss, settings of fit and search.
+    pub fn from_study(study: &Study, seed: u64) -> Result<Case, DiagnoseError> {
+        let plan = |test: &crate::data::Test| -> Result<(Plan, SplitName), DiagnoseError> {
+            Ok((Plan::new(test, &study.system.model)?, split_of(study, &test.id)))
+        };
+        let plans = study.dataset.tests.par_iter().map(plan).collect::<Result<Vec<_>, _>>()?;
+        Ok(Case {
+            name: study.title.clone(),
+            plans: Arc::new(plans),
+            system: study.system.clone(),
+            orders: study.orders.iter().map(|o| (o.below.clone(), o.above.clone(), o.gap)).collect(),
+            loss: study.fit.loss,
+            max_iterations: study.fit.max_iterations.map_or(Tolerances::default().max_iterations, |n| n as u64),
+            starts: study.fit.starts,
+            seed,
+            search: Search {
+                effects: study.search.effects.clone(),
+                places: study.search.places.clone(),
+                max_added: study.search.max_added,
+            },
+        })
+    }
+}
+
+/// The split a test serves in.
+pub fn split_of(study: &Study, test: &str) -> SplitName {
+    match study.split.word(test) {
+        "select" => SplitName::Select,
+        "held_out" => SplitName::HeldOut,
+        _ => SplitName::Fit,
+    }
+}
+
+/// What can go wrong with a run folder.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A file or folder that cannot be written.
+    #[error("{} cannot be written: {reason}", .path.display())]
+    Write {
+        /// File or folder.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// `--out` names a folder with a study that is no run.
+    #[error("{} holds a study that is no run, and a run would write over it", .path.display())]
+    Occupied {
+        /// Folder.
+        path: PathBuf,
+    },
+    /// The resolved study.
+    #[error(transparent)]
+    Study(#[from] StudyError),
+}
+
+impl Explain for RunError {
+    fn stage(&self) -> &'static str {
+        "study"
+    }
+    fn place(&self) -> String {
+        match self {
+            RunError::Write { path, .. } | RunError::Occupied { path } => path.display().to_string(),
+            RunError::Study(e) => e.place(),
+        }
+    }
+    fn accepted(&self) -> String {
+        match self {
+            RunError::Write { .. } => "a folder that can be written; --out DIR names another".into(),
+            RunError::Occupied { .. } => "--out with a new folder, or with the folder of an earlier run".into(),
+            RunError::Study(e) => e.accepted(),
+        }
+    }
+}
+
+/// The folder of one run.
+#[derive(Debug, Clone)]
+pub struct RunFolder {
+    /// Where it is.
+    pub path: PathBuf,
+}
+
+const RESULT: &str = "result.json";
+
+impl RunFolder {
+    /// Makes `runs/<time>-<verb>` in the study's folder, or exactly `out`.
+    pub fn create(study: &Study, verb: &str, out: Option<&Path>) -> Result<RunFolder, RunError> {
+        let fail = |path: &Path, e: std::io::Error| RunError::Write { path: path.to_path_buf(), reason: e.to_string() };
+        if let Some(out) = out {
+            let known = [RESULT, CHECKPOINT].iter().any(|f| out.join(f).exists());
+            if out.join("study.toml").exists() && !known {
+                return Err(RunError::Occupied { path: out.to_path_buf() });
+            }
+            std::fs::create_dir_all(out).map_err(|e| fail(out, e))?;
+            return Ok(RunFolder { path: out.to_path_buf() });
+        }
+        let runs = study.folder.join("runs");
+        std::fs::create_dir_all(&runs).map_err(|e| fail(&runs, e))?;
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
+        let name = format!("{}-{verb}", utc(now));
+        // Two runs within one second get different folders.
+        for k in 1..1000 {
+            let path = runs.join(if k == 1 { name.clone() } else { format!("{name}-{k}") });
+            match std::fs::create_dir(&path) {
+                Ok(()) => return Ok(RunFolder { path }),
+                Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
+                Err(e) => return Err(fail(&path, e)),
+            }
+        }
+        Err(RunError::Write { path: runs.join(name), reason: "a thousand runs bear this time".into() })
+    }
+
+    /// The file of the best state of a fit.
+    pub fn checkpoint(&self) -> PathBuf {
+        self.path.join(CHECKPOINT)
+    }
+
+    /// Writes one file.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, RunError> {
+        let path = self.path.join(name);
+        let fail = |reason: String| RunError::Write { path: path.clone(), reason };
+        let mut file = tempfile::NamedTempFile::new_in(&self.path).map_err(|e| fail(e.to_string()))?;
+        file.write_all(bytes).and_then(|()| readable(file.as_file())).map_err(|e| fail(e.to_string()))?;
+        file.persist(&path).map_err(|e| fail(e.error.to_string()))?;
+        Ok(path)
+    }
+
+    /// `result.json`.
+    pub fn result(&self, json: &serde_json::Value) -> Result<PathBuf, RunError> {
+        self.write(RESULT, format!("{json:#}\n").as_bytes())
+    }
+
+    /// `study.toml`: the study with the values and effects of `system`.
+    pub fn study(&self, study: &Study, system: &System) -> Result<PathBuf, RunError> {
+        Ok(study.save(system, &self.path)?)
+    }
+
+    /// `residuals.parquet`: every measured value with its computed one.
+    pub fn residuals(&self, tests: &[TestResult]) -> Result<PathBuf, RunError> {
+        let path = self.path.join("residuals.parquet");
+        let fail = |e: polars::error::PolarsError| RunError::Write { path: path.clone(), reason: e.to_string() };
+        let mut frame = residuals(tests).map_err(fail)?;
+        let mut bytes = Vec::new();
+        ParquetWriter::new(&mut bytes).finish(&mut frame).map_err(fail)?;
+        self.write("residuals.parquet", &bytes)
+    }
+
+    /// Removes the folder where a run came to nothing; what somebody else put there stays.
+    pub fn discard(&self) {
+        // An error here means the folder holds something, which is the reason to keep it.
+        let _ = std::fs::remove_dir(&self.path);
+    }
+}
+
+const CHECKPOINT: &str = "checkpoint.json";
+
+/// Columns test, channel, abscissa, part, measured, computed, sigma, whitened = (computed - measured) / sigma; SI.
+fn residuals(tests: &[TestResult]) -> polars::error::PolarsResult<DataFrame> {
+    let (mut test, mut channel, mut part) = (vec![], vec![], vec![]);
+    let (mut abscissa, mut measured, mut computed, mut sigma, mut whitened) = (vec![], vec![], vec![], vec![], vec![]);
+    for t in tests {
+        for c in &t.curves {
+            let frf = c.kind == BlockKind::Frf;
+            for (i, ((m, y), s)) in c.measured.iter().zip(&c.computed).zip(&c.sigma).enumerate() {
+                test.push(t.id.as_str());
+                channel.push(c.label.as_str());
+                part.push(if !frf {
+                    "value"
+                } else if i % 2 == 0 {
+                    "real"
+                } else {
+                    "imag"
+                });
+                abscissa.push(c.abscissa.get(if frf { i / 2 } else { i }).copied());
+                measured.push(*m);
+                computed.push(*y);
+                sigma.push(*s);
+                whitened.push((y - m) / s);
+            }
+        }
+    }
+    let rows = test.len();
+    DataFrame::new(
+        rows,
+        vec![
+            Column::new("test".into(), test),
+            Column::new("channel".into(), channel),
+            Column::new("abscissa".into(), abscissa),
+            Column::new("part".into(), part),
+            Column::new("measured".into(), measured),
+            Column::new("computed".into(), computed),
+            Column::new("sigma".into(), sigma),
+            Column::new("whitened".into(), whitened),
+        ],
+    )
+}
+
+/// A temporary file is private; what takes its name is as readable as any new file.
+fn readable(file: &std::fs::File) -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        file.set_permissions(std::fs::Permissions::from_mode(0o644))?;
+    }
+    Ok(())
+}
+
+/// `20261121-114203` of seconds since 1970, UTC (days to civil date: Hinnant, chrono-Compatible Low-Level Date Algorithms).
+fn utc(seconds: u64) -> String {
+    let (days, s) = (seconds / 86_400 + 719_468, seconds % 86_400);
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted = (5 * day_of_year + 2) / 153;
+    let (day, month) = (day_of_year - (153 * shifted + 2) / 5 + 1, if shifted < 10 { shifted + 3 } else { shifted - 9 });
+    let year = year_of_era + era * 400 + u64::from(month <= 2);
+    format!("{year:04}{month:02}{day:02}-{:02}{:02}{:02}", s / 3600, s / 60 % 60, s % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_of_a_run() {
+        assert_eq!(utc(0), "19700101-000000");
+        assert_eq!(utc(951_827_696), "20000229-123456");
+        assert_eq!(utc(1_795_261_323), "20261121-114203");
+    }
+}

@@ -1,0 +1,8 @@
+//! Behaviour of the program as its users meet it: the command line on studies in temporary folders, and the rules of the house.
+
+mod bad_input;
+mod house;
+mod rig;
+mod shapes;
+mod stopping;
+mod verbs;
