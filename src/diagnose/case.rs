@@ -223,14 +223,34 @@ fn plain(kind: BlockKind, value: f64) -> f64 {
     if kind == BlockKind::Table { value.exp() } else { value }
 }
 
-/// Unit of a parameter in SI.
-pub fn unit_of(system: &System, f: &FreeParam) -> String {
-    let instance = &system.instances[f.instance];
-    let rotational = match &instance.site {
+/// A number with this many significant digits, in plain notation where that is short.
+fn digits(value: f64, count: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let order = value.abs().log10().floor() as i32;
+    if (-4..6).contains(&order) {
+        format!("{value:.*}", (count - 1 - order).max(0) as usize)
+    } else {
+        format!("{value:.*e}", (count - 1).max(0) as usize)
+    }
+}
+
+fn rotational(system: &System, f: &FreeParam) -> bool {
+    match &system.instances[f.instance].site {
         Site::Places(p) => p.first().is_some_and(|p| system.model.places[*p].axis.rotational()),
         Site::Channel(_) => false,
-    };
-    instance.effect.info().params[f.param].dim.si(rotational)
+    }
+}
+
+/// Unit of a parameter in SI.
+pub fn unit_of(system: &System, f: &FreeParam) -> String {
+    system.instances[f.instance].effect.info().params[f.param].dim.si(rotational(system, f))
+}
+
+/// Unit for printing a parameter that the study gives none for, with its value in SI.
+fn practical_unit(system: &System, f: &FreeParam) -> (String, f64) {
+    system.instances[f.instance].effect.info().params[f.param].dim.practical(rotational(system, f))
 }
 
 /// Parameters with their intervals, and the named combinations the data do not determine.
@@ -247,8 +267,8 @@ pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>,
             // From the fit's variable to the parameter: by the slope for the deviation, by the map for the interval.
             let back = |v: Option<f64>| v.map(|v| if f.log { v.exp() } else { v });
             let std = u.std.map(|s| if f.log { s * p.value } else { s });
-            let (text, factor) = if p.unit.0.is_empty() { (unit_of(&fitted.system, f), 1.0) } else { p.unit.clone() };
-            let spread = std.map(|s| format!(" +- {:.2}", 1.96 * s / factor)).unwrap_or_else(|| " (not identified)".into());
+            let (text, factor) = if p.unit.0.is_empty() { practical_unit(&fitted.system, f) } else { p.unit.clone() };
+            let spread = std.map(|s| format!(" +- {}", digits(1.96 * s / factor, 2))).unwrap_or_else(|| " (not identified)".into());
             ParameterResult {
                 name: f.name.clone(),
                 value: p.value,
@@ -257,7 +277,7 @@ pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>,
                 interval: (back(u.interval.0), back(u.interval.1)),
                 identifiable: u.identifiable,
                 at_bound: u.at_bound,
-                printed: format!("{:.5} {text}{spread}", p.value / factor),
+                printed: format!("{} {text}{spread}", digits(p.value / factor, 5)),
                 note: u.note.clone(),
             }
         })

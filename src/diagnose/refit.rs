@@ -15,6 +15,9 @@ use super::score::Score;
 /// Iterations of a refit: what is far from the floor after these is no explanation.
 const REFIT_ITERATIONS: u64 = 40;
 
+/// Folds of a cross-validation over tests, at most.
+const FOLDS: usize = 4;
+
 /// Residuals of one test, whitened.
 pub type Whitened = Vec<Vec<f64>>;
 
@@ -111,6 +114,31 @@ pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, S
     let fit = whitened(&case.plans_of(SplitName::Fit), &fitted.system)?;
     let select = whitened(&case.plans_of(SplitName::Select), &fitted.system)?;
     Ok(Proof { fitted, fit, select })
+}
+
+/// Whitened residuals on each fit test of a model that was fitted to the others: what a select split would say where there is none.
+pub fn cross_validated(case: &Case, system: &System, monitor: &Monitor) -> Result<Whitened, String> {
+    let plans = case.plans_of(SplitName::Fit);
+    let folds = plans.len().min(FOLDS);
+    let mut single = case.clone();
+    single.starts = 1;
+    single.max_iterations = single.max_iterations.min(REFIT_ITERATIONS);
+    let parts: Vec<Vec<(usize, Vec<f64>)>> = (0..folds)
+        .into_par_iter()
+        .map(|fold| {
+            let (mut left_out, mut rest) = (vec![], vec![]);
+            for (k, plan) in plans.iter().enumerate() {
+                if k % folds == fold { left_out.push((k, *plan)) } else { rest.push(*plan) }
+            }
+            let fitted = single.fit_system(system, rest, &monitor.quiet()).map_err(|e| e.to_string())?;
+            let tests: Vec<&Plan> = left_out.iter().map(|(_, p)| *p).collect();
+            let residuals = whitened(&tests, &fitted.system)?;
+            Ok(left_out.iter().map(|(k, _)| *k).zip(residuals).collect())
+        })
+        .collect::<Result<_, String>>()?;
+    let mut by_test: Vec<(usize, Vec<f64>)> = parts.into_iter().flatten().collect();
+    by_test.sort_by_key(|(k, _)| *k);
+    Ok(by_test.into_iter().map(|(_, r)| r).collect())
 }
 
 /// Half the sum of squares.

@@ -6,7 +6,7 @@ use crate::model::System;
 use super::accept::{earns_its_place, improvement, tied, verdict_cost};
 use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::{Case, Fitted};
-use super::refit::{Proof, Refit, best_per_candidate, cost, refit_all, whitened};
+use super::refit::{Proof, Refit, best_per_candidate, cost, cross_validated, refit_all, whitened};
 use super::results::{Candidate, SplitName};
 use super::score::{Score, score};
 use super::{DiagnoseError, trace};
@@ -85,16 +85,22 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         let key = |r: &Refit| r.result.as_ref().map_or(f64::INFINITY, verdict_cost);
         key(a).total_cmp(&key(b)).then(b.score.drop.total_cmp(&a.score.drop))
     });
+    let before_folds = if !judge_select && plans.len() > 1 { cross_validated(case, &base.system, monitor).ok() } else { None };
     let earned = |proof: &Proof| {
         let fit_gain = cost(&before_fit) - cost(&proof.fit);
         let added = (proof.fitted.free.len() - base.free.len()) as f64;
         // On the fit tests the cost must fall by more than its parameters buy by chance; on select the pairs decide. Without select
-        // tests the fall must also pay for the parameters by the Bayesian information criterion, and be worth the name.
+        // tests each fit test in turn stands for them; with one test alone the fall must be worth the name.
         if judge_select {
-            fit_gain > 2.0 * added && earns_its_place(&before_select, &proof.select)
-        } else {
-            let n: usize = before_fit.iter().map(Vec::len).sum();
-            fit_gain > 0.5 * added * (n as f64).ln() + 2.0 && fit_gain > WORTH_ALONE * cost(&before_fit)
+            return fit_gain > 2.0 * added && earns_its_place(&before_select, &proof.select);
+        }
+        let n: usize = before_fit.iter().map(Vec::len).sum();
+        if fit_gain <= 0.5 * added * (n as f64).ln() + 2.0 {
+            return false;
+        }
+        match &before_folds {
+            Some(before) => cross_validated(case, &proof.fitted.system, monitor).is_ok_and(|after| earns_its_place(before, &after)),
+            None => fit_gain > WORTH_ALONE * cost(&before_fit),
         }
     };
     let winner = refits.iter().position(|r| r.result.as_ref().is_ok_and(earned));

@@ -110,6 +110,17 @@ impl Dim {
     /// Mass or moment of inertia.
     pub const FT2_PER_X: Dim = fxt(1, -1, 2);
 
+    /// The unit an engineer reads it in, with its value in SI: N, mm, s at a translational place, N m, rad, s at a rotational one.
+    pub fn practical(self, rotational: bool) -> (String, f64) {
+        match self {
+            Dim::Place { f, x, t } if !rotational && (f, x, t) != (1, -1, 2) && x != 0 => {
+                // `m` stands for the displacement alone in the SI text of a translational place.
+                (self.si(false).replace('m', "mm"), 1e-3f64.powi(i32::from(x)))
+            }
+            _ => (self.si(rotational), 1.0),
+        }
+    }
+
     /// SI unit as it is printed for a translational or a rotational place, e.g. `N/m`, `N m/rad`, `N s/m`.
     pub fn si(self, rotational: bool) -> String {
         let (f, x, t) = match self {
