@@ -10,6 +10,7 @@ mod error;
 pub mod frf;
 pub mod march;
 pub mod periodic;
+mod state;
 
 pub use error::EngineError;
 
