@@ -206,7 +206,7 @@ fn effects(file: &Path, mut text: String, dataset: &Dataset, follows: &dyn Fn(&F
             continue;
         }
         // An order, a prediction, or the hold of a body may only miss what a blanked effect had.
-        let missed = gone && (matches!(kind.as_str(), "order" | "prediction") || failure.message().contains("nothing holds"));
+        let missed = gone && (matches!(kind.as_str(), "order" | "prediction") || failure.message().contains("a mechanism"));
         if !missed {
             problems.push(failure);
         }

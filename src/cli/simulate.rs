@@ -54,7 +54,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let tests = written?;
     let rows: Vec<Vec<String>> =
         tests.iter().map(|t| ["id", "kind", "file"].iter().map(|k| t[*k].as_str().unwrap_or("-").to_string()).collect()).collect();
-    let shown = folder.path.display().to_string();
+    // Studies name it relative to themselves, or in full.
+    let shown = folder.path.canonicalize().unwrap_or_else(|_| folder.path.clone()).display().to_string();
     let text = format!("{}\nDataset: {shown}\nNext: a study with dataset = \"{shown}\".\n", table(&["test", "kind", "file"], &rows));
     let value = fit::json(&json!({ "dataset": shown, "tests": tests, "noise": args.noise, "seed": args.common.seed }), &folder)?;
     Ok(Outcome { json: value, text, code: 0 })

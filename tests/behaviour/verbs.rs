@@ -88,7 +88,7 @@ fn what_is_simulated_gives_its_truth_back() {
     let rig = Rig::new();
     let out = rig.path("virtual");
     let json = rig.json("simulate", &["--noise", "0.5 %", "--seed", "7", "--out", &out.display().to_string()]);
-    assert_eq!(json["dataset"].as_str().unwrap(), out.display().to_string());
+    assert_eq!(json["dataset"].as_str().unwrap(), out.canonicalize().unwrap().display().to_string());
     rig.change("study.toml", "dataset = \"data\"", "dataset = \"virtual\"");
     rig.change("study.toml", "15 N/mm", "30 N/mm");
     let fit = rig.json("fit", &[]);
