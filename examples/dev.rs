@@ -55,6 +55,22 @@ fn main() {
         }
         return;
     }
+    if std::env::args().nth(2).as_deref() == Some("time") {
+        let (c, f, _) = fit(&case, &[SplitName::Fit], &Monitor::default()).unwrap();
+        for (p, _) in c.plans.iter() {
+            let t = std::time::Instant::now();
+            for _ in 0..5 {
+                p.evaluate(&f.system, &f.free, false).unwrap();
+            }
+            let a = t.elapsed().as_secs_f64() / 5.0;
+            let t = std::time::Instant::now();
+            for _ in 0..5 {
+                p.evaluate(&f.system, &f.free, true).unwrap();
+            }
+            println!("{:20} n {} value {:.2} ms, with slopes {:.2} ms", p.id, p.len(), a * 1e3, t.elapsed().as_secs_f64() / 5.0 * 1e3);
+        }
+        return;
+    }
     let (l, _) = ladder(&case, &Monitor::default(), &watch).unwrap();
     for r in &l.rungs {
         println!("== added {:?} removed {:?} {} cost {:.4e}", r.added, r.removed, r.termination, r.cost);

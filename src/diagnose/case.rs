@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Monitor, Prior, UncertaintyOptions};
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System};
 use crate::residual::{Problem, test_error, to_variable};
-use crate::response::{Computed, Plan};
+use crate::response::{BlockKind, Computed, Plan};
 
 use super::DiagnoseError;
 use super::results::{Curve, EffectAt, FitResult, ParameterResult, SplitName, TestResult, Worst};
@@ -178,7 +178,6 @@ fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult
     let e = test_error(plan, &computed.values);
     let block = &plan.blocks[e.worst.1];
     let within = e.worst.0 - block.range.start;
-    use crate::response::BlockKind;
     let axis = match block.kind {
         BlockKind::Frf => {
             format!("{:.4} Hz, {}", block.abscissa[within / 2], if within % 2 == 0 { "real" } else { "imaginary" })
@@ -197,9 +196,9 @@ fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult
             abscissa: b.abscissa.clone(),
             x: b.x.clone(),
             v: b.v.clone(),
-            measured: plan.measured[b.range.clone()].to_vec(),
-            computed: computed.values[b.range.clone()].to_vec(),
-            sigma: plan.sigma[b.range.clone()].to_vec(),
+            measured: plan.measured[b.range.clone()].iter().map(|v| plain(b.kind, *v)).collect(),
+            computed: computed.values[b.range.clone()].iter().map(|v| plain(b.kind, *v)).collect(),
+            sigma: b.range.clone().map(|i| plan.sigma[i] * if b.kind == BlockKind::Table { plan.measured[i].exp() } else { 1.0 }).collect(),
         })
         .collect();
     TestResult {
@@ -211,12 +210,17 @@ fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult
         whitened_rms: e.whitened_rms,
         worst: Worst {
             place: format!("{} at {axis}", block.label),
-            measured: plan.measured[e.worst.0],
-            computed: computed.values[e.worst.0],
+            measured: plain(block.kind, plan.measured[e.worst.0]),
+            computed: plain(block.kind, computed.values[e.worst.0]),
         },
         n: plan.len(),
         curves,
     }
+}
+
+/// A value as it was measured: tables are compared by their logarithms.
+fn plain(kind: BlockKind, value: f64) -> f64 {
+    if kind == BlockKind::Table { value.exp() } else { value }
 }
 
 /// Unit of a parameter in SI.

@@ -15,6 +15,8 @@ use super::{DiagnoseError, trace};
 const REFITS: usize = 8;
 /// A candidate is refitted when its predicted drop is at least this part of the best.
 const WORTH: f64 = 0.05;
+/// Part of the cost that an effect must take away where no select test can decide.
+const WORTH_ALONE: f64 = 0.1;
 /// Level of the score test that counts as a sign of something missing.
 pub const LEVEL: f64 = 0.01;
 
@@ -86,9 +88,14 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let earned = |proof: &Proof| {
         let fit_gain = cost(&before_fit) - cost(&proof.fit);
         let added = (proof.fitted.free.len() - base.free.len()) as f64;
-        // On the fit tests the cost must fall by more than its parameters buy by chance; on select the pairs decide.
-        fit_gain > 2.0 * added
-            && if judge_select { earns_its_place(&before_select, &proof.select) } else { earns_its_place(&before_fit, &proof.fit) }
+        // On the fit tests the cost must fall by more than its parameters buy by chance; on select the pairs decide. Without select
+        // tests the fall must also pay for the parameters by the Bayesian information criterion, and be worth the name.
+        if judge_select {
+            fit_gain > 2.0 * added && earns_its_place(&before_select, &proof.select)
+        } else {
+            let n: usize = before_fit.iter().map(Vec::len).sum();
+            fit_gain > 0.5 * added * (n as f64).ln() + 2.0 && fit_gain > WORTH_ALONE * cost(&before_fit)
+        }
     };
     let winner = refits.iter().position(|r| r.result.as_ref().is_ok_and(earned));
     let mut list = Vec::new();

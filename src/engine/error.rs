@@ -38,6 +38,36 @@ pub enum EngineError {
         /// Cycles marched.
         cycles: usize,
     },
+    /// A request that has no meaning.
+    #[error("{what} is {value}")]
+    Request {
+        /// What was asked for.
+        what: &'static str,
+        /// What it is.
+        value: String,
+        /// What would be accepted.
+        accepted: String,
+    },
+    /// Harmonic balance found no steady response.
+    #[error(
+        "no steady response found at {frequency} Hz under a force of {amplitude} (peak): the balance stays at {residual:.2e} of the displacements"
+    )]
+    NoHarmonicBalance {
+        /// Frequency [Hz].
+        frequency: f64,
+        /// Force, peak [N or N m].
+        amplitude: f64,
+        /// Relative residual reached.
+        residual: f64,
+    },
+    /// An eigenvalue was not found.
+    #[error("no mode of the damped structure was found near {frequency} Hz: the iteration stays at {residual:.2e}")]
+    NoMode {
+        /// Frequency of the undamped mode it started from [Hz].
+        frequency: f64,
+        /// Relative residual reached.
+        residual: f64,
+    },
 }
 
 impl Explain for EngineError {
@@ -50,6 +80,8 @@ impl Explain for EngineError {
             EngineError::Effect(e) => e.place(),
             EngineError::NoEquilibrium { step, .. } | EngineError::NotFinite { step } => format!("step {step}"),
             EngineError::NotPeriodic { .. } => "cycle".into(),
+            EngineError::Request { what, .. } => (*what).into(),
+            EngineError::NoHarmonicBalance { frequency, .. } | EngineError::NoMode { frequency, .. } => format!("{frequency} Hz"),
         }
     }
     fn accepted(&self) -> String {
@@ -59,6 +91,12 @@ impl Explain for EngineError {
             EngineError::NoEquilibrium { .. } | EngineError::NotFinite { .. } => {
                 "parameters for which the structure stands: positive stiffness along every path, softening within its range".into()
             }
+            EngineError::Request { accepted, .. } => accepted.clone(),
+            EngineError::NoHarmonicBalance { .. } => {
+                "a structure with damping, an excitation at which it has a steady response, more harmonics or samples for stiff friction"
+                    .into()
+            }
+            EngineError::NoMode { .. } => "laws whose stiffness varies slowly with frequency around the mode, or a narrower band".into(),
             EngineError::NotPeriodic { .. } => "a stable structure with damping".into(),
         }
     }

@@ -68,10 +68,15 @@ pub struct March<'a> {
     force: Vec<f64>,
     h: Vec<f64>,
     forces: Vec<f64>,
+    base: Vec<f64>,
+    newton: Vec<f64>,
     scale: f64,
 }
 
-const ITERATIONS: usize = 60;
+/// Newton iterations and shortened steps together, at most.
+const ITERATIONS: usize = 120;
+/// Shortest part of a Newton step.
+const SHORTEST: f64 = 1e-4;
 
 impl<'a> March<'a> {
     /// Prepares a march; `radius` is the spectral radius at infinite frequency (0: strongest damping of what is not resolved, 1: none).
@@ -111,6 +116,8 @@ impl<'a> March<'a> {
             matrix: BlockTri::new(layout),
             free,
             rhs: vec![0.0; free_dofs.len()],
+            base: vec![0.0; free_dofs.len()],
+            newton: vec![0.0; free_dofs.len()],
             free_dofs,
             prescribed_at,
             links,
@@ -248,8 +255,7 @@ impl<'a> March<'a> {
                 state.q[d] += dt * state.v[d];
             }
             update(state, &self.old, &self.free_dofs);
-            let mut best = f64::INFINITY;
-            let mut damping = 1.0;
+            let (mut base_norm, mut factor) = (f64::INFINITY, 1.0);
             let mut converged = false;
             let mut last = (f64::INFINITY, f64::INFINITY);
             for _ in 0..ITERATIONS {
@@ -273,17 +279,25 @@ impl<'a> March<'a> {
                     break;
                 }
                 // A residual that no longer falls at rounding level is as good as it gets.
-                if norm >= best && norm <= 1e-10 * self.scale {
+                if norm >= base_norm && norm <= 1e-10 * self.scale {
                     converged = true;
                     break;
                 }
-                // Non-smooth laws can make full steps jump between branches: shorten them when the residual does not fall.
-                damping = if norm < best { 1.0 } else { f64::max(0.5 * damping, 1.0 / 64.0) };
-                best = best.min(norm);
-                self.matrix.factor()?;
-                self.matrix.solve(&mut self.rhs)?;
+                if norm < base_norm || factor < SHORTEST {
+                    base_norm = norm;
+                    factor = 1.0;
+                    for (base, &d) in self.base.iter_mut().zip(&self.free_dofs) {
+                        *base = state.q[d];
+                    }
+                    self.matrix.factor()?;
+                    self.matrix.solve(&mut self.rhs)?;
+                    self.newton.copy_from_slice(&self.rhs);
+                } else {
+                    // Non-smooth laws can make full steps jump between branches: go back and take less of the step.
+                    factor *= 0.5;
+                }
                 for (i, &d) in self.free_dofs.iter().enumerate() {
-                    state.q[d] += damping * self.rhs[i];
+                    state.q[d] = self.base[i] + factor * self.newton[i];
                 }
                 update(state, &self.old, &self.free_dofs);
             }

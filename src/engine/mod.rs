@@ -3,12 +3,16 @@
 //! - [`blocktri`]: ordering, factorisation and frequency sweeps of block-tridiagonal systems;
 //! - [`march`]: implicit time integration with exact sensitivities;
 //! - [`periodic`]: the steady cycle under a periodic drive;
-//! - [`frf`]: receptances and their sensitivities about rest.
+//! - [`frf`]: receptances and their sensitivities about rest;
+//! - [`harmonic`]: receptances at a declared excitation amplitude, by harmonic balance;
+//! - [`modal`]: damped modes and their sensitivities.
 
 pub mod blocktri;
 mod error;
 pub mod frf;
+pub mod harmonic;
 pub mod march;
+pub mod modal;
 pub mod periodic;
 mod state;
 

@@ -11,7 +11,7 @@
 use num_complex::Complex64;
 
 use crate::effect::dispatch::INPUTS;
-use crate::effect::{EffectError, ForceLaw, Inputs, Series, Tangent};
+use crate::effect::{EffectError, ForceLaw, Info, Inputs, Series, Tangent};
 
 use super::Model;
 use super::bound::Chain;
@@ -203,6 +203,18 @@ impl Element {
     fn parallel(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64]) -> f64 {
         let others: f64 = self.forces.iter().map(|f| f.law.value(u, dt, &mut s[f.s.clone()], &self.p[f.p.clone()])).sum();
         others + self.linear_force(u)
+    }
+
+    /// Whether forces and openings are linear in the motion and its history, so that [`Element::stiffness`] says all at every amplitude.
+    pub fn is_linear_at_every_amplitude(&self) -> bool {
+        self.forces.iter().all(|f| linear(f.law.info()))
+            && self.series.iter().filter(|s| s.follower.is_none()).all(|s| linear(s.law.info()))
+    }
+
+    /// The same of the candidates of the score test.
+    pub fn followers_are_linear(&self) -> bool {
+        self.followers.iter().all(|f| linear(f.law.info()))
+            && self.series.iter().filter(|s| s.follower.is_some()).all(|s| linear(s.law.info()))
     }
 
     /// General force at the end of the step; `s` leaves with the new states.
@@ -419,6 +431,14 @@ impl Element {
         }
         Ok((z / denominator, dz * outer))
     }
+}
+
+/// Whether a law is linear in the motion and its history.
+fn linear(info: &Info) -> bool {
+    matches!(
+        info.name,
+        "linear_stiffness" | "viscous" | "added_mass" | "maxwell" | "structural_damping" | "springpot" | "support_compliance"
+    )
 }
 
 /// Motion inside the opening.

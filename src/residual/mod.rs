@@ -137,9 +137,8 @@ fn block_error(kind: BlockKind, measured: &[f64], computed: &[f64], sigma: &[f64
     let n = measured.len().max(1) as f64;
     let rms = |it: &mut dyn Iterator<Item = f64>| (it.map(|v| v * v).sum::<f64>() / n).sqrt();
     if kind == BlockKind::Table {
-        let ln = |c: f64, m: f64| if c * m > 0.0 { (c / m).ln() } else { f64::INFINITY };
-        let error = rms(&mut measured.iter().zip(computed).map(|(m, c)| ln(*c, *m)));
-        return (error, rms(&mut measured.iter().zip(sigma).map(|(m, s)| s / m)));
+        let error = rms(&mut measured.iter().zip(computed).map(|(m, c)| m - c));
+        return (error, rms(&mut sigma.iter().copied()));
     }
     let mean = if kind == BlockKind::Frf { 0.0 } else { measured.iter().sum::<f64>() / n };
     let size = rms(&mut measured.iter().map(|m| m - mean)).max(f64::MIN_POSITIVE);

@@ -1,4 +1,4 @@
-//! Energies per cycle of a sinusoidal test, row by row of a table.
+//! Energies per cycle of a sinusoidal test, row by row of a table, compared by their logarithms.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -129,8 +129,11 @@ impl EnergyPlan {
             for (name, value) in [("W_D", &row.dissipated), ("W_s", &row.stored)] {
                 if let Some(v) = value {
                     labels.push(format!("{name} at {f} Hz"));
-                    values.push(v.value);
-                    sigmas.push(deviation(v));
+                    if v.value <= 0.0 {
+                        return Err(ResponseError::invalid(&id, format!("{}: {name} is {} J", row.place, v.value), "an energy above zero"));
+                    }
+                    values.push(v.value.ln());
+                    sigmas.push(deviation(v) / v.value);
                 }
             }
             rows.push(Row { loads, conditions, dissipated: row.dissipated.is_some(), stored: row.stored.is_some() });
@@ -213,10 +216,10 @@ impl EnergyPlan {
                 d_ws.push(b.eps);
             }
             if row.dissipated {
-                wd.push((base.0.re, d_wd));
+                wd.push(logarithm(base.0.re, d_wd));
             }
             if row.stored {
-                ws.push((base.1.re, d_ws));
+                ws.push(logarithm(base.1.re, d_ws));
             }
         }
         let mut out = Computed::default();
@@ -240,6 +243,16 @@ impl EnergyPlan {
         Ok(widest)
     }
 }
+
+/// Logarithm of an energy and of its slopes: energies run over decades. One that is not positive counts as immeasurably small.
+fn logarithm(value: f64, mut slopes: Vec<f64>) -> (f64, Vec<f64>) {
+    let energy = value.max(LEAST);
+    slopes.iter_mut().for_each(|d| *d = if value > LEAST { *d / energy } else { 0.0 });
+    (energy.ln(), slopes)
+}
+
+/// Energy below which none is told from none [J].
+const LEAST: f64 = 1e-12;
 
 /// Assumed relative deviation of a table entry that states none.
 const UNSTATED: f64 = 0.01;

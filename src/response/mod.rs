@@ -34,7 +34,7 @@ pub enum BlockKind {
     Frf,
     /// A record against time.
     Record,
-    /// Rows of a table.
+    /// Rows of a table, as natural logarithms of energies in J.
     Table,
 }
 

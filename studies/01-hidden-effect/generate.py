@@ -45,7 +45,7 @@ LOOPS = [
     ("loop-0.5Hz-70N", 0.5, 70.0, 1, 2),
     ("loop-10Hz-80N", 10.0, 80.0, 6, 12),
     ("loop-2Hz-120N", 2.0, 120.0, 1, 3),
-    ("loop-15Hz-50N", 15.0, 50.0, 9, 18),
+    ("loop-15Hz-50N", 15.0, 50.0, 9, 60),
 ]
 # id, excited body, responding body
 FRFS = [("frf-m8-m8", 8, 8), ("frf-m8-m4", 8, 4), ("frf-m1-m6", 1, 6), ("frf-m3-m7", 3, 7)]

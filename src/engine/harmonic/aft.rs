@@ -1,0 +1,334 @@
+//! Alternating frequency/time evaluation of one element: Fourier coefficients of the displacement across it to those of its force, with
+//! the exact derivatives of the sampled law.
+//!
+//! The law is marched over equal samples of the cycle after one cycle from rest: its states start at 0, one step leads to the first
+//! sample (the declared loading path of laws that remember). States that have not settled after that cycle are brought to their
+//! periodic value by Newton's method with the monodromy matrix `M` of the cycle; directions that never decay (an element that stays
+//! stuck) keep what the path left there.
+
+use std::f64::consts::TAU;
+
+use crate::effect::Inputs;
+use crate::model::{Element, ElementScratch, Sensed};
+
+use super::super::EngineError;
+use super::fixed_point::FixedPoint;
+
+/// Samples of `1, cos t, sin t, cos 2t, ...` over a cycle.
+pub(super) struct Basis {
+    pub samples: usize,
+    /// Coefficients of a series, `1 + 2 harmonics`.
+    pub width: usize,
+    value: Vec<f64>,
+    /// Derivative with respect to the phase.
+    rate: Vec<f64>,
+    /// Increment from the sample before.
+    step: Vec<f64>,
+}
+
+impl Basis {
+    pub fn new(harmonics: usize, samples: usize) -> Self {
+        let width = 1 + 2 * harmonics;
+        let (mut value, mut rate) = (vec![0.0; samples * width], vec![0.0; samples * width]);
+        for n in 0..samples {
+            value[n * width] = 1.0;
+            for k in 1..=harmonics {
+                // The product is reduced first, so that every sample is a correctly rounded sine of an exact phase.
+                let (s, c) = (TAU * ((k * n) % samples) as f64 / samples as f64).sin_cos();
+                let at = n * width + 2 * k - 1;
+                (value[at], value[at + 1]) = (c, s);
+                (rate[at], rate[at + 1]) = (-(k as f64) * s, k as f64 * c);
+            }
+        }
+        let step = (0..samples * width).map(|i| value[i] - value[(i + (samples - 1) * width) % (samples * width)]).collect();
+        Basis { samples, width, value, rate, step }
+    }
+    fn row<'a>(&self, of: &'a [f64], n: usize) -> &'a [f64] {
+        &of[n * self.width..(n + 1) * self.width]
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Force coefficients of one element and their derivatives; kept from call to call, so that nothing is allocated in the loops.
+#[derive(Default)]
+pub(super) struct Aft {
+    /// Coefficients of the force.
+    pub f: Vec<f64>,
+    /// `jacobian[r * width + c]`: coefficient `r` of the force by coefficient `c` of the displacement.
+    pub jacobian: Vec<f64>,
+    /// `by_param[r * n_params + p]`; filled by [`Aft::parameters`].
+    pub by_param: Vec<f64>,
+    x: Vec<f64>,
+    v: Vec<f64>,
+    a: Vec<f64>,
+    s: Vec<f64>,
+    start: Vec<f64>,
+    state_scale: Vec<f64>,
+    fs: Vec<f64>,
+    /// Columns: displacement coefficients, states at the start, parameters. Rows: states.
+    slopes: Vec<f64>,
+    next: Vec<f64>,
+    row: Vec<f64>,
+    /// The same columns, rows: force coefficients.
+    sums: Vec<f64>,
+    path: Vec<f64>,
+    start_slopes: Vec<f64>,
+    monodromy: Vec<f64>,
+    fixed: FixedPoint,
+    sensed: Sensed,
+    scratch: ElementScratch,
+}
+
+/// Change of the states over a cycle, relative to their largest value, at which they count as periodic.
+const PERIODIC: f64 = 1e-12;
+const CYCLES: usize = 40;
+
+fn sized(v: &mut Vec<f64>, len: usize) {
+    v.clear();
+    v.resize(len, 0.0);
+}
+
+impl Aft {
+    /// Force and Jacobian at the displacement series `x` and the circular frequency `omega`.
+    pub fn evaluate(&mut self, element: &Element, basis: &Basis, omega: f64, x: &[f64]) -> Result<(), EngineError> {
+        self.run(element, basis, omega, x, false)
+    }
+
+    /// As [`Aft::evaluate`], with the derivatives with respect to the parameters, followers included.
+    pub fn parameters(&mut self, element: &Element, basis: &Basis, omega: f64, x: &[f64]) -> Result<(), EngineError> {
+        self.run(element, basis, omega, x, true)
+    }
+
+    fn run(&mut self, element: &Element, basis: &Basis, omega: f64, x: &[f64], full: bool) -> Result<(), EngineError> {
+        let (n, w, ns) = (basis.samples, basis.width, element.n_states());
+        let np = if full { element.n_params() } else { 0 };
+        let dt = TAU / omega / n as f64;
+        self.sample(basis, omega, x);
+        self.rest(element);
+        if ns > 0 {
+            for k in 0..=n {
+                let u = self.inputs(k, n);
+                element.value(&u, dt, &mut self.s, &mut self.scratch);
+            }
+        }
+        self.start.clone_from(&self.s);
+        let mut change = f64::INFINITY;
+        for round in 0..CYCLES {
+            self.cycle(element, basis, omega, full);
+            if !self.f.iter().all(|f| f.is_finite()) {
+                return Err(EngineError::NotFinite { step: 0 });
+            }
+            // A state that never leaves 0 has no scale of its own.
+            self.state_scale.iter_mut().filter(|s| **s == 0.0).for_each(|s| *s = 1.0);
+            change = (0..ns).map(|i| (self.s[i] - self.start[i]).abs() / self.state_scale[i]).fold(0.0, f64::max);
+            if change <= PERIODIC {
+                break;
+            }
+            // Newton's method may hover between the branches of a law with kinks; a plain cycle leads out of it.
+            if round % 4 == 3 {
+                self.start.clone_from(&self.s);
+                continue;
+            }
+            self.next.clear();
+            self.next.extend(self.s.iter().zip(&self.start).map(|(end, start)| end - start));
+            self.take_monodromy(ns, w + ns + np, w);
+            self.fixed.solve(&self.monodromy, &self.state_scale, &mut self.next, 1);
+            self.start.iter_mut().zip(&self.next).for_each(|(s, d)| *s += d);
+        }
+        if change > 1e-7 {
+            return Err(EngineError::NotPeriodic { change, cycles: CYCLES });
+        }
+        self.condense(element, basis, omega, full);
+        Ok(())
+    }
+
+    fn sample(&mut self, basis: &Basis, omega: f64, x: &[f64]) {
+        let n = basis.samples;
+        for v in [&mut self.x, &mut self.v, &mut self.a] {
+            sized(v, n);
+        }
+        for k in 0..n {
+            let (value, rate) = (basis.row(&basis.value, k), basis.row(&basis.rate, k));
+            self.x[k] = dot(value, x);
+            self.v[k] = omega * dot(rate, x);
+            let curvature: f64 = (1..x.len()).map(|c| (c.div_ceil(2) * c.div_ceil(2)) as f64 * value[c] * x[c]).sum();
+            self.a[k] = -omega * omega * curvature;
+        }
+    }
+
+    fn rest(&mut self, element: &Element) {
+        sized(&mut self.s, element.n_states());
+        self.state_scale.clear();
+        self.state_scale.resize(element.n_states(), 0.0);
+    }
+
+    /// Motion at step `k`; step 0 leads from rest to the first sample.
+    fn inputs(&self, k: usize, n: usize) -> Inputs<f64> {
+        let i = k % n;
+        let before = if k == 0 { 0.0 } else { self.x[k - 1] };
+        Inputs { x: self.x[i], v: self.v[i], a: self.a[i], dx: self.x[i] - before }
+    }
+
+    /// One cycle from `start` with its derivatives and the sums of the force with the basis.
+    fn cycle(&mut self, element: &Element, basis: &Basis, omega: f64, full: bool) {
+        let (n, w, ns) = (basis.samples, basis.width, element.n_states());
+        let np = if full { element.n_params() } else { 0 };
+        let columns = w + ns + np;
+        self.s.clone_from(&self.start);
+        sized(&mut self.slopes, ns * columns);
+        (0..ns).for_each(|i| self.slopes[i * columns + w + i] = 1.0);
+        if full {
+            self.settle_followers(element, basis, omega);
+            self.s.clone_from(&self.start);
+        }
+        sized(&mut self.f, w);
+        sized(&mut self.sums, w * columns);
+        for k in 1..=n {
+            self.advance(element, basis, omega, k, columns, full);
+            let f = self.sensed.f;
+            for (r, phi) in basis.row(&basis.value, k % n).iter().enumerate() {
+                self.f[r] += phi * f;
+                let sums = &mut self.sums[r * columns..(r + 1) * columns];
+                sums.iter_mut().zip(&self.row).for_each(|(s, d)| *s += phi * d);
+            }
+        }
+        for r in 0..w {
+            let weight = if r == 0 { 1.0 } else { 2.0 } / n as f64;
+            self.f[r] *= weight;
+            self.sums[r * columns..(r + 1) * columns].iter_mut().for_each(|s| *s *= weight);
+        }
+    }
+
+    /// One step: `row` becomes the derivative of the force, `slopes` those of the states.
+    fn advance(&mut self, element: &Element, basis: &Basis, omega: f64, k: usize, columns: usize, full: bool) {
+        let (n, w, ns) = (basis.samples, basis.width, element.n_states());
+        let u = self.inputs(k, n);
+        element.tangent(&u, TAU / omega / n as f64, &mut self.s, &mut self.fs, full, &mut self.sensed, &mut self.scratch);
+        let i = k % n;
+        let (value, rate) = (basis.row(&basis.value, i), basis.row(&basis.rate, i));
+        let step = if k == 0 { value } else { basis.row(&basis.step, i) };
+        sized(&mut self.row, columns);
+        self.next.resize(ns * columns, 0.0);
+        for r in 0..=ns {
+            let d = self.sensed.inputs(r);
+            let out = if r == 0 { &mut self.row[..] } else { &mut self.next[(r - 1) * columns..r * columns] };
+            let by_rate = omega * d[1];
+            for c in 0..w {
+                out[c] = d[0] * value[c] + by_rate * rate[c] + d[3] * step[c];
+            }
+            if d[2] != 0.0 {
+                (1..w).for_each(|c| out[c] -= d[2] * omega * omega * (c.div_ceil(2) * c.div_ceil(2)) as f64 * value[c]);
+            }
+            out[w..].fill(0.0);
+            if full {
+                out[w + ns..].copy_from_slice(self.sensed.params(r));
+            }
+            for (j, by_state) in self.sensed.states(r).iter().enumerate().filter(|(_, b)| **b != 0.0) {
+                out.iter_mut().zip(&self.slopes[j * columns..(j + 1) * columns]).for_each(|(o, s)| *o += by_state * s);
+            }
+        }
+        std::mem::swap(&mut self.slopes, &mut self.next);
+        for (scale, s) in self.state_scale.iter_mut().zip(&self.s) {
+            *scale = scale.max(s.abs());
+        }
+    }
+
+    fn take_monodromy(&mut self, ns: usize, columns: usize, first: usize) {
+        self.monodromy.clear();
+        for i in 0..ns {
+            self.monodromy.extend_from_slice(&self.slopes[i * columns + first..i * columns + first + ns]);
+        }
+    }
+
+    /// Folds the derivatives with respect to the start into those with respect to displacement and parameters: the start moves with
+    /// them so that the states stay periodic, `S = M S + b`.
+    fn condense(&mut self, element: &Element, basis: &Basis, omega: f64, full: bool) {
+        let (w, ns) = (basis.width, element.n_states());
+        let np = if full { element.n_params() } else { 0 };
+        let (columns, kept) = (w + ns + np, w + np);
+        if ns > 0 {
+            self.take_monodromy(ns, columns, w);
+            let forced = |slopes: &[f64], out: &mut Vec<f64>| {
+                out.clear();
+                for i in 0..ns {
+                    let row = &slopes[i * columns..(i + 1) * columns];
+                    out.extend_from_slice(&row[..w]);
+                    out.extend_from_slice(&row[w + ns..]);
+                }
+            };
+            let (mut b, mut path) = (std::mem::take(&mut self.start_slopes), std::mem::take(&mut self.path));
+            forced(&self.slopes, &mut b);
+            if self.fixed.never_decays(&self.monodromy, &self.state_scale) {
+                // What never decays moves as the loading path from rest moves it: S = P + (I - M)^+ (b - (I - M) P).
+                self.loading_path(element, basis, omega, columns, full);
+                forced(&self.slopes, &mut path);
+                for i in 0..ns {
+                    for c in 0..kept {
+                        let by_start: f64 = (0..ns).map(|j| self.monodromy[i * ns + j] * path[j * kept + c]).sum();
+                        b[i * kept + c] += by_start - path[i * kept + c];
+                    }
+                }
+                self.fixed.solve(&self.monodromy, &self.state_scale, &mut b, kept);
+                b.iter_mut().zip(&path).for_each(|(s, p)| *s += p);
+            } else {
+                self.fixed.solve(&self.monodromy, &self.state_scale, &mut b, kept);
+            }
+            (self.start_slopes, self.path) = (b, path);
+        }
+        self.jacobian.clear();
+        self.by_param.clear();
+        for r in 0..w {
+            let sums = &self.sums[r * columns..(r + 1) * columns];
+            let by_start = |c: usize| (0..ns).map(|i| sums[w + i] * self.start_slopes[i * kept + c]).sum::<f64>();
+            self.jacobian.extend((0..w).map(|c| sums[c] + by_start(c)));
+            self.by_param.extend((0..np).map(|p| sums[w + ns + p] + by_start(w + p)));
+        }
+    }
+
+    /// Derivatives of the states along the path from rest through the first cycle, left in `slopes`.
+    fn loading_path(&mut self, element: &Element, basis: &Basis, omega: f64, columns: usize, full: bool) {
+        sized(&mut self.s, element.n_states());
+        sized(&mut self.slopes, element.n_states() * columns);
+        for k in 0..=basis.samples {
+            self.advance(element, basis, omega, k, columns, full);
+        }
+    }
+
+    /// Brings the followers' states to the start of their steady cycle: three cycles, then the limit of a geometric approach.
+    fn settle_followers(&mut self, element: &Element, basis: &Basis, omega: f64) {
+        let n = basis.samples;
+        sized(&mut self.fs, element.n_follower_states());
+        if self.fs.is_empty() {
+            return;
+        }
+        let dt = TAU / omega / n as f64;
+        let mut seen = [self.fs.clone(), self.fs.clone()];
+        for cycle in 0..4 {
+            if cycle > 0 {
+                self.s.clone_from(&self.start);
+                seen.swap(0, 1);
+                seen[1].clone_from(&self.fs);
+            }
+            // The first round also takes the step from rest to the first sample.
+            let first = if cycle == 0 { 0 } else { 1 };
+            if cycle == 0 {
+                sized(&mut self.s, element.n_states());
+            }
+            for k in first..=n {
+                let u = self.inputs(k, n);
+                element.tangent(&u, dt, &mut self.s, &mut self.fs, true, &mut self.sensed, &mut self.scratch);
+            }
+        }
+        let [first, second] = &seen;
+        for (s, (first, second)) in self.fs.iter_mut().zip(first.iter().zip(second)) {
+            let (before, last) = (second - first, *s - second);
+            let ratio = last / before;
+            if before != 0.0 && ratio.abs() < 1.0 && last.abs() > 1e-12 * s.abs() {
+                *s += last * ratio / (1.0 - ratio);
+            }
+        }
+    }
+}

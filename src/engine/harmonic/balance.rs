@@ -1,0 +1,382 @@
+//! Newton's method on the balance at the nonlinear places, and what follows from its solution.
+
+use nalgebra::{DMatrix, DVector};
+use num_complex::Complex64;
+
+use crate::model::{Bound, Model};
+
+use super::super::EngineError;
+use super::Settings;
+use super::aft::{Aft, Basis};
+use super::structure::{Flexibility, Part, Structure};
+
+/// Change of the displacements, against the largest of their element, at which the balance holds.
+const TOLERANCE: f64 = 1e-12;
+/// What is accepted where rounding in a stiff law ends the descent earlier.
+const ACCEPTED: f64 = 1e-9;
+const ITERATIONS: usize = 60;
+
+/// Harmonic balance of one structure under one drive.
+pub(super) struct Balance<'a> {
+    structure: Structure<'a>,
+    basis: Basis,
+    harmonics: usize,
+    drive: (usize, f64),
+    outputs: Vec<usize>,
+    omega: f64,
+    flex: Vec<Flexibility>,
+    /// `G_k`, element by element.
+    g: Vec<Vec<Complex64>>,
+    aft: Vec<Aft>,
+    pub(super) x: DVector<f64>,
+    pub(super) residual: DVector<f64>,
+    pub(super) matrix: DMatrix<f64>,
+    known: bool,
+}
+
+impl<'a> Balance<'a> {
+    pub fn new(
+        model: &Model,
+        bound: &'a Bound,
+        input: usize,
+        amplitude: f64,
+        outputs: &[usize],
+        settings: Settings,
+    ) -> Result<Self, EngineError> {
+        let structure = Structure::new(model, bound)?;
+        let basis = Basis::new(settings.harmonics, settings.samples);
+        let size = structure.nonlinear.len() * basis.width;
+        Ok(Balance {
+            aft: structure.nonlinear.iter().map(|_| Aft::default()).collect(),
+            structure,
+            basis,
+            harmonics: settings.harmonics,
+            drive: (input, amplitude),
+            outputs: outputs.to_vec(),
+            omega: 0.0,
+            flex: (0..=settings.harmonics).map(|_| Flexibility::default()).collect(),
+            g: vec![vec![]; settings.harmonics + 1],
+            x: DVector::zeros(size),
+            residual: DVector::zeros(size),
+            matrix: DMatrix::zeros(size, size),
+            known: false,
+        })
+    }
+
+    /// Coefficients of one element's displacement.
+    pub(super) fn width(&self) -> usize {
+        self.basis.width
+    }
+
+    fn m(&self) -> usize {
+        self.structure.nonlinear.len()
+    }
+
+    /// Condenses the linear part at a frequency.
+    pub(super) fn condense(&mut self, omega: f64) -> Result<(), EngineError> {
+        let (n, m) = (self.structure.n, self.m());
+        self.omega = omega;
+        for k in 0..=self.harmonics {
+            if m == 0 && k != 1 {
+                continue;
+            }
+            self.structure.solve(k, omega, self.drive, &self.outputs, &mut self.flex[k])?;
+            self.g[k].clear();
+            for a in 0..m {
+                for b in 0..m {
+                    let column = &self.flex[k].places[b * n..(b + 1) * n];
+                    self.g[k].push(self.structure.relative(self.structure.nonlinear[a], column));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Solves the balance at a frequency, starting from the line before.
+    pub fn line(&mut self, omega: f64) -> Result<(), EngineError> {
+        let before = (self.known.then_some(self.omega), self.x.clone());
+        self.condense(omega)?;
+        if self.m() == 0 {
+            return Ok(());
+        }
+        let mut residual = f64::INFINITY;
+        if self.known && self.newton(1.0, &mut residual) {
+            return Ok(());
+        }
+        if let Some(from) = before.0.filter(|from| *from != omega) {
+            self.x.copy_from(&before.1);
+            if self.raise_frequency(from, omega, &mut residual)? {
+                return Ok(());
+            }
+            self.condense(omega)?;
+        }
+        self.linear_start();
+        if self.newton(1.0, &mut residual) || self.raise_force(&mut residual) || self.follow_force(&mut residual) {
+            self.known = true;
+            return Ok(());
+        }
+        Err(EngineError::NoHarmonicBalance { frequency: omega / std::f64::consts::TAU, amplitude: self.drive.1, residual })
+    }
+
+    /// Response with the stand-in stiffnesses.
+    pub(super) fn linear_start(&mut self) {
+        self.x.fill(0.0);
+        for a in 0..self.m() {
+            let x = self.structure.relative(self.structure.nonlinear[a], &self.flex[1].drive);
+            let at = a * self.basis.width + 1;
+            (self.x[at], self.x[at + 1]) = (x.re, -x.im);
+        }
+    }
+
+    /// Newton's method with step control at `share` of the force; `x` holds the start and then the solution.
+    pub(super) fn newton(&mut self, share: f64, reached: &mut f64) -> bool {
+        let scales = self.scales(share);
+        if !self.newton_pass(share, &scales, reached) {
+            return false;
+        }
+        // Where the solution is much smaller than what it started from, its own size is the measure.
+        let own = self.scales(share);
+        own.iter().zip(&scales).all(|(own, used)| *own > 0.05 * used) || self.newton_pass(share, &own, reached)
+    }
+
+    fn newton_pass(&mut self, share: f64, scales: &[f64], reached: &mut f64) -> bool {
+        let Some(mut norm) = self.balance(share, scales) else { return false };
+        let mut trial = self.x.clone();
+        for _ in 0..ITERATIONS {
+            *reached = norm;
+            if norm <= TOLERANCE {
+                return true;
+            }
+            self.assemble();
+            let Some(step) = solve(&self.matrix, &self.residual) else { return false };
+            let mut length = 1.0;
+            trial.copy_from(&self.x);
+            let better = loop {
+                self.x.copy_from(&trial);
+                self.x.axpy(-length, &step, 1.0);
+                match self.balance(share, scales) {
+                    Some(next) if next < norm => break Some(next),
+                    _ if length < 1e-3 => break None,
+                    _ => length *= 0.5,
+                }
+            };
+            match better {
+                Some(next) => norm = next,
+                None => {
+                    self.x.copy_from(&trial);
+                    // Residual and derivatives belong to the point that stays.
+                    return norm <= ACCEPTED && self.balance(share, scales).is_some();
+                }
+            }
+        }
+        norm <= ACCEPTED
+    }
+
+    /// Largest displacement coefficient of each element, of the start and of the linear response.
+    pub(super) fn scales(&self, share: f64) -> Vec<f64> {
+        let w = self.basis.width;
+        let own: Vec<f64> = (0..self.m())
+            .map(|a| {
+                let linear = self.structure.relative(self.structure.nonlinear[a], &self.flex[1].drive).norm() * share;
+                (0..w).map(|c| self.x[a * w + c].abs()).fold(0.1 * linear, f64::max)
+            })
+            .collect();
+        let largest = own.iter().copied().fold(0.0, f64::max);
+        own.iter().map(|s| s.max(1e-6 * largest).max(f64::MIN_POSITIVE)).collect()
+    }
+
+    /// Evaluates the laws and the residual `x - x_lin + G (f - z x)` at `x`; its size against the scales, `None` where a law gives up.
+    pub(super) fn balance(&mut self, share: f64, scales: &[f64]) -> Option<f64> {
+        let (w, m) = (self.basis.width, self.m());
+        for a in 0..m {
+            let element = &self.structure.bound.elements[self.structure.nonlinear[a]];
+            self.aft[a].evaluate(element, &self.basis, self.omega, &self.x.as_slice()[a * w..(a + 1) * w]).ok()?;
+        }
+        self.residual.copy_from(&self.x);
+        for a in 0..m {
+            let linear = self.structure.relative(self.structure.nonlinear[a], &self.flex[1].drive) * share;
+            self.residual[a * w + 1] -= linear.re;
+            self.residual[a * w + 2] += linear.im;
+            for k in 0..=self.harmonics {
+                let sum: Complex64 = (0..m).map(|b| self.g[k][a * m + b] * self.out_of_line(b, k)).sum();
+                put(&mut self.residual.as_mut_slice()[a * w..(a + 1) * w], k, sum);
+            }
+        }
+        let norm = (0..m * w).map(|i| self.residual[i].abs() / scales[i / w]).fold(0.0, f64::max);
+        (norm.is_finite() && self.residual.iter().all(|r| r.is_finite())).then_some(norm)
+    }
+
+    /// Force of a nonlinear element beyond its stand-in at a harmonic.
+    fn out_of_line(&self, a: usize, k: usize) -> Complex64 {
+        let w = self.basis.width;
+        take(&self.aft[a].f, k) - self.flex[k].stand_in[a] * take(&self.x.as_slice()[a * w..(a + 1) * w], k)
+    }
+
+    /// Jacobian of the residual, `I + G (df/dx - z)`.
+    pub(super) fn assemble(&mut self) {
+        let (w, m) = (self.basis.width, self.m());
+        self.matrix.fill_with_identity();
+        for b in 0..m {
+            for c in 0..w {
+                for k in 0..=self.harmonics {
+                    let df = self.force_slope(b, k, c);
+                    for a in 0..m {
+                        let d = self.g[k][a * m + b] * df;
+                        let row = a * w;
+                        if k == 0 {
+                            self.matrix[(row, b * w + c)] += d.re;
+                        } else {
+                            self.matrix[(row + 2 * k - 1, b * w + c)] += d.re;
+                            self.matrix[(row + 2 * k, b * w + c)] -= d.im;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Derivative of [`Balance::out_of_line`] with respect to displacement coefficient `c` of its own element.
+    fn force_slope(&self, a: usize, k: usize, c: usize) -> Complex64 {
+        let (w, j) = (self.basis.width, &self.aft[a].jacobian);
+        let df = match k {
+            0 => Complex64::new(j[c], 0.0),
+            k => Complex64::new(j[(2 * k - 1) * w + c], -j[2 * k * w + c]),
+        };
+        if c.div_ceil(2) != k {
+            return df;
+        }
+        let unit = if c > 0 && c.is_multiple_of(2) { -Complex64::I } else { Complex64::ONE };
+        df - self.flex[k].stand_in[a] * unit
+    }
+
+    /// Appends `H` at the outputs.
+    pub fn response(&self, h: &mut Vec<Complex64>) {
+        let (n, force) = (self.structure.n, self.drive.1);
+        for (o, &dof) in self.outputs.iter().enumerate() {
+            let by_load = &self.flex[1].outputs[o * n..(o + 1) * n];
+            let elements: Complex64 =
+                (0..self.m()).map(|a| self.structure.relative(self.structure.nonlinear[a], by_load) * self.out_of_line(a, 1)).sum();
+            h.push((self.flex[1].drive[dof] - elements) / force);
+        }
+    }
+
+    /// Displacements of all degrees of freedom at a harmonic.
+    fn motion(&self, k: usize) -> Vec<Complex64> {
+        let n = self.structure.n;
+        let mut q = if k == 1 { self.flex[1].drive.clone() } else { vec![Complex64::ZERO; n] };
+        for a in 0..self.m() {
+            let f = self.out_of_line(a, k);
+            q.iter_mut().zip(&self.flex[k].places[a * n..(a + 1) * n]).for_each(|(q, u)| *q -= u * f);
+        }
+        q
+    }
+
+    /// Appends `dH` at the outputs, `n_free` numbers each.
+    ///
+    /// A parameter changes the force of its element at a held motion by `df_k`; that acts on the structure as the external force
+    /// `-df_k` across the place. The structure answers with the Jacobian of the balance.
+    pub fn sensitivities(&mut self, dh: &mut Vec<Complex64>) -> Result<(), EngineError> {
+        let (n, w, m) = (self.structure.n, self.basis.width, self.m());
+        let (bound, omega) = (self.structure.bound, self.omega);
+        let n_free = bound.n_free;
+        let mut source = DMatrix::<f64>::zeros(m * w, n_free);
+        let mut direct = vec![Complex64::ZERO; self.outputs.len() * n_free];
+        let harmonics: Vec<usize> = if m == 0 { vec![1] } else { (0..=self.harmonics).collect() };
+        let motion: Vec<Vec<Complex64>> =
+            (0..=self.harmonics).map(|k| if harmonics.contains(&k) { self.motion(k) } else { vec![] }).collect();
+        let (mut dp, mut candidate) = (Vec::new(), Aft::default());
+        for (e, element) in bound.elements.iter().enumerate().filter(|(_, e)| e.chains.iter().any(|c| !c.is_empty())) {
+            if self.structure.parts[e] == Part::Candidate {
+                let mut x = vec![0.0; w];
+                harmonics.iter().for_each(|&k| put(&mut x, k, self.structure.relative(e, &motion[k])));
+                candidate.parameters(element, &self.basis, omega, &x)?;
+            }
+            if let Part::Nonlinear(a) = self.structure.parts[e] {
+                self.aft[a].parameters(element, &self.basis, omega, &self.x.as_slice()[a * w..(a + 1) * w])?;
+            }
+            for &k in &harmonics {
+                if self.structure.parts[e] == Part::Linear {
+                    element.stiffness(Complex64::new(0.0, k as f64 * omega), &mut dp)?;
+                }
+                let by_place: Vec<Complex64> =
+                    (0..m).map(|a| self.structure.relative(e, &self.flex[k].places[a * n..(a + 1) * n])).collect();
+                for (p, chain) in element.chains.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
+                    let np = element.n_params();
+                    let df = match self.structure.parts[e] {
+                        Part::Linear => dp[p] * self.structure.relative(e, &motion[k]),
+                        Part::Candidate => column(&candidate.by_param, np, p, k),
+                        Part::Nonlinear(a) => column(&self.aft[a].by_param, np, p, k),
+                    };
+                    for (theta, slope) in chain {
+                        for (a, u) in by_place.iter().enumerate() {
+                            put(&mut source.as_mut_slice()[theta * m * w + a * w..][..w], k, -u * df * *slope);
+                        }
+                        if k == 1 {
+                            for o in 0..self.outputs.len() {
+                                let u = self.structure.relative(e, &self.flex[1].outputs[o * n..(o + 1) * n]);
+                                direct[o * n_free + theta] -= u * df * *slope;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        if m > 0 {
+            self.assemble();
+            source = solve_columns(&self.matrix, &source);
+        }
+        for (o, direct) in direct.chunks_exact(n_free.max(1)).enumerate().take(self.outputs.len()) {
+            let by_place: Vec<Complex64> =
+                self.structure.nonlinear.iter().map(|&e| self.structure.relative(e, &self.flex[1].outputs[o * n..(o + 1) * n])).collect();
+            for (theta, direct) in direct.iter().enumerate() {
+                let mut d = *direct;
+                for (a, u) in by_place.iter().enumerate() {
+                    let df: Complex64 = (0..w).map(|c| self.force_slope(a, 1, c) * source[(a * w + c, theta)]).sum();
+                    d -= u * df;
+                }
+                dh.push(d / self.drive.1);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Coefficient `k` of a series as the complex amplitude of `Re(X e^{ikwt})`.
+fn take(series: &[f64], k: usize) -> Complex64 {
+    if k == 0 { Complex64::new(series[0], 0.0) } else { Complex64::new(series[2 * k - 1], -series[2 * k]) }
+}
+
+/// Adds a complex amplitude to a series.
+fn put(series: &mut [f64], k: usize, x: Complex64) {
+    if k == 0 {
+        series[0] += x.re;
+    } else {
+        series[2 * k - 1] += x.re;
+        series[2 * k] -= x.im;
+    }
+}
+
+/// Derivative of coefficient `k` with respect to parameter `p`.
+fn column(by_param: &[f64], np: usize, p: usize, k: usize) -> Complex64 {
+    if k == 0 { Complex64::new(by_param[p], 0.0) } else { Complex64::new(by_param[(2 * k - 1) * np + p], -by_param[2 * k * np + p]) }
+}
+
+pub(super) fn solve(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>> {
+    let step = solve_columns(matrix, &DMatrix::from_column_slice(rhs.len(), 1, rhs.as_slice()));
+    step.iter().all(|s| s.is_finite()).then(|| step.column(0).into_owned())
+}
+
+/// Columns by LU; directions that nothing determines (the mean position of a body that only slides) stay as they are.
+fn solve_columns(matrix: &DMatrix<f64>, rhs: &DMatrix<f64>) -> DMatrix<f64> {
+    let lu = matrix.clone().lu();
+    let u = lu.u();
+    let (largest, smallest) = u.diagonal().iter().fold((0.0f64, f64::INFINITY), |(l, s), p| (l.max(p.abs()), s.min(p.abs())));
+    if smallest > 1e-12 * largest
+        && let Some(x) = lu.solve(rhs)
+    {
+        return x;
+    }
+    let svd = matrix.clone().svd(true, true);
+    let cut = 1e-11 * svd.singular_values.max();
+    svd.solve(rhs, cut).unwrap_or_else(|_| DMatrix::from_element(rhs.nrows(), rhs.ncols(), f64::NAN))
+}

@@ -1,0 +1,109 @@
+//! Frequency response at a declared excitation amplitude: harmonic balance over the elements' own laws.
+//!
+//! Under the force `f(t) = Re(F e^{iwt})` the steady displacement across every place is sought as
+//! `x(t) = x_0 + sum_k Re(X_k e^{ikwt})`, `k = 1..H`. Linear elements enter by their complex stiffness at every harmonic; the Fourier
+//! coefficients of a nonlinear element's force come from marching its law over a sampled cycle (alternating frequency/time method:
+//! Cameron and Griffin, J. Appl. Mech. 56, 1989; Krack and Gross, Harmonic Balance for Nonlinear Vibration Problems, 2019). With the
+//! linear structure condensed by block-tridiagonal solves only the displacements across the nonlinear places are unknown:
+//!
+//! `x_k = x_lin,k - G_k (f_k(x) - z_k x_k)`, `G_k = B' Z(ikw)^-1 B`,
+//!
+//! where a stand-in stiffness `z_k` is put into `Z` and taken out of the force again, so that a structure that only a nonlinear
+//! element holds can be condensed too. Newton's method takes the exact derivatives of the sampled law; each line starts from the one
+//! before, so a response with several branches is followed in the order of the lines. Where Newton's method fails, the frequency is
+//! raised in steps, then the force, at last along the curve of solutions past its folds. Sensitivities follow from the implicit function theorem at the solution.
+//!
+//! The mean `x_0` is part of the solution (asymmetric laws). Stuck friction remembers: the loading path goes from rest to the first
+//! sample of the cycle, as in [`super::periodic`]. The accuracy is that of the series and of the sampled law; see [`Settings`].
+
+mod aft;
+mod balance;
+mod continuation;
+mod fixed_point;
+mod structure;
+
+#[cfg(test)]
+mod tests;
+
+use crate::model::{Bound, Model};
+
+use super::EngineError;
+use super::blocktri::BlockTriError;
+use super::frf::Receptance;
+use balance::Balance;
+
+/// Resolution of the harmonic balance.
+///
+/// Against a long march of a three-body chain (`tests::the_response_equals_the_marched_steady_cycle`) the default is off by 1e-7 to
+/// 1e-4. With seven harmonics it would be 4e-3 where those of stick-slip beyond the seventh fall near a resonance of the chain.
+/// What a law differentiates over samples (film contact, velocity inside a play) is of second order in their distance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Highest harmonic of the displacement, at least 1.
+    pub harmonics: usize,
+    /// Samples of the cycle on which the laws are marched: a power of two, at least 64 and eight per harmonic.
+    pub samples: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings { harmonics: 15, samples: 256 }
+    }
+}
+
+/// Computes `H = X_out / F` at the fundamental for the circular frequencies `omega` [rad/s] under a force of `amplitude` (peak) [N or
+/// N m] at the degree of freedom `input`; with one input, laid out as [`Receptance`] says.
+///
+/// # Errors
+/// [`EngineError::Request`] for amplitudes, frequencies, degrees of freedom or settings without meaning;
+/// [`EngineError::NoHarmonicBalance`] where no steady response is found; [`EngineError::Linear`] where the linear part is singular.
+#[allow(clippy::too_many_arguments)]
+pub fn at_amplitude(
+    model: &Model,
+    bound: &Bound,
+    omega: &[f64],
+    input: usize,
+    amplitude: f64,
+    outputs: &[usize],
+    sensitivities: bool,
+    settings: Settings,
+) -> Result<Receptance, EngineError> {
+    check(model, omega, input, amplitude, outputs, settings)?;
+    let mut balance = Balance::new(model, bound, input, amplitude, outputs, settings)?;
+    let mut h = Vec::with_capacity(omega.len() * outputs.len());
+    let mut dh = Vec::with_capacity(if sensitivities { omega.len() * outputs.len() * bound.n_free } else { 0 });
+    for w in omega {
+        balance.line(*w)?;
+        balance.response(&mut h);
+        if sensitivities {
+            balance.sensitivities(&mut dh)?;
+        }
+    }
+    Ok(Receptance { h, dh })
+}
+
+fn check(model: &Model, omega: &[f64], input: usize, amplitude: f64, outputs: &[usize], settings: Settings) -> Result<(), EngineError> {
+    let request = |what, value: String, accepted: &str| Err(EngineError::Request { what, value, accepted: accepted.into() });
+    if !(amplitude.is_finite() && amplitude > 0.0) {
+        return request("the excitation amplitude", amplitude.to_string(), "a finite force above 0 (peak); omit it for a small signal");
+    }
+    if let Some(w) = omega.iter().find(|w| !(w.is_finite() && **w > 0.0)) {
+        return request(
+            "a frequency line at a declared amplitude",
+            format!("{} Hz", w / std::f64::consts::TAU),
+            "finite frequencies above 0",
+        );
+    }
+    let n = model.dofs.len();
+    if let Some(&dof) = outputs.iter().chain([&input]).find(|d| **d >= n) {
+        return Err(BlockTriError::NoSuchDof { dof, n }.into());
+    }
+    if settings.harmonics < 1 {
+        return request("the highest harmonic", "0".into(), "1 or more");
+    }
+    if !settings.samples.is_power_of_two() || settings.samples < 64.max(8 * settings.harmonics) {
+        let accepted = format!("a power of two, at least {}", 64.max((8 * settings.harmonics).next_power_of_two()));
+        return request("the number of samples per cycle", settings.samples.to_string(), &accepted);
+    }
+    Ok(())
+}
