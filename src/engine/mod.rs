@@ -14,7 +14,6 @@ pub mod harmonic;
 pub mod march;
 pub mod modal;
 pub mod periodic;
-mod state;
 
 pub use error::EngineError;
 

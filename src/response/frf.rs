@@ -7,6 +7,7 @@ use num_complex::Complex64;
 use crate::data::{Frf, FrfQuantity};
 use crate::engine::EngineError;
 use crate::engine::frf::receptance;
+use crate::engine::harmonic;
 use crate::model::{Bound, Model};
 
 use super::site::{Seat, seat};
@@ -19,6 +20,8 @@ pub struct FrfPlan {
     input: usize,
     output: usize,
     quantity: FrfQuantity,
+    /// Peak of the exciting force [N]; none is small signal.
+    excitation: Option<f64>,
 }
 
 impl FrfPlan {
@@ -52,7 +55,7 @@ impl FrfPlan {
         });
         plan.add_block(block, measured.collect(), sigma.collect());
         plan.notes.extend(frf.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
-        Ok(FrfPlan { omega, input, output, quantity })
+        Ok(FrfPlan { omega, input, output, quantity, excitation: frf.excitation })
     }
 
     pub(super) fn periods(&self) -> (f64, f64) {
@@ -64,7 +67,13 @@ impl FrfPlan {
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
         let pieces: Vec<_> = bound.channels.iter().filter(|c| ["force", "response"].iter().any(|r| c.site.covers(&plan.id, r))).collect();
         let outputs = if pieces.is_empty() { vec![self.output] } else { vec![self.output, self.input] };
-        let r = receptance(model, bound, &self.omega, &[self.input], &outputs, sensitivities)?;
+        let r = match self.excitation {
+            Some(force) => {
+                let settings = harmonic::Settings::default();
+                harmonic::at_amplitude(model, bound, &self.omega, self.input, force, &outputs, sensitivities, settings)?
+            }
+            None => receptance(model, bound, &self.omega, &[self.input], &outputs, sensitivities)?,
+        };
         let n_free = if sensitivities { bound.n_free } else { 0 };
         let mut out =
             Computed { values: Vec::with_capacity(2 * self.omega.len()), slopes: Vec::with_capacity(2 * self.omega.len() * n_free) };

@@ -8,6 +8,7 @@ mod cycle;
 mod energy;
 mod error;
 mod frf;
+mod modal;
 mod site;
 mod transient;
 
@@ -20,6 +21,7 @@ pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
 pub use frf::FrfPlan;
+pub use modal::ModalPlan;
 pub use transient::TransientPlan;
 
 /// Integration error that is allowed, in units of sigma: its square is a hundredth of the noise's.
@@ -85,6 +87,7 @@ enum Work {
     Frf(FrfPlan),
     Transient(TransientPlan),
     Energy(EnergyPlan),
+    Modal(ModalPlan),
 }
 
 /// Computed values and their derivatives, `slopes[row * n_free + k]`.
@@ -126,9 +129,7 @@ impl Plan {
             Record::Frf(frf) => Work::Frf(FrfPlan::new(frf, model, &mut plan)?),
             Record::Transient(record) => Work::Transient(TransientPlan::new(record, model, &mut plan)?),
             Record::Energy(table) => Work::Energy(EnergyPlan::new(table, model, &mut plan)?),
-            Record::Modal(_) => {
-                return Err(ResponseError::invalid(&test.id, "modal tables are not computed yet", "cycle, frf, transient or energy"));
-            }
+            Record::Modal(table) => Work::Modal(ModalPlan::new(table, &mut plan)?),
         };
         if let Some(bad) = plan.sigma.iter().position(|s| !(s.is_finite() && *s > 0.0)) {
             return Err(ResponseError::invalid(&test.id, format!("sigma of point {bad} is {}", plan.sigma[bad]), "sigma above zero"));
@@ -164,6 +165,7 @@ impl Plan {
             Work::Frf(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
             Work::Transient(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
             Work::Energy(w) => w.evaluate(system, free, self, sensitivities),
+            Work::Modal(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities),
         }
     }
 
@@ -175,7 +177,7 @@ impl Plan {
             Work::Cycle(w) => w.amplitudes(&system.model, &bound).map(Some).map_err(named),
             Work::Transient(w) => w.amplitudes(&system.model, &bound).map(Some).map_err(named),
             Work::Energy(w) => w.amplitudes(system, self).map(Some),
-            Work::Frf(_) => Ok(None),
+            Work::Frf(_) | Work::Modal(_) => Ok(None),
         }
     }
 
@@ -213,6 +215,7 @@ impl Plan {
             Work::Frf(w) => w.periods(),
             Work::Transient(w) => (w.dt() * 10.0, w.duration()),
             Work::Energy(w) => w.periods(),
+            Work::Modal(_) => (f64::INFINITY, 0.0),
         }
     }
 }

@@ -53,6 +53,10 @@ force_min = "2 N"
 force_max = "20 N"
 W_s_reading = "slope"
 rows = [ { frequency = "1 Hz", W_D = "1 mJ", W_s = "10 mJ" }, { frequency = "5 Hz", W_D = "1 mJ", W_s = "10 mJ" } ]
+[[test]]
+id = "modes"
+kind = "modal"
+rows = [ { mode = 1, frequency = "50 Hz", damping = "2 %" }, { mode = 2, frequency = "150 Hz", damping = "2 %" } ]
 "#,
     );
     rig.write(
@@ -89,12 +93,12 @@ c = { start = "0.05 N s/mm", min = "0 N s/mm" }
 }
 
 #[test]
-fn frf_transient_and_energies() {
+fn frf_transient_energies_and_modes() {
     let rig = rig();
     let out = rig.path("virtual");
     let json = rig.json("simulate", &["--noise", "1 %", "--seed", "11", "--out", &out.display().to_string()]);
     let kinds: Vec<&str> = json["tests"].as_array().unwrap().iter().map(|t| t["kind"].as_str().unwrap()).collect();
-    assert_eq!(kinds, ["frf", "transient", "energy"]);
+    assert_eq!(kinds, ["frf", "transient", "energy", "modal"]);
     rig.change("study.toml", "dataset = \"data\"", "dataset = \"virtual\"");
     rig.change("study.toml", "40 N/mm", "50 N/mm").change("study.toml", "25 N/mm", "20 N/mm").change(
         "study.toml",
@@ -123,6 +127,8 @@ fn a_predicted_line_of_an_frf() {
     let more =
         "[[prediction]]\ncase = \"line\"\nquantity = \"accelerance\"\nexcite = \"end.x\"\nrespond = \"end.x\"\nfrequency = \"40 Hz\"\n";
     rig.write("study.toml", &(rig.read("study.toml") + more));
+    let mode = |quantity: &str| format!("[[prediction]]\ncase = \"first mode\"\nquantity = \"{quantity}\"\nmode = 1\n");
+    rig.write("study.toml", &(rig.read("study.toml") + &mode("natural_frequency") + &mode("modal_damping")));
     let json = rig.json("predict", &[]);
     let value = |name: &str| {
         let list = json["fit"]["parameters"].as_array().unwrap();
@@ -135,6 +141,13 @@ fn a_predicted_line_of_an_frf() {
     let p = &json["predictions"][0];
     let (found, std) = (p["value"].as_f64().unwrap(), p["std"].as_f64().unwrap());
     assert!((found - size(k, c)).abs() < 1e-9 * found, "{found} {}", size(k, c));
+    let of = |k: usize, field: &str| json["predictions"][k][field].as_f64().unwrap();
+    let (omega, zeta) = ((k / 0.2).sqrt(), c / (2.0 * (k * 0.2).sqrt()));
+    // The frequency of a mode is |s| / 2 pi, the undamped one.
+    assert!((of(1, "value") * std::f64::consts::TAU - omega).abs() < 1e-6 * omega, "{json}");
+    assert!((of(2, "value") - zeta).abs() < 1e-6 * zeta, "{} {zeta}", of(2, "value"));
+    // zeta = c / (2 sqrt(k m)): its deviation is that of c.
+    assert!((of(2, "std") / zeta - sc / c).abs() < 0.05 * sc / c);
     // k and c of a settled cycle are all but uncorrelated (displacement and velocity are orthogonal).
     let (dk, dc) = (size(k + sk, c) - size(k, c), size(k, c + sc) - size(k, c));
     assert!((std - dk.hypot(dc)).abs() < 0.05 * std, "{std} {}", dk.hypot(dc));
