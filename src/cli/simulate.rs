@@ -60,6 +60,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let shown = folder.path.canonicalize().unwrap_or_else(|_| folder.path.clone()).display().to_string();
     let text = format!("{}\nDataset: {shown}\nNext: a study with dataset = \"{shown}\".\n", table(&["test", "kind", "file"], &rows));
     let value = fit::json(&json!({ "dataset": shown, "tests": tests, "noise": args.noise, "seed": args.common.seed }), &folder)?;
+    if args.common.out.is_none()
+        && let Some(run) = folder.path.parent()
+    {
+        RunFolder { path: run.to_path_buf() }.result(&value)?;
+    }
     Ok(Outcome { json: value, text, code: 0 })
 }
 
