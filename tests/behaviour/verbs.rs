@@ -61,6 +61,18 @@ fn residuals(file: &std::path::Path, json: &serde_json::Value) {
 }
 
 #[test]
+fn a_comparison_leaves_a_whole_run() {
+    let rig = Rig::new();
+    let json = rig.json("compare", &[]);
+    let run = std::path::PathBuf::from(json["run"].as_str().unwrap());
+    for file in ["report.html", "residuals.parquet", "result.json", "study.toml"] {
+        assert!(run.join(file).is_file(), "{file}");
+    }
+    let page = std::fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("loop-5Hz") && !page.contains("src=\"http") && !page.contains("href=\"http"), "a page of its own");
+}
+
+#[test]
 fn out_is_taken_exactly_and_a_study_is_not_written_over() {
     let rig = Rig::new();
     let out = rig.path("here");
