@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::data::{Control, Dataset, Frf, Record, StoredEnergy, Test, TimeRecord};
+use crate::data::{Control, Dataset, Frf, Record, Test, TimeRecord};
 use crate::diagnose::Case;
+use crate::response::BlockKind;
 use crate::study::Study;
 use crate::study::run::RunFolder;
 use crate::units::{Dimension, Unit};
@@ -17,6 +18,7 @@ use super::table::table;
 use super::{Outcome, fit};
 
 mod noise;
+mod tables;
 use noise::Noise;
 
 #[derive(clap::Args)]
@@ -54,9 +56,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let tests = written?;
     let rows: Vec<Vec<String>> =
         tests.iter().map(|t| ["id", "kind", "file"].iter().map(|k| t[*k].as_str().unwrap_or("-").to_string()).collect()).collect();
-    let shown = folder.path.display().to_string();
+    // Studies name it relative to themselves, or in full.
+    let shown = folder.path.canonicalize().unwrap_or_else(|_| folder.path.clone()).display().to_string();
     let text = format!("{}\nDataset: {shown}\nNext: a study with dataset = \"{shown}\".\n", table(&["test", "kind", "file"], &rows));
     let value = fit::json(&json!({ "dataset": shown, "tests": tests, "noise": args.noise, "seed": args.common.seed }), &folder)?;
+    if args.common.out.is_none()
+        && let Some(run) = folder.path.parent()
+    {
+        RunFolder { path: run.to_path_buf() }.result(&value)?;
+    }
     Ok(Outcome { json: value, text, code: 0 })
 }
 
@@ -100,7 +108,11 @@ fn dataset(study: &Study, case: &Case, args: &Args, folder: &RunFolder) -> Resul
     let mut tests = Vec::new();
     for (k, (plan, _)) in case.plans.iter().enumerate() {
         let Some(test) = study.dataset.test(&plan.id) else { continue };
-        let computed = plan.evaluate(&case.system, &[], false)?.values;
+        let mut computed = plan.evaluate(&case.system, &[], false)?.values;
+        // Tables are computed as logarithms.
+        for block in plan.blocks.iter().filter(|b| b.kind == BlockKind::Table) {
+            computed[block.range.clone()].iter_mut().for_each(|v| *v = v.exp());
+        }
         let blocks: Vec<&[f64]> = plan.blocks.iter().map(|b| &computed[b.range.clone()]).collect();
         let mut noise = Noise::new(args.common.seed, k as u64, args.noise);
         let _ = write!(toml, "\n[[test]]\nid = {}\nkind = {}\n", quoted(&test.id), quoted(test.kind().word()));
@@ -111,11 +123,12 @@ fn dataset(study: &Study, case: &Case, args: &Args, folder: &RunFolder) -> Resul
             Record::Transient(r) => Some(transient(&mut toml, r, &blocks, &mut noise)),
             Record::Frf(f) => Some(frf(&mut toml, f, blocks.first().copied().unwrap_or(&[]), &mut noise)),
             Record::Energy(e) => {
-                energy(&mut toml, e, plan, &computed, &mut noise);
+                tables::energy(&mut toml, e, plan, &computed, &mut noise);
                 None
             }
-            Record::Modal(_) => {
-                return Err(Failure::new("response", &test.id, "modal tables are not simulated yet", "cycle, frf, transient or energy"));
+            Record::Modal(m) => {
+                tables::modal(&mut toml, m, plan, &computed, &mut noise);
+                None
             }
         };
         let file = csv.map(|csv| folder.write(&file, csv.as_bytes()).map(|_| file)).transpose()?;
@@ -250,46 +263,4 @@ fn frf(toml: &mut String, frf: &Frf, computed: &[f64], noise: &mut Noise) -> Str
         rows.push(vec![*f, frf.unit.from_si(re), frf.unit.from_si(im), coherence]);
     }
     csv(&header, rows.into_iter())
-}
-
-/// The table inline, each energy with its standard deviation.
-fn energy(toml: &mut String, table: &crate::data::EnergyTable, plan: &crate::response::Plan, computed: &[f64], noise: &mut Noise) {
-    let force = table.control == Control::Force;
-    let _ = writeln!(toml, "at = \"{}\"\ncontrol = \"{}\"", table.at, table.control.role().word());
-    if let Some((low, high)) = table.limits {
-        let rotational = table.at.rsplit_once('.').and_then(|(_, a)| crate::model::Axis::parse(a).ok()).is_some_and(|a| a.rotational());
-        let (name, unit) = match (force, rotational) {
-            (true, false) => ("force", "N"),
-            (true, true) => ("force", "N m"),
-            (false, false) => ("displacement", "m"),
-            (false, true) => ("displacement", "rad"),
-        };
-        let _ = writeln!(toml, "{name}_min = \"{low:e} {unit}\"\n{name}_max = \"{high:e} {unit}\"");
-    }
-    if let Some(reading) = table.stored {
-        let _ = writeln!(toml, "W_s_reading = \"{}\"", if reading == StoredEnergy::Slope { "slope" } else { "product" });
-    }
-    let block = |role: &str| plan.blocks.iter().find(|b| b.role == role).map(|b| computed[b.range.clone()].to_vec()).unwrap_or_default();
-    let (mut dissipated, mut stored) = (block("dissipated").into_iter(), block("stored").into_iter());
-    toml.push_str("rows = [\n");
-    for row in &table.rows {
-        let mut cells = Vec::new();
-        if let Some(case) = &row.case {
-            cells.push(format!("case = {}", toml::Value::from(case.as_str())));
-        }
-        if let Some(f) = row.frequency {
-            cells.push(format!("frequency = \"{f:e} Hz\""));
-        }
-        let wanted = [("W_D", row.dissipated.is_some(), &mut dissipated), ("W_s", row.stored.is_some(), &mut stored)];
-        for (name, there, values) in wanted {
-            let Some(value) = there.then(|| values.next()).flatten() else { continue };
-            let sigma = noise.fraction() * value.abs();
-            cells.push(format!("{name} = \"{:.16e} J\"", value + sigma * noise.normal()));
-            if sigma > 0.0 {
-                cells.push(format!("sigma_{name} = \"{sigma:e} J\""));
-            }
-        }
-        let _ = writeln!(toml, "  {{ {} }},", cells.join(", "));
-    }
-    toml.push_str("]\n");
 }

@@ -79,6 +79,18 @@ pub(super) fn verdict(tests: &[TestResult], study: &str) -> String {
     text
 }
 
+/// Notes `test: what`, those of several tests together.
+fn notes(all: &[String]) -> String {
+    let mut grouped: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (test, what) in all.iter().map(|n| n.split_once(": ").unwrap_or(("", n))) {
+        match grouped.iter_mut().find(|g| g.0 == what) {
+            Some(group) => group.1.push(test),
+            None => grouped.push((what, vec![test])),
+        }
+    }
+    grouped.iter().map(|(what, tests)| format!("note: {}: {what}\n", tests.join(", "))).collect()
+}
+
 /// A whole fit.
 pub(super) fn fit(fit: &FitResult, study: &str) -> String {
     let mut text = format!(
@@ -97,9 +109,7 @@ pub(super) fn fit(fit: &FitResult, study: &str) -> String {
     for combination in &fit.unidentifiable {
         text += &format!("not determined by these data: {combination}\n");
     }
-    for note in &fit.notes {
-        text += &format!("note: {note}\n");
-    }
+    text += &notes(&fit.notes);
     text += "\n";
     text + &verdict(&fit.tests, study)
 }

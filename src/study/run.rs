@@ -175,7 +175,7 @@ impl RunFolder {
 
 const CHECKPOINT: &str = "checkpoint.json";
 
-/// Columns test, channel, abscissa, part, measured, computed, sigma, whitened = (computed - measured) / sigma; SI.
+/// Columns test, channel, abscissa, part, measured, computed, sigma, whitened = (computed - measured) / sigma (tables: of the logarithms); SI.
 fn residuals(tests: &[TestResult]) -> polars::error::PolarsResult<DataFrame> {
     let (mut test, mut channel, mut part) = (vec![], vec![], vec![]);
     let (mut abscissa, mut measured, mut computed, mut sigma, mut whitened) = (vec![], vec![], vec![], vec![], vec![]);
@@ -196,7 +196,8 @@ fn residuals(tests: &[TestResult]) -> polars::error::PolarsResult<DataFrame> {
                 measured.push(*m);
                 computed.push(*y);
                 sigma.push(*s);
-                whitened.push((y - m) / s);
+                // A table is compared by logarithms; its sigma stands in the unit of the value.
+                whitened.push(if c.kind == BlockKind::Table { (y / m).ln() * m / s } else { (y - m) / s });
             }
         }
     }

@@ -1,8 +1,10 @@
 //! Behaviour of the program as its users meet it: the command line on studies in temporary folders, and the rules of the house.
 
 mod bad_input;
+mod damage;
 mod house;
 mod rig;
+mod round_trip;
 mod shapes;
 mod stopping;
 mod verbs;

@@ -5,9 +5,9 @@
 use nalgebra::DMatrix;
 use num_complex::Complex64;
 
-use crate::data::{EnergyRow, EnergyTable, Frf, FrfQuantity, Record, StoredEnergy, TableValue, Test};
+use crate::data::{EnergyRow, EnergyTable, Frf, FrfQuantity, ModalTable, ModeRow, Record, StoredEnergy, TableValue, Test};
 use crate::model::{FreeParam, Site, System};
-use crate::response::Plan;
+use crate::response::{BlockKind, Plan};
 use crate::study::{CycleQuantity, Predicted, PredictionSpec};
 use crate::units::{Dimension, Unit};
 
@@ -79,7 +79,8 @@ pub(super) fn evaluate(spec: &PredictionSpec, system: &System, free: &[FreeParam
             }
             Ok(Found::of(re, im, size, re.value / size, im.value / size))
         }
-        Predicted::Frequency(_) | Predicted::Damping(_) => Err(refused(spec, "modes are not computed yet")),
+        Predicted::Frequency(mode) => mode_of(spec, *mode, false, &system, free),
+        Predicted::Damping(mode) => mode_of(spec, *mode, true, &system, free),
     }
 }
 
@@ -105,9 +106,29 @@ fn compute(spec: &PredictionSpec, record: Record, system: &System, free: &[FreeP
     let plan = Plan::new(&test, &system.model)?;
     let computed = plan.evaluate(system, free, true)?;
     let n = free.len();
-    let one = |(row, value): (usize, &f64)| Found { value: *value, slopes: computed.slopes[row * n..(row + 1) * n].to_vec() };
+    // Tables are computed as logarithms.
+    let logarithm = |row: usize| plan.blocks.iter().any(|b| b.kind == BlockKind::Table && b.range.contains(&row));
+    let one = |(row, v): (usize, &f64)| {
+        let (value, factor) = if logarithm(row) { (v.exp(), v.exp()) } else { (*v, 1.0) };
+        Found { value, slopes: computed.slopes[row * n..(row + 1) * n].iter().map(|d| d * factor).collect() }
+    };
     let all: Vec<Found> = computed.values.iter().enumerate().map(one).collect();
     if all.is_empty() { Err(refused(spec, "nothing was computed")) } else { Ok(all) }
+}
+
+/// Frequency or damping of one mode.
+fn mode_of(spec: &PredictionSpec, mode: u32, damping: bool, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
+    let one = |dimension| TableValue { value: 1.0, unit: Unit::si(dimension), sigma: Some(1.0), rounding: 0.0 };
+    let row = ModeRow {
+        mode,
+        frequency: one(Dimension::FREQUENCY),
+        damping: damping.then(|| one(Dimension::DIMENSIONLESS)),
+        family: None,
+        description: None,
+        place: spec.case.clone(),
+    };
+    let mut all = compute(spec, Record::Modal(ModalTable { rows: vec![row] }), system, free)?;
+    all.pop().ok_or_else(|| refused(spec, "the mode was not computed"))
 }
 
 /// The structure without its measuring channels: a prediction is of the thing, not of the rig. The channel effects stay in the list, so
@@ -145,5 +166,5 @@ fn line(spec: &PredictionSpec, quantity: FrfQuantity, excite: &str, respond: &st
 
 fn refused(spec: &PredictionSpec, message: &str) -> Failure {
     let place = format!("study.toml, line {}, prediction {}", spec.line, spec.case);
-    Failure::new("response", place, message, "W_D, W_s, D, stiffness, force_range, displacement_range, or |H| of a response that moves")
+    Failure::new("response", place, message, "a mode the model has, a cycle that moves, or |H| of a response that moves")
 }

@@ -1,0 +1,169 @@
+//! Every kind of test through the virtual rig and back: the fit of what was simulated finds the truth within its own intervals.
+
+use std::fmt::Write;
+
+use super::rig::{Rig, misfit};
+
+/// A chain of two bodies with an FRF, a swept record, a table of energies.
+fn rig() -> Rig {
+    let rig = Rig::new();
+    let mut frf = String::from("f,re,im,coh\n");
+    for k in 1..=300 {
+        // What is measured does not matter: the simulation puts its own numbers there.
+        writeln!(frf, "{},1,0.5,0.9", f64::from(k)).unwrap();
+    }
+    rig.write("data/frf.csv", &frf);
+    let mut sweep = String::from("t,x,F\n");
+    for k in 0..2000 {
+        let t = f64::from(k) * 1e-3;
+        let w = std::f64::consts::TAU * 3.0 * t * t;
+        writeln!(sweep, "{t:.6},{:.12},{:.12}", 0.5 * w.sin(), 10.0 * w.sin()).unwrap();
+    }
+    rig.write("data/sweep.csv", &sweep);
+    rig.write(
+        "data/dataset.toml",
+        r#"schema = 1
+[[test]]
+id = "frf"
+kind = "frf"
+file = "frf.csv"
+excite = "m2.x"
+respond = "m1.x"
+quantity = "mobility"
+channels = [
+ { role="frequency", column="f", unit="Hz" },
+ { role="real", column="re", unit="mm/s/N" },
+ { role="imag", column="im", unit="mm/s/N" },
+ { role="coherence", column="coh", averages=20 }]
+[[test]]
+id = "sweep"
+kind = "transient"
+file = "sweep.csv"
+control = "displacement"
+channels = [
+ { role="time", column="t", unit="s" },
+ { role="displacement", at="m2.x", column="x", unit="mm" },
+ { role="force", at="m2.x", column="F", unit="N", sigma="0.05 N" }]
+[[test]]
+id = "energies"
+kind = "energy"
+at = "m2.x"
+control = "force"
+force_min = "2 N"
+force_max = "20 N"
+W_s_reading = "slope"
+rows = [ { frequency = "1 Hz", W_D = "1 mJ", W_s = "10 mJ" }, { frequency = "5 Hz", W_D = "1 mJ", W_s = "10 mJ" } ]
+[[test]]
+id = "modes"
+kind = "modal"
+rows = [ { mode = 1, frequency = "50 Hz", damping = "2 %" }, { mode = 2, frequency = "150 Hz", damping = "2 %" } ]
+"#,
+    );
+    rig.write(
+        "study.toml",
+        r#"schema = 1
+dataset = "data"
+[[body]]
+name = "m"
+count = 2
+mass = "0.1 kg"
+free = ["x"]
+[[connector]]
+name = "base"
+from = "ground"
+to = "m1"
+[[connector]]
+name = "c"
+chain = "m"
+[[effect]]
+effect = "linear_stiffness"
+at = "base.x"
+k = { start = "40 N/mm", min = "0 N/mm" }
+[[effect]]
+effect = "linear_stiffness"
+at = "c1.x"
+k = { start = "25 N/mm", min = "0 N/mm" }
+[[effect]]
+effect = "viscous"
+at = ["base.x", "c1.x"]
+c = { start = "0.05 N s/mm", min = "0 N s/mm" }
+"#,
+    );
+    rig
+}
+
+#[test]
+fn frf_transient_energies_and_modes() {
+    let rig = rig();
+    let out = rig.path("virtual");
+    let json = rig.json("simulate", &["--noise", "1 %", "--seed", "11", "--out", &out.display().to_string()]);
+    let kinds: Vec<&str> = json["tests"].as_array().unwrap().iter().map(|t| t["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["frf", "transient", "energy", "modal"]);
+    rig.change("study.toml", "dataset = \"data\"", "dataset = \"virtual\"");
+    rig.change("study.toml", "40 N/mm", "50 N/mm").change("study.toml", "25 N/mm", "20 N/mm").change(
+        "study.toml",
+        "0.05 N s/mm",
+        "0.1 N s/mm",
+    );
+    let fit = rig.json("fit", &[]);
+    assert_eq!(fit["termination"], "converged");
+    for (p, truth) in fit["parameters"].as_array().unwrap().iter().zip([40e3, 25e3, 50.0]) {
+        let (value, std) = (p["value"].as_f64().unwrap(), p["std"].as_f64().unwrap());
+        assert!((value - truth).abs() < 4.0 * std && std < 0.02 * truth, "{p}: truth {truth}");
+    }
+    for t in fit["tests"].as_array().unwrap() {
+        // Noise of the coherence, of the range, of the value: what is said is what was put in.
+        let rms = t["whitened_rms"].as_f64().unwrap();
+        let n = t["n"].as_f64().unwrap();
+        assert!((rms - 1.0).abs() < 4.0 / (2.0 * n).sqrt() + 0.1, "{} over {n}: {rms}", t["id"]);
+    }
+}
+
+/// |H| of one body on a spring and a damper, against the closed form; the deviation against one redone with parameters moved by it.
+#[test]
+fn a_predicted_line_of_an_frf() {
+    let rig = Rig::new();
+    rig.change("study.toml", "free = [\"x\"]", "free = [\"x\"]\nmass = \"0.2 kg\"");
+    let more =
+        "[[prediction]]\ncase = \"line\"\nquantity = \"accelerance\"\nexcite = \"end.x\"\nrespond = \"end.x\"\nfrequency = \"40 Hz\"\n";
+    rig.write("study.toml", &(rig.read("study.toml") + more));
+    let mode = |quantity: &str| format!("[[prediction]]\ncase = \"first mode\"\nquantity = \"{quantity}\"\nmode = 1\n");
+    rig.write("study.toml", &(rig.read("study.toml") + &mode("natural_frequency") + &mode("modal_damping")));
+    let json = rig.json("predict", &[]);
+    let value = |name: &str| {
+        let list = json["fit"]["parameters"].as_array().unwrap();
+        let p = list.iter().find(|p| p["name"].as_str().unwrap().contains(name)).unwrap();
+        (p["value"].as_f64().unwrap(), p["std"].as_f64().unwrap())
+    };
+    let ((k, sk), (c, sc)) = (value("stiffness"), value("viscous"));
+    let w = std::f64::consts::TAU * 40.0;
+    let size = |k: f64, c: f64| w * w / (k - 0.2 * w * w).hypot(w * c);
+    let p = &json["predictions"][0];
+    let (found, std) = (p["value"].as_f64().unwrap(), p["std"].as_f64().unwrap());
+    assert!((found - size(k, c)).abs() < 1e-9 * found, "{found} {}", size(k, c));
+    let of = |k: usize, field: &str| json["predictions"][k][field].as_f64().unwrap();
+    let (omega, zeta) = ((k / 0.2).sqrt(), c / (2.0 * (k * 0.2).sqrt()));
+    // The frequency of a mode is |s| / 2 pi, the undamped one.
+    assert!((of(1, "value") * std::f64::consts::TAU - omega).abs() < 1e-6 * omega, "{json}");
+    assert!((of(2, "value") - zeta).abs() < 1e-6 * zeta, "{} {zeta}", of(2, "value"));
+    // zeta = c / (2 sqrt(k m)): its deviation is that of c.
+    assert!((of(2, "std") / zeta - sc / c).abs() < 0.05 * sc / c);
+    // k and c of a settled cycle are all but uncorrelated (displacement and velocity are orthogonal).
+    let (dk, dc) = (size(k + sk, c) - size(k, c), size(k, c + sc) - size(k, c));
+    assert!((std - dk.hypot(dc)).abs() < 0.05 * std, "{std} {}", dk.hypot(dc));
+}
+
+#[test]
+fn raw_files_elsewhere() {
+    let rig = Rig::new();
+    std::fs::create_dir(rig.path("raw")).unwrap();
+    for f in [1, 2, 5] {
+        std::fs::rename(rig.path(&format!("data/loop{f}.csv")), rig.path(&format!("raw/loop{f}.csv"))).unwrap();
+    }
+    assert!(rig.run("fit", &["--json"]).error()[1].contains("loop1.csv"));
+    let raw = rig.path("raw").display().to_string();
+    let json = rig.json("fit", &["--data", &raw]);
+    // The run says where they were.
+    let again = misfit(&["compare", json["run"].as_str().unwrap(), "--json"]);
+    assert_eq!(again.code, 0, "{}", again.stderr);
+}
