@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::data::TestKind;
 use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Monitor, Prior, UncertaintyOptions};
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System};
 use crate::residual::{Problem, test_error, to_variable};
@@ -184,6 +185,7 @@ fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult
         }
         BlockKind::Loop => format!("{:.0} deg of the cycle", block.abscissa[within].to_degrees()),
         BlockKind::Record => format!("{:.4} s", block.abscissa[within]),
+        BlockKind::Table if plan.kind == TestKind::Modal => format!("mode {}", block.abscissa[within]),
         BlockKind::Table => format!("{} Hz", block.abscissa[within]),
     };
     let curves = plan

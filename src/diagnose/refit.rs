@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use crate::effect::{Kind, Role};
 use crate::identify::{Monitor, Termination};
 use crate::model::System;
+use crate::residual::test_error;
 use crate::response::Plan;
 
 use super::candidates::{Name, Trial};
@@ -139,6 +140,15 @@ pub fn cross_validated(case: &Case, system: &System, monitor: &Monitor) -> Resul
     let mut by_test: Vec<(usize, Vec<f64>)> = parts.into_iter().flatten().collect();
     by_test.sort_by_key(|(k, _)| *k);
     Ok(by_test.into_iter().map(|(_, r)| r).collect())
+}
+
+/// Pooled relative error of tests with the given whitened residuals.
+pub fn pooled_error(plans: &[&Plan], residuals: &Whitened) -> f64 {
+    let squares = plans.iter().zip(residuals).map(|(plan, w)| {
+        let computed: Vec<f64> = w.iter().zip(&plan.measured).zip(&plan.sigma).map(|((r, m), s)| m + r * s).collect();
+        test_error(plan, &computed).error.powi(2)
+    });
+    (squares.sum::<f64>() / plans.len().max(1) as f64).sqrt()
 }
 
 /// Half the sum of squares.

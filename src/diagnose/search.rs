@@ -6,7 +6,7 @@ use crate::model::System;
 use super::accept::{earns_its_place, improvement, tied, verdict_cost};
 use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::{Case, Fitted};
-use super::refit::{Proof, Refit, best_per_candidate, cost, cross_validated, refit_all, whitened};
+use super::refit::{Proof, Refit, Whitened, best_per_candidate, cost, cross_validated, pooled_error, refit_all, whitened};
 use super::results::{Candidate, SplitName};
 use super::score::{Score, score};
 use super::{DiagnoseError, trace};
@@ -50,12 +50,10 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let visible = visible(&scores, &names, &trials);
     let before_fit = whitened(&plans, &base.system).unwrap_or_default();
     let before_select = whitened(&selects, &base.system).unwrap_or_default();
-    let rms = |w: &super::refit::Whitened| {
-        let n: usize = w.iter().map(Vec::len).sum();
-        (2.0 * cost(w) / n.max(1) as f64).sqrt()
-    };
     let judge_select = !selects.is_empty();
-    let error_before = rms(if judge_select { &before_select } else { &before_fit });
+    let error_of =
+        |fit: &Whitened, select: &Whitened| if judge_select { pooled_error(&selects, select) } else { pooled_error(&plans, fit) };
+    let error_before = error_of(&before_fit, &before_select);
     let blank = |s: &Score, remark: &str| {
         let name = &names[trials[s.trial].candidate];
         Candidate {
@@ -72,7 +70,8 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         }
     };
     if p_value > LEVEL || trace::stopped(monitor) {
-        let list = best.iter().take(REFITS).map(|s| blank(s, "within what chance gives")).collect();
+        let remark = |s: &Score| if s.p_value > LEVEL { "within what chance gives" } else { "not refitted: the search was stopped" };
+        let list = best.iter().take(REFITS).map(|s| blank(s, remark(s))).collect();
         return Ok(Step { candidates: list, accepted: None, tied_systems: vec![], p_value, visible });
     }
     let top = best.first().map_or(0.0, |s| s.drop);
@@ -119,7 +118,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         let mut c = blank(&r.score, "");
         match &r.result {
             Ok(proof) => {
-                c.error_after = Some(rms(if judge_select { &proof.select } else { &proof.fit }));
+                c.error_after = Some(error_of(&proof.fit, &proof.select));
                 c.accepted = winner == Some(k);
                 let (mean, error) =
                     if judge_select { improvement(&before_select, &proof.select) } else { improvement(&before_fit, &proof.fit) };

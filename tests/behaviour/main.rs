@@ -7,4 +7,5 @@ mod rig;
 mod round_trip;
 mod shapes;
 mod stopping;
+mod studies;
 mod verbs;

@@ -1,0 +1,127 @@
+//! The studies end in numbers: truth recovered, nothing claimed where nothing is missing, intervals that cover.
+
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+
+use misfit::diagnose::results::Verdict;
+use misfit::diagnose::{Case, diagnose, fit};
+use misfit::identify::Monitor;
+use misfit::study::Study;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+fn study(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("studies").join(name)
+}
+
+fn json(verb: &str, study: &Path) -> Value {
+    let out = tempfile::tempdir().unwrap();
+    let run =
+        Command::new(env!("CARGO_BIN_EXE_misfit")).args([verb, "--json", "--out"]).arg(out.path().join("run")).arg(study).output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    serde_json::from_slice(&run.stdout).unwrap()
+}
+
+fn parameter<'a>(list: &'a Value, name: &str) -> &'a Value {
+    list.as_array().unwrap().iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("{name} in {list}"))
+}
+
+#[test]
+fn the_hidden_friction_of_study_01_is_found_with_its_strength() {
+    let ladder = json("ladder", &study("01-hidden-effect"));
+    assert_eq!(ladder["verdict"], "missing");
+    assert_eq!(ladder["missing"][0]["effect"], "elastic_slip");
+    assert_eq!(ladder["missing"][0]["at"], "c5.x");
+    assert_eq!(ladder["missing"].as_array().unwrap().len(), 1);
+    // truth.toml: F_c = 26 N at c5.
+    let rungs = ladder["rungs"].as_array().unwrap();
+    let f = parameter(&rungs[rungs.len() - 1]["parameters"], "c5.x.elastic_slip.f");
+    let (low, high) = (f["interval"][0].as_f64().unwrap(), f["interval"][1].as_f64().unwrap());
+    assert!(low <= 26.0 && 26.0 <= high, "{f}");
+    let held = &ladder["held_out"];
+    let ratio = held["after"].as_f64().unwrap() / held["floor"].as_f64().unwrap();
+    assert!(ratio <= 1.2, "held-out error over floor {ratio}");
+    assert!(held["before"].as_f64().unwrap() > 10.0 * held["after"].as_f64().unwrap());
+}
+
+#[test]
+fn the_cyclic_table_of_study_02_wants_a_film() {
+    let ladder = json("ladder", &study("02-cyclic-table/study.toml"));
+    assert_eq!(ladder["rungs"][1]["added"]["effect"], "film");
+    let rungs = ladder["rungs"].as_array().unwrap();
+    let last = rungs[rungs.len() - 1]["tests"][0]["error"].as_f64().unwrap();
+    // W_D and W_s pooled, as |ln(computed / measured)|.
+    assert!(last < 0.04, "{last}");
+}
+
+#[test]
+fn the_exponents_of_study_04_are_identified_within_five_percent() {
+    let result = json("fit", &study("04-interference"));
+    for (of, truth) in [("linear_stiffness.k", 276.0), ("viscous.c", 561.0)] {
+        let a = parameter(&result["parameters"], &format!("c1.x.interference_law({of}).a"))["value"].as_f64().unwrap();
+        assert!((a / truth - 1.0).abs() < 0.05, "{of}: {a} 1/m against {truth}");
+    }
+}
+
+/// Study 04 with its measurements replaced by the model's own response and fresh noise.
+struct Rig {
+    case: Case,
+    clean: Vec<Vec<f64>>,
+}
+
+impl Rig {
+    fn new() -> Rig {
+        let study = Study::load(&study("04-interference"), None).unwrap();
+        let case = Case::from_study(&study, 1).unwrap();
+        let (case, fitted, _) = fit(&case, &[], &Monitor::default()).unwrap();
+        let clean = case.plans.iter().map(|(p, _)| p.evaluate(&fitted.system, &[], false).unwrap().values).collect();
+        Rig { case: Case { system: fitted.system, ..case }, clean }
+    }
+
+    fn draw(&self, seed: u64) -> Case {
+        let normal = Normal::new(0.0, 1.0).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut plans = (*self.case.plans).clone();
+        for ((plan, _), clean) in plans.iter_mut().zip(&self.clean) {
+            for (k, m) in plan.measured.iter_mut().enumerate() {
+                *m = clean[k] + plan.sigma[k] * normal.inverse_cdf(rng.random_range(1e-12..1.0 - 1e-12));
+            }
+        }
+        Case { plans: Arc::new(plans), seed, ..self.case.clone() }
+    }
+}
+
+#[test]
+fn intervals_cover_the_truth_in_200_draws_of_noise() {
+    let rig = Rig::new();
+    let free = rig.case.system.free();
+    let truth: Vec<f64> = free.iter().map(|f| rig.case.system.instances[f.instance].params[f.param].value).collect();
+    let (mut inside, mut all) = (0, 0);
+    for seed in 0..200 {
+        let (_, _, result) = fit(&rig.draw(seed), &[], &Monitor::default()).unwrap();
+        for (p, t) in result.parameters.iter().zip(&truth) {
+            let (low, high) = (p.interval.0.unwrap(), p.interval.1.unwrap());
+            inside += usize::from(low <= *t && *t <= high);
+            all += 1;
+        }
+    }
+    let coverage = inside as f64 / all as f64;
+    println!("coverage of the 95 % intervals: {:.1} % of {all}", 100.0 * coverage);
+    assert!((0.88..=0.99).contains(&coverage), "{coverage}");
+}
+
+#[test]
+fn nothing_is_claimed_where_nothing_is_missing() {
+    let rig = Rig::new();
+    let alarms: Vec<u64> = (1000..1020)
+        .filter(|seed| {
+            let (_, d) = diagnose(&rig.draw(*seed), &Monitor::default(), &|_| {}).unwrap();
+            d.verdict != Verdict::NothingMissing
+        })
+        .collect();
+    println!("false alarms: {} of 20", alarms.len());
+    assert!(alarms.len() <= 1, "{alarms:?}");
+}
