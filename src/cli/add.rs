@@ -111,6 +111,8 @@ fn starts(args: &Args, study: &Study, case: &Case) -> Result<Vec<Instance>, Fail
     let grid = |p: &Param| match p.grid {
         Grid::OfX(g) => g.iter().map(|m| m * amplitude.x).collect(),
         Grid::OfV(g) => g.iter().map(|m| m * amplitude.v).collect(),
+        // The slowest test is not known here; a tenth of the fastest stands for it.
+        Grid::OfLeastV(g) => g.iter().map(|m| 0.1 * m * amplitude.v).collect(),
         Grid::OfF(g) => g.iter().map(|m| m * amplitude.f).collect(),
         Grid::Time(n) => {
             let (low, high) =
@@ -119,7 +121,7 @@ fn starts(args: &Args, study: &Study, case: &Case) -> Result<Vec<Instance>, Fail
         }
         Grid::None => vec![],
     };
-    let points = info.params.iter().filter(|p| p.kind == Kind::Shape).map(|p| grid(p).len()).max().unwrap_or(1).max(1);
+    let points = info.params.iter().filter(|p| p.grid != Grid::None).map(|p| grid(p).len()).max().unwrap_or(1).max(1);
     let mut all = Vec::new();
     for strong in [false, true] {
         for point in 0..points {
@@ -127,7 +129,7 @@ fn starts(args: &Args, study: &Study, case: &Case) -> Result<Vec<Instance>, Fail
             for p in info.params {
                 if let Some((_, v)) = given.iter().find(|(name, _)| name == p.name) {
                     values.push((p.name, *v));
-                } else if p.kind == Kind::Shape {
+                } else if p.grid != Grid::None {
                     let g: Vec<f64> = grid(p);
                     let usable = |v: &&f64| v.is_finite() && **v > 0.0;
                     let value = g.get(point.min(g.len().saturating_sub(1))).filter(usable).ok_or_else(|| {

@@ -18,6 +18,8 @@ pub struct Trial {
 /// What the tests show at each place, and over which periods.
 pub struct Scene {
     amplitudes: Vec<Amplitude>,
+    /// Smallest velocity amplitude that a test has at each place.
+    least_v: Vec<f64>,
     periods: (f64, f64),
 }
 
@@ -25,18 +27,22 @@ impl Scene {
     /// Looks at the tests with the present system.
     pub fn new(plans: &[&Plan], system: &System) -> Scene {
         let mut amplitudes = vec![Amplitude::default(); system.model.places.len()];
+        let mut least_v = vec![f64::INFINITY; system.model.places.len()];
         let mut periods = (f64::INFINITY, 0.0f64);
         for plan in plans {
             let (lo, hi) = plan.periods();
             periods = (periods.0.min(lo), periods.1.max(hi));
             // A test whose response cannot be computed has been reported by the fit; its amplitudes are not needed here.
             if let Ok(Some(here)) = plan.amplitudes(system) {
-                for (a, b) in amplitudes.iter_mut().zip(here) {
+                for ((a, least), b) in amplitudes.iter_mut().zip(&mut least_v).zip(here) {
+                    if b.v > 0.0 {
+                        *least = least.min(b.v);
+                    }
                     *a = Amplitude { x: a.x.max(b.x), v: a.v.max(b.v), f: a.f.max(b.f) };
                 }
             }
         }
-        Scene { amplitudes, periods }
+        Scene { amplitudes, least_v, periods }
     }
 
     fn grid(&self, grid: Grid, places: &[usize]) -> Vec<f64> {
@@ -46,6 +52,10 @@ impl Scene {
             Grid::None => vec![],
             Grid::OfX(f) => times(f, widest(|a| a.x)),
             Grid::OfV(f) => times(f, widest(|a| a.v)),
+            Grid::OfLeastV(f) => {
+                let least = places.iter().map(|p| self.least_v[*p]).fold(f64::INFINITY, f64::min);
+                times(f, if least.is_finite() { least } else { 0.0 })
+            }
             Grid::OfF(f) => times(f, widest(|a| a.f)),
             Grid::Time(n) => {
                 let (lo, hi) = (self.periods.0 / std::f64::consts::TAU, self.periods.1 / std::f64::consts::TAU);

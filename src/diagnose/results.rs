@@ -230,7 +230,7 @@ pub struct Rung {
     pub parameters: Vec<ParameterResult>,
     /// Effects of the model.
     pub effects: Vec<EffectAt>,
-    /// Candidates weighed for this rung.
+    /// Candidates weighed on top of this rung.
     pub candidates: Vec<Candidate>,
     /// Termination of the refit.
     pub termination: String,

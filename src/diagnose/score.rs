@@ -68,6 +68,10 @@ pub fn score(
         base[(r.len() + k, *index)] = 1.0 / sigma;
         extended[r.len() + k] = (p[*index] - mean) / sigma;
     }
+    if base.iter().chain(extended.iter()).any(|v| !v.is_finite()) {
+        let reason = "a derivative of the response with respect to the model's own parameters is not finite".into();
+        return Err(crate::identify::IdentifyError::StartFails { reason }.into());
+    }
     let kept: Vec<usize> = (0..own).filter(|k| !at_bound[*k]).collect();
     let q = basis(&base.select_columns(&kept));
     r = project(&q, extended);

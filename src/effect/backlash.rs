@@ -2,6 +2,7 @@
 
 use super::Num;
 use super::info::{Dim, Grid, Info, Param, Ports, Role, Sign};
+use super::num::saturating_tanh;
 use super::series::SeriesLaw;
 
 /// Free play in series.
@@ -26,6 +27,6 @@ impl SeriesLaw for Backlash {
     };
 
     fn opening<T: Num>(f: T, p: &[T]) -> T {
-        p[0] * 0.5 * (f / p[1]).tanh()
+        p[0] * 0.5 * saturating_tanh(f / p[1])
     }
 }

@@ -18,7 +18,7 @@ impl Force for Coulomb {
         params: &[
             Param::strength("f", Dim::F, Sign::NonNegative, "friction force"),
             Param {
-                grid: Grid::OfV(&[0.003]),
+                grid: Grid::OfLeastV(&[0.01]),
                 ..Param::setting(
                     "vr",
                     Dim::X_PER_T,

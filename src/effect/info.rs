@@ -151,6 +151,8 @@ pub enum Grid {
     OfX(&'static [f64]),
     /// Multiples of the velocity amplitude at the place.
     OfV(&'static [f64]),
+    /// Multiples of the smallest velocity amplitude that a test has at the place.
+    OfLeastV(&'static [f64]),
     /// Multiples of the general-force amplitude at the place.
     OfF(&'static [f64]),
     /// Logarithmically spaced over the periods of the tests, this many points.

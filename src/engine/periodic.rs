@@ -233,7 +233,7 @@ fn by_monodromy(
     let end = z.pack_columns(&state, all);
     let b = end.columns(0, columns).into_owned();
     let monodromy = end.columns(columns, z.len()).into_owned();
-    let s0 = solve_fixed_point(&monodromy, &b);
+    let s0 = solve_fixed_point(&monodromy, &b)?;
     let slopes = cycle
         .slopes
         .iter()
@@ -252,11 +252,14 @@ fn by_monodromy(
 }
 
 /// Solves `(I - M) S = b`, leaving out the directions that never decay.
-fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<DMatrix<f64>, EngineError> {
+    if monodromy.iter().chain(b.iter()).any(|v| !v.is_finite()) {
+        return Err(EngineError::NotFinite { step: 0 });
+    }
     let n = monodromy.nrows();
     let svd = (DMatrix::identity(n, n) - monodromy).svd(true, true);
     let cut = 1e-9 * svd.singular_values.max();
-    svd.solve(b, cut).unwrap_or_else(|_| DMatrix::zeros(n, b.ncols()))
+    Ok(svd.solve(b, cut).unwrap_or_else(|_| DMatrix::zeros(n, b.ncols())))
 }
 
 /// The state at the start of a cycle as one scaled vector: displacement, velocity, acceleration of the free degrees of freedom, states
@@ -341,7 +344,7 @@ impl Shooting {
         marched?;
         let gap = self.pack(state) - &before;
         let monodromy = self.pack_columns(state, self.len());
-        let delta = solve_fixed_point(&monodromy, &DMatrix::from_column_slice(gap.len(), 1, gap.as_slice()));
+        let delta = solve_fixed_point(&monodromy, &DMatrix::from_column_slice(gap.len(), 1, gap.as_slice()))?;
         *state = start;
         march.set_columns(state, 0);
         self.unpack(&(before + delta.column(0)), state);

@@ -17,7 +17,9 @@ pub fn rungs(input: &ReportInput, stages: &[Stage], _charts: &mut Charts) -> Str
     let row = |(k, stage): (usize, &Stage)| {
         let rung = &ladder.rungs[k];
         let same = |c: &&Candidate, e: &EffectAt| c.effect == e.effect && c.at == e.at;
-        let weighed = rung.added.as_ref().and_then(|e| rung.candidates.iter().find(|c| same(c, e)));
+        // What was weighed for a rung stands with the rung below it.
+        let below = k.checked_sub(1).map(|b| &ladder.rungs[b]);
+        let weighed = rung.added.as_ref().and_then(|e| below?.candidates.iter().find(|c| same(c, e)));
         let removed: Vec<String> = rung.removed.iter().map(|e| effect_at(&e.effect, &e.at)).collect();
         let removed = if removed.is_empty() { String::new() } else { format!("<br>removed: {}", list(&removed)) };
         let split = |split: SplitName| match pooled(of_split(stage, split)) {

@@ -22,7 +22,7 @@ pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> Stri
             let mut row = vec![
                 format!("<a href=\"#test-{k}\">{}</a>", esc(id)),
                 format!("{}, {}", esc(&now.kind), split_words(now.split)),
-                super::text::digits(now.n as f64, 6),
+                now.n.to_string(),
             ];
             if several {
                 row.push(then.map_or("-".into(), |t| percent(t.error)));
