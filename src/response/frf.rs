@@ -11,7 +11,7 @@ use crate::engine::harmonic;
 use crate::model::{Bound, Model};
 
 use super::site::{Seat, seat};
-use super::{Block, BlockKind, Computed, Plan, ResponseError};
+use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError};
 
 /// An FRF made ready. Compared in the measured quantity.
 #[derive(Clone, Debug)]
@@ -62,6 +62,22 @@ impl FrfPlan {
         let positive = self.omega.iter().filter(|w| **w > 0.0);
         let (lo, hi) = positive.fold((f64::INFINITY, 0.0f64), |(lo, hi), w| (lo.min(*w), hi.max(*w)));
         (TAU / hi, TAU / lo)
+    }
+
+    /// Amplitudes at every place over the lines of a test with a declared excitation.
+    pub(super) fn amplitudes(&self, model: &Model, bound: &Bound) -> Result<Option<Vec<Amplitude>>, EngineError> {
+        let Some(force) = self.excitation else { return Ok(None) };
+        let dofs: Vec<usize> = (0..model.dofs.len()).collect();
+        let r = harmonic::at_amplitude(model, bound, &self.omega, self.input, force, &dofs, false, harmonic::Settings::default())?;
+        let mut widest = vec![Amplitude::default(); model.places.len()];
+        for (line, w) in self.omega.iter().enumerate() {
+            let motion = |dof: Option<usize>| dof.map_or(Complex64::ZERO, |d| r.h[line * dofs.len() + d] * force);
+            for (a, place) in widest.iter_mut().zip(&model.places) {
+                let x = (motion(place.to) - motion(place.from)).norm();
+                *a = Amplitude { x: a.x.max(x), v: a.v.max(w * x), f: force };
+            }
+        }
+        Ok(Some(widest))
     }
 
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {

@@ -177,7 +177,8 @@ impl Plan {
             Work::Cycle(w) => w.amplitudes(&system.model, &bound).map(Some).map_err(named),
             Work::Transient(w) => w.amplitudes(&system.model, &bound).map(Some).map_err(named),
             Work::Energy(w) => w.amplitudes(system, self).map(Some),
-            Work::Frf(_) | Work::Modal(_) => Ok(None),
+            Work::Frf(w) => w.amplitudes(&system.model, &bound).map_err(named),
+            Work::Modal(_) => Ok(None),
         }
     }
 

@@ -6,6 +6,7 @@ mod house;
 mod rig;
 mod round_trip;
 mod shapes;
+mod slopes;
 mod stopping;
 mod studies;
 mod verbs;
