@@ -11,7 +11,7 @@ pub const FITS: f64 = 1.2;
 
 /// One state of the model.
 pub struct Stage<'a> {
-    /// Name, escaped: `as given`, `+ coulomb at c3.x`.
+    /// Name as it is: `as given`, `+ coulomb at c3.x`.
     pub name: String,
     /// Its tests.
     pub tests: &'a [TestResult],
@@ -19,15 +19,13 @@ pub struct Stage<'a> {
     pub parameters: &'a [ParameterResult],
     /// Its effects.
     pub effects: &'a [EffectAt],
-    /// How its fit ended.
-    pub termination: &'a str,
 }
 
 /// The rungs of the ladder; without one the fit alone; without that nothing.
 pub fn stages<'a>(input: &ReportInput<'a>) -> Vec<Stage<'a>> {
     if let Some(ladder) = input.ladder.filter(|l| !l.rungs.is_empty()) {
         let name = |k: usize, added: &Option<EffectAt>| match added {
-            Some(e) => format!("+ {}", effect_at(&e.effect, &e.at)),
+            Some(e) => format!("+ {} at {}", e.effect, e.at),
             None if k == 0 => "model as given".into(),
             None => "pruned".into(),
         };
@@ -36,7 +34,6 @@ pub fn stages<'a>(input: &ReportInput<'a>) -> Vec<Stage<'a>> {
             tests: &r.tests,
             parameters: &r.parameters,
             effects: &r.effects,
-            termination: &r.termination,
         };
         return ladder.rungs.iter().enumerate().map(stage).collect();
     }
@@ -45,7 +42,6 @@ pub fn stages<'a>(input: &ReportInput<'a>) -> Vec<Stage<'a>> {
         tests: &f.tests,
         parameters: &f.parameters,
         effects: &f.effects,
-        termination: &f.termination,
     };
     input.fit.map(stage).into_iter().collect()
 }
