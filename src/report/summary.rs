@@ -101,8 +101,9 @@ fn verdict(input: &ReportInput, stages: &[Stage]) -> String {
             let fell = match fall(input, stages) {
                 Some(f) => {
                     let multiple = f.floor.filter(|v| *v > 0.0).map(|v| format!(", {} × the noise floor", ratio(f.after / v)));
+                    let on = if f.on == "held-out" { "held-out error".into() } else { format!("the error on the {} tests", f.on) };
                     let verb = if input.ladder.is_some() { "fell" } else { "falls" };
-                    format!(": {} error {verb} from {} to {}{}", f.on, percent(f.before), percent(f.after), multiple.unwrap_or_default())
+                    format!(": {} {verb} from {} to {}{}", on, percent(f.before), percent(f.after), multiple.unwrap_or_default())
                 }
                 None => String::new(),
             };
@@ -153,7 +154,8 @@ fn fits(stages: &[Stage]) -> String {
     let before = format!("Error {}, {} × the noise floor", percent(e0), ratio(over_floor(e0, f0)));
     let after =
         if stages.len() > 1 { format!("With the effects added: {}, {} ×", percent(e1), ratio(over_floor(e1, f1))) } else { String::new() };
-    card(if is { "good" } else { "bad" }, "Does the model fit?", big, &[before, after, format!("over {}", tests_words(n))])
+    let ended = if last.termination == "converged" { String::new() } else { format!("The last fit ended: {}", esc(last.termination)) };
+    card(if is { "good" } else { "bad" }, "Does the model fit?", big, &[before, after, format!("over {}", tests_words(n)), ended])
 }
 
 /// The test with the largest error over floor.
@@ -258,24 +260,24 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
                 "look below at the residuals of the worst test; what they show needs a law that is not in the library.".into()
             }
             (_, Some(s)) if !l.missing.is_empty() => {
-                format!("the study with the effects added stands in <code>{s}</code>; export it with <code>misfit export {s}</code>.")
+                format!("the study with the effects added stands in <code>{s}</code>; export it with <code>misfit export {s}</code>")
             }
-            _ => format!("use the model as it is: <code>misfit export {folder}</code>."),
+            _ => format!("use the model as it is: <code>misfit export {folder}</code>"),
         };
     }
     if let Some(d) = input.diagnosis {
         return match (d.verdict, d.missing.first()) {
-            (_, Some(m)) => format!("add it and refit: <code>misfit add {folder} {} --at {}</code>.", esc(&m.effect), esc(&m.at)),
+            (_, Some(m)) => format!("add it and refit: <code>misfit add {folder} {} --at {}</code>", esc(&m.effect), esc(&m.at)),
             (Verdict::Unexplained, None) => {
                 "look below at the residuals of the worst test; what they show needs a law that is not in the library.".into()
             }
-            _ => format!("use the model as it is: <code>misfit export {folder}</code>."),
+            _ => format!("use the model as it is: <code>misfit export {folder}</code>"),
         };
     }
     match stages.last().and_then(stage_fits) {
-        Some(true) => format!("ask whether anything is hidden below the noise: <code>misfit diagnose {folder}</code>."),
-        Some(false) => format!("find out what is missing: <code>misfit ladder {folder}</code>."),
-        None => format!("fit the study: <code>misfit fit {folder}</code>."),
+        Some(true) => format!("ask whether anything is hidden below the noise: <code>misfit diagnose {folder}</code>"),
+        Some(false) => format!("find out what is missing: <code>misfit ladder {folder}</code>"),
+        None => format!("fit the study: <code>misfit fit {folder}</code>"),
     }
 }
 

@@ -366,7 +366,10 @@ fn what_is_not_there_is_left_out() {
     let page = html(&ReportInput { fit: Some(&good), ..nothing }).unwrap();
     sound(&page);
     assert!(page.contains("The model fits to the noise.") && page.contains("misfit diagnose") && !page.contains("id=\"rungs\""));
-    let bad = fit(tests(100, 0.0, 0.1, true));
+    let mut bad = fit(tests(100, 0.0, 0.1, true));
+    bad.termination = "stalled".into();
+    let page = html(&ReportInput { fit: Some(&bad), ..nothing }).unwrap();
+    assert!(page.contains("The model does not fit") && page.contains("The last fit ended: stalled") && page.contains("misfit ladder"));
     let with = |verdict| {
         let diagnosis = diagnosis(verdict);
         let page = html(&ReportInput { fit: Some(&bad), diagnosis: Some(&diagnosis), ..nothing }).unwrap();
@@ -376,7 +379,7 @@ fn what_is_not_there_is_left_out() {
     let page = with(Verdict::Missing);
     assert!(
         page.contains("misses coulomb at c3&lt;.x")
-            && page.contains("select error falls from 31\u{a0}% to 1.2\u{a0}%")
+            && page.contains("the error on the select tests falls from 31\u{a0}% to 1.2\u{a0}%")
             && page.contains("misfit add")
     );
     assert!(with(Verdict::Unexplained).contains("Something is missing that no candidate explains"));

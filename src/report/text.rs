@@ -74,9 +74,9 @@ pub fn percent(fraction: f64) -> String {
     format!("{text}\u{a0}%")
 }
 
-/// A ratio to the noise floor: `1.08`, `29`.
+/// A ratio to the noise floor: `0.94`, `1.08`, `29`.
 pub fn ratio(value: f64) -> String {
-    digits(value, if value.abs() < 1.995 { 3 } else { 2 })
+    digits(value, if (0.995..1.995).contains(&value.abs()) { 3 } else { 2 })
 }
 
 /// A probability; small ones as a bound.
@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(percent(12.343), "1234\u{a0}%");
         assert_eq!(percent(0.996), "100\u{a0}%");
         assert_eq!(ratio(1.0834), "1.08");
-        assert_eq!(ratio(28.6), "29");
+        assert_eq!((ratio(28.6), ratio(0.942), ratio(0.9967)), ("29".into(), "0.94".into(), "0.997".into()));
     }
 
     #[test]
