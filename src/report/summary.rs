@@ -246,6 +246,10 @@ fn fell(input: &ReportInput, stages: &[Stage]) -> String {
 /// What to do next, in one sentence.
 fn next(input: &ReportInput, stages: &[Stage]) -> String {
     let folder = esc(&input.study.folder.display().to_string());
+    let as_it_is = || match stages.last().and_then(stage_fits) {
+        Some(false) => "look below at the residuals of the worst test before using the model: it stands above the noise.".into(),
+        _ => format!("use the model as it is: <code>misfit export {folder}</code>"),
+    };
     if let Some(t) = input.ladder.and_then(|l| l.next_test.as_ref()).or(input.diagnosis.and_then(|d| d.next_test.as_ref())) {
         return format!(
             "measure the test that separates what is tied: {} (separation {} times the noise).",
@@ -262,7 +266,7 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
             (_, Some(s)) if !l.missing.is_empty() => {
                 format!("the study with the effects added stands in <code>{s}</code>; export it with <code>misfit export {s}</code>")
             }
-            _ => format!("use the model as it is: <code>misfit export {folder}</code>"),
+            _ => as_it_is(),
         };
     }
     if let Some(d) = input.diagnosis {
@@ -271,7 +275,7 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
             (Verdict::Unexplained, None) => {
                 "look below at the residuals of the worst test; what they show needs a law that is not in the library.".into()
             }
-            _ => format!("use the model as it is: <code>misfit export {folder}</code>"),
+            _ => as_it_is(),
         };
     }
     match stages.last().and_then(stage_fits) {

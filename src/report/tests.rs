@@ -384,6 +384,7 @@ fn what_is_not_there_is_left_out() {
     );
     assert!(with(Verdict::Unexplained).contains("Something is missing that no candidate explains"));
     let page = with(Verdict::NothingMissing);
+    assert!(!page.contains("use the model as it is"));
     assert!(page.contains("No missing effect was found, although") && page.contains("coulomb at c1.x: 0.02 N"));
 }
 
@@ -394,7 +395,7 @@ fn many_long_tests_stay_below_the_bound_of_the_page() {
     let mut ladder = ladder(20);
     for rung in &mut ladder.rungs {
         let long = |k: usize| {
-            let curve = if k % 2 == 0 { loop_curve(3000, 2.0, 0.1 * k as f64, k as f64) } else { frf_curve(3000, 0.05) };
+            let curve = if k.is_multiple_of(2) { loop_curve(3000, 2.0, 0.1 * k as f64, k as f64) } else { frf_curve(3000, 0.05) };
             result(&format!("test-{k}"), "cycle", SplitName::Fit, curve)
         };
         rung.tests = (0..160).map(long).collect();
