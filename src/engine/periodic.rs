@@ -31,7 +31,7 @@ pub struct Cycle {
 const TOLERANCE: f64 = 1e-10;
 /// Largest state for which the monodromy matrix is formed.
 const SHOOT: usize = 200;
-const CYCLES: usize = 60;
+const CYCLES: usize = 300;
 /// Spectral radius at infinite frequency: little error of second order in what is resolved, and damping of what is not.
 const RADIUS: f64 = 0.7;
 

@@ -1,12 +1,13 @@
 //! Charts: plotly's traces and layout in the page's one style.
 
 use plotly::color::{NamedColor, Rgba};
+use plotly::common::ExponentFormat;
 use plotly::common::{Anchor, DashType, Fill, Font, HoverInfo, Line, Marker, Mode, Orientation, Title, Visible};
 use plotly::configuration::DisplayModeBar;
 use plotly::layout::{Axis, AxisType, HoverMode, Legend, Margin};
 use plotly::{Configuration, Layout, Plot, Scatter};
 
-use super::text::esc;
+use super::text::{label, plain};
 
 /// Measured.
 pub const INK: &str = "#1a1a1a";
@@ -50,38 +51,65 @@ impl Charts {
 pub struct Along<'a> {
     /// Title with unit.
     pub title: &'a str,
-    /// Whether logarithmic.
-    pub log: bool,
+    /// Whether logarithmic, and then where the ticks stand.
+    pub log: Option<Ticks>,
+}
+
+/// Ticks of a logarithmic axis.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Ticks {
+    /// At powers of ten.
+    Decades,
+    /// At these and their multiples of ten.
+    At(&'static [f64]),
 }
 
 /// A linear axis.
 pub fn linear(title: &str) -> Along<'_> {
-    Along { title, log: false }
+    Along { title, log: None }
 }
 
-/// A logarithmic axis.
-pub fn log(title: &str) -> Along<'_> {
-    Along { title, log: true }
+/// A logarithmic axis over many decades.
+pub fn decades(title: &str) -> Along<'_> {
+    Along { title, log: Some(Ticks::Decades) }
+}
+
+/// A logarithmic axis of errors and ratios: 1, 3, 10.
+pub fn ratios(title: &str) -> Along<'_> {
+    Along { title, log: Some(Ticks::At(&[1.0, 3.0])) }
+}
+
+/// A logarithmic axis of frequencies: 1, 2, 5, 10.
+pub fn frequencies(title: &str) -> Along<'_> {
+    Along { title, log: Some(Ticks::At(&[1.0, 2.0, 5.0])) }
 }
 
 /// An axis in the page's style.
 pub fn axis(along: &Along) -> Axis {
     let font = || Font::new().size(12).color("#333333");
     let axis = Axis::new()
-        .title(Title::with_text(esc(along.title)).font(font()))
+        .title(Title::with_text(label(along.title)).font(font()))
         .tick_font(font())
         .grid_color("#e9e9e9")
         .line_color("#8c8c8c")
         .show_line(true)
         .zero_line(false)
         .auto_margin(true);
-    if along.log { axis.type_(AxisType::Log) } else { axis }
+    match along.log {
+        None => axis,
+        Some(Ticks::Decades) => axis.type_(AxisType::Log).dtick(1.0).exponent_format(ExponentFormat::Power),
+        Some(Ticks::At(of_ten)) => {
+            let at: Vec<f64> = (-6..7).flat_map(|d| of_ten.iter().map(move |v| v * 10f64.powi(d))).collect();
+            let text = at.iter().map(|v| plain(*v, 1)).collect();
+            axis.type_(AxisType::Log).tick_values(at).tick_text(text)
+        }
+    }
 }
 
 /// An empty chart.
 pub fn chart(x: &Along, y: &Along) -> (Plot, Layout) {
     let mut plot = Plot::new();
-    let bar = Configuration::new().responsive(true).display_logo(false).display_mode_bar(DisplayModeBar::Hover);
+    let bar = Configuration::new().responsive(true).display_logo(false).display_mode_bar(DisplayModeBar::False);
     plot.set_configuration(bar);
     let layout = Layout::new()
         .x_axis(axis(x))
@@ -98,12 +126,12 @@ pub fn chart(x: &Along, y: &Along) -> (Plot, Layout) {
 
 /// A computed curve.
 pub fn line(x: Vec<f64>, y: Vec<f64>, name: &str, colour: &'static str) -> Box<Scatter<f64, f64>> {
-    Scatter::new(short(x), short(y)).name(name).mode(Mode::Lines).line(Line::new().color(colour).width(1.8))
+    Scatter::new(short(x), short(y)).name(label(name)).mode(Mode::Lines).line(Line::new().color(colour).width(1.8))
 }
 
 /// Points.
 pub fn points(x: Vec<f64>, y: Vec<f64>, name: &str, colour: &'static str, size: usize) -> Box<Scatter<f64, f64>> {
-    Scatter::new(short(x), short(y)).name(name).mode(Mode::Markers).marker(Marker::new().color(colour).size(size).opacity(0.75))
+    Scatter::new(short(x), short(y)).name(label(name)).mode(Mode::Markers).marker(Marker::new().color(colour).size(size).opacity(0.75))
 }
 
 /// The band of two standard deviations as one closed outline: there along its upper edge, back along its lower.
@@ -122,7 +150,7 @@ pub fn band(x: &[f64], low: &[f64], high: &[f64]) -> Box<Scatter<f64, f64>> {
 
 /// A dashed line without markers.
 pub fn dashed(x: Vec<f64>, y: Vec<f64>, name: &str) -> Box<Scatter<f64, f64>> {
-    Scatter::new(short(x), short(y)).name(name).mode(Mode::Lines).line(Line::new().color(GREY).width(1.5).dash(DashType::Dash))
+    Scatter::new(short(x), short(y)).name(label(name)).mode(Mode::Lines).line(Line::new().color(GREY).width(1.5).dash(DashType::Dash))
 }
 
 /// A curve that is there but hidden until its name is clicked, where it belongs to a stage in between.

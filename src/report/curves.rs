@@ -8,10 +8,10 @@ use crate::diagnose::results::Curve;
 use crate::response::BlockKind;
 
 use super::ReportInput;
-use super::chart::{self, Along, Charts, line, linear, log, pick, points, shown, stage_colour, thin};
+use super::chart::{self, Along, Charts, decades, frequencies, line, linear, pick, points, shown, stage_colour, thin};
 use super::stage::{Stage, ids, over_floor, split_words, test};
 use super::summary::worst_words;
-use super::text::{digits, esc, percent, ratio, table};
+use super::text::{digits, esc, percent, plain, ratio, table};
 
 /// Points per trace at most.
 const POINTS: usize = 800;
@@ -34,7 +34,8 @@ pub fn section(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> St
     let limit = (BUDGET / (weight * curves.max(1))).clamp(FEWEST, POINTS);
     let mut out = String::new();
     if curves > 0 {
-        out += "<p class=\"soft\">Measured dark, its noise of two standard deviations as a grey band, computed in colour. Click a name to show or hide it. \
+        out += "<p class=\"soft\">Measured dark, its noise of two standard deviations as a grey band, computed in colour. Click a name to show or hide it; drag to zoom, \
+                double click to go back. \
                 Whitened residual: measured less computed, over the standard deviation of the noise; in a model that fits, 95 % lie \
                 within ±2.</p>\n";
     }
@@ -79,7 +80,7 @@ fn drawn(stages: &[Stage], ids: &[&str], count: impl Fn(&str) -> usize, most: us
 fn about(input: &ReportInput, stages: &[Stage], id: &str) -> String {
     let Some(t) = stages.iter().find_map(|s| test(s, id)) else { return String::new() };
     let print = |(name, c): (&String, &Condition)| {
-        format!("{} {}", esc(name), format!("{} {}", digits(c.unit.from_si(c.value), 4), esc(&c.unit.symbol)).trim_end())
+        format!("{} {}", esc(name), format!("{} {}", plain(c.unit.from_si(c.value), 4), esc(&c.unit.symbol)).trim_end())
     };
     let conditions = input.study.dataset.test(id).map(|t| t.conditions.iter().map(print).collect::<Vec<_>>());
     let parts = [vec![esc(&t.kind), split_words(t.split).into()], conditions.unwrap_or_default()];
@@ -96,7 +97,7 @@ fn errors(stages: &[Stage], id: &str) -> String {
     let row = |s: &Stage| {
         let t = test(s, id)?;
         let over = ratio(over_floor(t.error, t.floor));
-        Some(vec![s.name.clone(), percent(t.error), percent(t.floor), over, digits(t.whitened_rms, 3), worst_words(t)])
+        Some(vec![esc(&s.name), percent(t.error), percent(t.floor), over, digits(t.whitened_rms, 3), worst_words(t)])
     };
     let rows: Vec<Vec<String>> = stages.iter().filter_map(row).collect();
     table("", &["Model", "Error", "Noise floor", "Error / floor", "Whitened rms", "Farthest point"], &[1, 2, 3, 4], &rows)
@@ -252,15 +253,17 @@ fn loops(series: &Series, unit: &Units, charts: &mut Charts) -> String {
     let phase: Vec<f64> = c.abscissa.iter().map(|p| p.to_degrees()).collect();
     let y = linear_title(&c.label, &unit.y.0);
     let mut out = String::new();
+    // With residuals over phase and velocity beside it, the loop stands over both rows.
+    let (shape, height) = if c.v.is_empty() { ("", 300) } else { ("tall", 600) };
     if c.x.is_empty() {
         let plot = over(series, &phase, &unit.y, false, (&linear("phase in the cycle [deg]"), &linear(&y)), false);
-        out += &charts.figure(&plot, 400, &format!("{} <span>against phase</span>", esc(&c.label)), "");
+        out += &charts.figure(&plot, height, &format!("{} <span>against phase</span>", esc(&c.label)), shape);
     } else {
         let x = with_unit("driven displacement", &unit.x.0);
         let plot = over(series, &scaled(&c.x, &unit.x), &unit.y, true, (&linear(&x), &linear(&y)), false);
-        out += &charts.figure(&plot, 400, &format!("{} <span>against displacement: the loop</span>", esc(&c.label)), "");
+        out += &charts.figure(&plot, height, &format!("{} <span>against displacement: the loop</span>", esc(&c.label)), shape);
     }
-    out += &charts.figure(&residuals(series, &phase, &linear("phase in the cycle [deg]")), 400, "Residual <span>against phase</span>", "");
+    out += &charts.figure(&residuals(series, &phase, &linear("phase in the cycle [deg]")), 300, "Residual <span>against phase</span>", "");
     out += &against_velocity(series, unit, charts);
     format!("<div class=\"figures\">{out}</div>\n")
 }
@@ -275,7 +278,7 @@ fn against_velocity(series: &Series, unit: &Units, charts: &mut Charts) -> Strin
         return String::new();
     }
     let title = if unit.x.0 == "SI" { "driven velocity [SI]".into() } else { format!("driven velocity [{}/s]", unit.x.0) };
-    charts.figure(&residuals(series, &scaled(&c.v, &unit.x), &linear(&title)), 400, "Residual <span>against velocity</span>", "")
+    charts.figure(&residuals(series, &scaled(&c.v, &unit.x), &linear(&title)), 300, "Residual <span>against velocity</span>", "")
 }
 
 fn record(series: &Series, unit: &Units, charts: &mut Charts) -> String {
@@ -283,7 +286,7 @@ fn record(series: &Series, unit: &Units, charts: &mut Charts) -> String {
     let title = linear_title(&c.label, &unit.y.0);
     let plot = over(series, &c.abscissa, &unit.y, false, (&linear("time [s]"), &linear(&title)), true);
     let mut out = charts.figure(&plot, 360, &format!("{} <span>against time</span>", esc(&c.label)), "wide");
-    out += &charts.figure(&residuals(series, &c.abscissa, &linear("time [s]")), 400, "Residual <span>against time</span>", "");
+    out += &charts.figure(&residuals(series, &c.abscissa, &linear("time [s]")), 300, "Residual <span>against time</span>", "");
     out += &against_velocity(series, unit, charts);
     format!("<div class=\"figures\">{out}</div>\n")
 }
@@ -306,9 +309,9 @@ fn frf(series: &Series, unit: &Units, charts: &mut Charts) -> String {
     let positive = f.iter().copied().filter(|v| *v > 0.0);
     let (low, high) = positive.fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
     let wide = high > 30.0 * low && f.iter().all(|v| *v > 0.0);
-    let x = if wide { log("frequency [Hz]") } else { linear("frequency [Hz]") };
+    let x = if wide { frequencies("frequency [Hz]") } else { linear("frequency [Hz]") };
     let y = linear_title(&c.label, &unit.y.0);
-    let (mut plot, layout) = chart::chart(&x, &log(&y));
+    let (mut plot, layout) = chart::chart(&x, &decades(&y));
     let (m, p) = polar(&scaled(&c.measured, &unit.y), None);
     let sigma: Vec<f64> = scaled(&c.sigma, &unit.y).iter().step_by(2).copied().collect();
     let at = thin(&m, series.limit);
@@ -333,7 +336,7 @@ fn frf(series: &Series, unit: &Units, charts: &mut Charts) -> String {
     plot.set_layout(
         layout
             .x_axis(chart::axis(&x).anchor("y2"))
-            .y_axis(chart::axis(&log(&y)).domain(&[0.42, 1.0]))
+            .y_axis(chart::axis(&decades(&y)).domain(&[0.42, 1.0]))
             .y_axis2(chart::axis(&linear("phase [deg]")).domain(&[0.0, 0.34])),
     );
     let mut out = charts.figure(&plot, 440, &format!("{} <span>magnitude and phase</span>", esc(&c.label)), "");
@@ -348,11 +351,11 @@ fn rows(series: &Series, charts: &mut Charts) -> String {
     let has_frequency = c.abscissa.len() == n;
     let mut header: Vec<String> = vec![if has_frequency { "Frequency [Hz]".into() } else { "Row".into() }];
     header.extend([format!("Measured [{}]", esc(&c.unit)), "σ".into()]);
-    header.extend(series.on.iter().map(|(_, name, _)| format!("Computed, {name}")));
+    header.extend(series.on.iter().map(|(_, name, _)| format!("Computed, {}", esc(name))));
     header.push("Computed / measured, last".into());
     let last = series.on.last().map_or(c, |l| l.2);
     let row = |i: usize| {
-        let mut row = vec![if has_frequency { digits(c.abscissa[i], 4) } else { (i + 1).to_string() }];
+        let mut row = vec![if has_frequency { plain(c.abscissa[i], 4) } else { (i + 1).to_string() }];
         row.extend([digits(c.measured[i], 4), digits(c.sigma[i], 2)]);
         row.extend(series.on.iter().map(|(_, _, c)| digits(c.computed[i], 4)));
         row.push(digits(last.computed[i] / last.measured[i], 3));
@@ -366,7 +369,7 @@ fn rows(series: &Series, charts: &mut Charts) -> String {
     if has_frequency && n > 1 {
         let y = with_unit(&c.label, &c.unit);
         let wide = c.abscissa.iter().all(|f| *f > 0.0);
-        let x = if wide { log("frequency [Hz]") } else { linear("frequency [Hz]") };
+        let x = if wide { frequencies("frequency [Hz]") } else { linear("frequency [Hz]") };
         let plot = over(series, &c.abscissa, &(c.unit.clone(), 1.0), false, (&x, &linear(&y)), false);
         figures += &charts.figure(&plot, 340, &format!("{} <span>against frequency</span>", esc(&c.label)), "");
         figures += &charts.figure(&residuals(series, &c.abscissa, &x), 340, "Residual <span>against frequency</span>", "");

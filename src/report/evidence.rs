@@ -28,7 +28,7 @@ pub fn rungs(input: &ReportInput, stages: &[Stage], _charts: &mut Charts) -> Str
         };
         vec![
             k.to_string(),
-            format!("{}{removed}", stage.name),
+            format!("{}{removed}", esc(&stage.name)),
             weighed.map_or("-".into(), |c| percent(c.predicted_drop)),
             weighed.map_or("-".into(), |c| probability(c.p_value)),
             split(SplitName::Fit),

@@ -7,7 +7,7 @@ use super::ReportInput;
 use super::chart::{self, Charts};
 use super::stage::{Stage, ids, over_floor, split_words, test};
 use super::summary::{rung_axis, worst_words};
-use super::text::{esc, percent, ratio, table};
+use super::text::{esc, label, percent, ratio, table};
 
 /// Table and charts.
 pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> String {
@@ -21,7 +21,11 @@ pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> Stri
             let then = test(first, id);
             let mut row = vec![
                 format!("<a href=\"#test-{k}\">{}</a>", esc(id)),
+<<<<<<< HEAD
                 format!("{}, {}", esc(&now.kind), split_words(now.split)),
+=======
+                format!("<span class=\"nb\">{}, {}</span>", esc(&now.kind), split_words(now.split)),
+>>>>>>> report
                 now.n.to_string(),
             ];
             if several {
@@ -56,7 +60,7 @@ pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> Stri
 const DASHES: [DashType; 3] = [DashType::Solid, DashType::Dash, DashType::Dot];
 
 fn error_over_floor(stages: &[Stage], charts: &mut Charts) -> String {
-    let (mut plot, layout) = chart::chart(&chart::linear(""), &chart::log("error / noise floor"));
+    let (mut plot, layout) = chart::chart(&chart::linear(""), &chart::ratios("error / noise floor"));
     let colours = [chart::LAST, chart::FIRST].into_iter().chain(chart::OTHERS).collect::<Vec<_>>();
     let ids = ids(stages);
     for (n, id) in ids.iter().enumerate() {
@@ -64,7 +68,7 @@ fn error_over_floor(stages: &[Stage], charts: &mut Charts) -> String {
         let (x, y): (Vec<f64>, Vec<f64>) = stages.iter().enumerate().filter_map(over).unzip();
         let colour = colours[n % colours.len()];
         let line = Line::new().color(colour).width(1.8).dash(DASHES[(n / colours.len()) % DASHES.len()].clone());
-        plot.add_trace(Scatter::new(x, y).mode(Mode::LinesMarkers).line(line).marker(Marker::new().color(colour).size(7)).name(esc(id)));
+        plot.add_trace(Scatter::new(x, y).mode(Mode::LinesMarkers).line(line).marker(Marker::new().color(colour).size(7)).name(label(id)));
     }
     plot.add_trace(chart::dashed(vec![0.0, (stages.len() - 1) as f64], vec![1.0, 1.0], "noise floor"));
     plot.set_layout(layout.x_axis(rung_axis(stages)));
@@ -74,11 +78,11 @@ fn error_over_floor(stages: &[Stage], charts: &mut Charts) -> String {
 /// Error over floor of the tests that declare a drive frequency, against it.
 fn against_frequency(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> String {
     let frequency = |id: &str| input.study.dataset.test(id)?.conditions.get("frequency").map(|c| c.value).filter(|f| *f > 0.0);
-    let (mut plot, layout) = chart::chart(&chart::log("drive frequency [Hz]"), &chart::log("error / noise floor"));
+    let (mut plot, layout) = chart::chart(&chart::frequencies("drive frequency [Hz]"), &chart::ratios("error / noise floor"));
     let n = stages.len();
     let mut most = 0;
     for (k, stage) in stages.iter().enumerate().filter(|(k, _)| *k == 0 || k + 1 == n) {
-        let of = |t: &crate::diagnose::results::TestResult| Some((frequency(&t.id)?, over_floor(t.error, t.floor), esc(&t.id)));
+        let of = |t: &crate::diagnose::results::TestResult| Some((frequency(&t.id)?, over_floor(t.error, t.floor), label(&t.id)));
         let found: Vec<_> = stage.tests.iter().filter_map(of).collect();
         most = most.max(found.len());
         let (x, y) = found.iter().map(|f| (f.0, f.1)).unzip();

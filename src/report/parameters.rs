@@ -17,7 +17,7 @@ pub fn section(input: &ReportInput, stages: &[Stage]) -> String {
         let before = first.parameters.iter().find(|q| q.name == p.name);
         let mut row = vec![esc(&p.name)];
         if several {
-            row.push(before.map_or("-".into(), |q| printed(q)));
+            row.push(before.map_or("-".into(), printed));
         }
         row.extend([printed(p), interval(p), state(p), p.note.as_deref().map(esc).unwrap_or_default()]);
         row

@@ -11,7 +11,7 @@ pub const FITS: f64 = 1.2;
 
 /// One state of the model.
 pub struct Stage<'a> {
-    /// Name, escaped: `as given`, `+ coulomb at c3.x`.
+    /// Name as it is: `as given`, `+ coulomb at c3.x`.
     pub name: String,
     /// Its tests.
     pub tests: &'a [TestResult],
@@ -25,7 +25,7 @@ pub struct Stage<'a> {
 pub fn stages<'a>(input: &ReportInput<'a>) -> Vec<Stage<'a>> {
     if let Some(ladder) = input.ladder.filter(|l| !l.rungs.is_empty()) {
         let name = |k: usize, added: &Option<EffectAt>| match added {
-            Some(e) => format!("+ {}", effect_at(&e.effect, &e.at)),
+            Some(e) => format!("+ {} at {}", e.effect, e.at),
             None if k == 0 => "model as given".into(),
             None => "pruned".into(),
         };

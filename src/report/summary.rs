@@ -5,7 +5,7 @@ use crate::effect;
 
 use super::chart::{self, Charts};
 use super::stage::{FITS, Stage, effect_at, of_split, over_floor, pooled, split_words};
-use super::text::{digits, esc, list, percent, probability, ratio, words};
+use super::text::{digits, esc, label, list, percent, probability, ratio, words};
 use super::{ReportInput, page};
 
 /// The whole first screen.
@@ -101,8 +101,9 @@ fn verdict(input: &ReportInput, stages: &[Stage]) -> String {
             let fell = match fall(input, stages) {
                 Some(f) => {
                     let multiple = f.floor.filter(|v| *v > 0.0).map(|v| format!(", {} × the noise floor", ratio(f.after / v)));
+                    let on = if f.on == "held-out" { "held-out error".into() } else { format!("the error on the {} tests", f.on) };
                     let verb = if input.ladder.is_some() { "fell" } else { "falls" };
-                    format!(": {} error {verb} from {} to {}{}", f.on, percent(f.before), percent(f.after), multiple.unwrap_or_default())
+                    format!(": {} {verb} from {} to {}{}", on, percent(f.before), percent(f.after), multiple.unwrap_or_default())
                 }
                 None => String::new(),
             };
@@ -141,13 +142,20 @@ fn fits(stages: &[Stage]) -> String {
         (true, true, _) => "Yes",
         (false, true, true) => "Not as given; now it does",
         (false, true, false) => "Yes",
-        (false, false, true) => "Not as given, not yet now",
+        (false, false, true) => {
+            if e1 < 0.9 * e0 {
+                "No, but better than as given"
+            } else {
+                "No"
+            }
+        }
         (_, false, _) => "No",
     };
     let before = format!("Error {}, {} × the noise floor", percent(e0), ratio(over_floor(e0, f0)));
     let after =
         if stages.len() > 1 { format!("With the effects added: {}, {} ×", percent(e1), ratio(over_floor(e1, f1))) } else { String::new() };
-    card(if is { "good" } else { "bad" }, "Does the model fit?", big, &[before, after, format!("over {}", tests_words(n))])
+    let ended = if last.termination == "converged" { String::new() } else { format!("The last fit ended: {}", esc(last.termination)) };
+    card(if is { "good" } else { "bad" }, "Does the model fit?", big, &[before, after, format!("over {}", tests_words(n)), ended])
 }
 
 /// The test with the largest error over floor.
@@ -217,12 +225,7 @@ fn evidence(input: &ReportInput, effect: &str, at: &str) -> String {
     let rungs = input.ladder.map_or(&[][..], |l| &l.rungs);
     let diagnosed = input.diagnosis.map_or(&[][..], |d| &d.candidates);
     let found = rungs.iter().flat_map(|r| &r.candidates).chain(diagnosed).find(|c| c.effect == effect && c.at == at && c.accepted);
-    found.map(|c| format!("p {} that chance shows as much", probability_words(c.p_value))).unwrap_or_default()
-}
-
-fn probability_words(p: f64) -> String {
-    let text = probability(p);
-    if text.starts_with('&') { text } else { format!("= {text}") }
+    found.map(|c| format!("Chance would show as much with probability {}", probability(c.p_value))).unwrap_or_default()
 }
 
 fn fell(input: &ReportInput, stages: &[Stage]) -> String {
@@ -243,6 +246,10 @@ fn fell(input: &ReportInput, stages: &[Stage]) -> String {
 /// What to do next, in one sentence.
 fn next(input: &ReportInput, stages: &[Stage]) -> String {
     let folder = esc(&input.study.folder.display().to_string());
+    let as_it_is = || match stages.last().and_then(stage_fits) {
+        Some(false) => "look below at the residuals of the worst test before using the model: it stands above the noise.".into(),
+        _ => format!("use the model as it is: <code>misfit export {folder}</code>"),
+    };
     if let Some(t) = input.ladder.and_then(|l| l.next_test.as_ref()).or(input.diagnosis.and_then(|d| d.next_test.as_ref())) {
         return format!(
             "measure the test that separates what is tied: {} (separation {} times the noise).",
@@ -257,24 +264,24 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
                 "look below at the residuals of the worst test; what they show needs a law that is not in the library.".into()
             }
             (_, Some(s)) if !l.missing.is_empty() => {
-                format!("the study with the effects added stands in <code>{s}</code>; export it with <code>misfit export {s}</code>.")
+                format!("the study with the effects added stands in <code>{s}</code>; export it with <code>misfit export {s}</code>")
             }
-            _ => format!("use the model as it is: <code>misfit export {folder}</code>."),
+            _ => as_it_is(),
         };
     }
     if let Some(d) = input.diagnosis {
         return match (d.verdict, d.missing.first()) {
-            (_, Some(m)) => format!("add it and refit: <code>misfit add {folder} {} --at {}</code>.", esc(&m.effect), esc(&m.at)),
+            (_, Some(m)) => format!("add it and refit: <code>misfit add {folder} {} --at {}</code>", esc(&m.effect), esc(&m.at)),
             (Verdict::Unexplained, None) => {
                 "look below at the residuals of the worst test; what they show needs a law that is not in the library.".into()
             }
-            _ => format!("use the model as it is: <code>misfit export {folder}</code>."),
+            _ => as_it_is(),
         };
     }
     match stages.last().and_then(stage_fits) {
-        Some(true) => format!("ask whether anything is hidden below the noise: <code>misfit diagnose {folder}</code>."),
-        Some(false) => format!("find out what is missing: <code>misfit ladder {folder}</code>."),
-        None => format!("fit the study: <code>misfit fit {folder}</code>."),
+        Some(true) => format!("ask whether anything is hidden below the noise: <code>misfit diagnose {folder}</code>"),
+        Some(false) => format!("find out what is missing: <code>misfit ladder {folder}</code>"),
+        None => format!("fit the study: <code>misfit fit {folder}</code>"),
     }
 }
 
@@ -283,9 +290,7 @@ fn overall_chart(stages: &[Stage], charts: &mut Charts) -> String {
     use plotly::Scatter;
     use plotly::common::{DashType, Line, Marker, MarkerSymbol, Mode};
     let Some(last) = stages.last().filter(|s| !s.tests.is_empty()) else { return String::new() };
-    let mut y = chart::linear("error [%]");
-    y.log = true;
-    let (mut plot, mut layout) = chart::chart(&chart::linear(""), &y);
+    let (mut plot, mut layout) = chart::chart(&chart::linear(""), &chart::ratios("error [%]"));
     let colour = |split: SplitName| match split {
         SplitName::Fit => chart::GREY,
         SplitName::Select => chart::OTHERS[2],
@@ -293,13 +298,13 @@ fn overall_chart(stages: &[Stage], charts: &mut Charts) -> String {
     };
     let positive = |v: f64| if v > 0.0 { 100.0 * v } else { f64::NAN };
     if stages.len() == 1 {
-        let ids: Vec<String> = last.tests.iter().map(|t| esc(&t.id)).collect();
+        let ids: Vec<String> = last.tests.iter().map(|t| label(&t.id)).collect();
         for split in [SplitName::Fit, SplitName::Select, SplitName::HeldOut] {
             let of: Vec<&TestResult> = of_split(last, split);
             if of.is_empty() {
                 continue;
             }
-            let (x, y) = of.iter().map(|t| (esc(&t.id), positive(t.error))).unzip::<_, _, Vec<_>, Vec<_>>();
+            let (x, y) = of.iter().map(|t| (label(&t.id), positive(t.error))).unzip::<_, _, Vec<_>, Vec<_>>();
             let marker = Marker::new().size(11).color(if split == SplitName::Fit { chart::LAST } else { colour(split) });
             plot.add_trace(Scatter::new(x, y).mode(Mode::Markers).marker(marker).name(split_words(split)));
         }
@@ -324,7 +329,7 @@ fn overall_chart(stages: &[Stage], charts: &mut Charts) -> String {
             .line(line)
             .marker(Marker::new().color(colour(split)).size(7))
             .name(split_words(split))
-            .text(esc(id))
+            .text(label(id))
             .legend_group(split_words(split))
             .show_legend(first);
         plot.add_trace(trace);
@@ -343,6 +348,6 @@ pub fn rung_axis(stages: &[Stage]) -> plotly::layout::Axis {
     let end = stages.len().saturating_sub(1) as f64;
     chart::axis(&chart::linear(""))
         .tick_values(at)
-        .tick_text(stages.iter().map(|s| s.name.clone()).collect::<Vec<_>>())
-        .range(vec![-0.15 * end.max(1.0) / 1.0, end + 0.15 * end.max(1.0)])
+        .tick_text(stages.iter().map(|s| label(&s.name)).collect::<Vec<_>>())
+        .range(vec![-0.15 * end.max(1.0), end + 0.15 * end.max(1.0)])
 }

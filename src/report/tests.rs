@@ -345,7 +345,7 @@ fn a_ladder_is_told_from_its_first_screen_to_its_sources() {
         "no better on the select tests",
         "nothing earns its place",
         "8 more",
-        "frequency 1.000 Hz",
+        "frequency 1 Hz",
     ] {
         assert!(page.contains(text), "`{text}` is not on the page");
     }
@@ -366,7 +366,10 @@ fn what_is_not_there_is_left_out() {
     let page = html(&ReportInput { fit: Some(&good), ..nothing }).unwrap();
     sound(&page);
     assert!(page.contains("The model fits to the noise.") && page.contains("misfit diagnose") && !page.contains("id=\"rungs\""));
-    let bad = fit(tests(100, 0.0, 0.1, true));
+    let mut bad = fit(tests(100, 0.0, 0.1, true));
+    bad.termination = "stalled".into();
+    let page = html(&ReportInput { fit: Some(&bad), ..nothing }).unwrap();
+    assert!(page.contains("The model does not fit") && page.contains("The last fit ended: stalled") && page.contains("misfit ladder"));
     let with = |verdict| {
         let diagnosis = diagnosis(verdict);
         let page = html(&ReportInput { fit: Some(&bad), diagnosis: Some(&diagnosis), ..nothing }).unwrap();
@@ -376,11 +379,12 @@ fn what_is_not_there_is_left_out() {
     let page = with(Verdict::Missing);
     assert!(
         page.contains("misses coulomb at c3&lt;.x")
-            && page.contains("select error falls from 31\u{a0}% to 1.2\u{a0}%")
+            && page.contains("the error on the select tests falls from 31\u{a0}% to 1.2\u{a0}%")
             && page.contains("misfit add")
     );
     assert!(with(Verdict::Unexplained).contains("Something is missing that no candidate explains"));
     let page = with(Verdict::NothingMissing);
+    assert!(!page.contains("use the model as it is"));
     assert!(page.contains("No missing effect was found, although") && page.contains("coulomb at c1.x: 0.02 N"));
 }
 
@@ -391,7 +395,7 @@ fn many_long_tests_stay_below_the_bound_of_the_page() {
     let mut ladder = ladder(20);
     for rung in &mut ladder.rungs {
         let long = |k: usize| {
-            let curve = if k % 2 == 0 { loop_curve(3000, 2.0, 0.1 * k as f64, k as f64) } else { frf_curve(3000, 0.05) };
+            let curve = if k.is_multiple_of(2) { loop_curve(3000, 2.0, 0.1 * k as f64, k as f64) } else { frf_curve(3000, 0.05) };
             result(&format!("test-{k}"), "cycle", SplitName::Fit, curve)
         };
         rung.tests = (0..160).map(long).collect();

@@ -1,6 +1,6 @@
 //! Numbers and names as a person reads them.
 
-/// Text made safe for HTML, and for plotly's labels, which read the same entities.
+/// Text made safe for HTML.
 pub fn esc(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -16,6 +16,17 @@ pub fn esc(text: &str) -> String {
         }
     }
     out
+}
+
+/// Text made safe for plotly's labels, which read a subset of HTML: of quotes they know no entity.
+pub fn label(text: &str) -> String {
+    esc(text).replace("&quot;", "\"").replace("&#39;", "'")
+}
+
+/// As [`digits`], without zeros at the end: for conditions and other round numbers.
+pub fn plain(value: f64, n: usize) -> String {
+    let text = digits(value, n);
+    if text.contains('.') && !text.contains('×') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
 /// A number with `n` significant digits: plain between 1e-3 and 1e5, else as a power of ten; `-` for what is not a number.
@@ -63,9 +74,9 @@ pub fn percent(fraction: f64) -> String {
     format!("{text}\u{a0}%")
 }
 
-/// A ratio to the noise floor: `1.08`, `29`.
+/// A ratio to the noise floor: `0.94`, `1.08`, `29`.
 pub fn ratio(value: f64) -> String {
-    digits(value, if value.abs() < 1.995 { 3 } else { 2 })
+    digits(value, if (0.995..1.995).contains(&value.abs()) { 3 } else { 2 })
 }
 
 /// A probability; small ones as a bound.
@@ -115,18 +126,23 @@ mod tests {
         assert_eq!(digits(3.0e12, 2), "3.0 × 10¹²");
         assert_eq!(digits(0.0999996, 3), "0.100");
         assert_eq!(digits(f64::NAN, 3), "-");
+        assert_eq!(
+            (plain(1.0, 4), plain(0.01, 4), plain(1e5, 2), plain(200.0, 4)),
+            ("1".into(), "0.01".into(), "1.0 × 10⁵".into(), "200".into())
+        );
         assert_eq!(digits(f64::NEG_INFINITY, 3), "−∞");
         assert_eq!(percent(0.3111), "31\u{a0}%");
         assert_eq!(percent(0.0112), "1.1\u{a0}%");
         assert_eq!(percent(12.343), "1234\u{a0}%");
         assert_eq!(percent(0.996), "100\u{a0}%");
         assert_eq!(ratio(1.0834), "1.08");
-        assert_eq!(ratio(28.6), "29");
+        assert_eq!((ratio(28.6), ratio(0.942), ratio(0.9967)), ("29".into(), "0.94".into(), "0.997".into()));
     }
 
     #[test]
     fn names_are_made_safe() {
         assert_eq!(esc("<script>\"a\" & 'b'</script>"), "&lt;script&gt;&quot;a&quot; &amp; &#39;b&#39;&lt;/script&gt;");
         assert_eq!(esc("a\u{0}b\nc"), "a b c");
+        assert_eq!(label("<a> \"b\" 'c'"), "&lt;a&gt; \"b\" 'c'");
     }
 }
