@@ -21,11 +21,7 @@ pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> Stri
             let then = test(first, id);
             let mut row = vec![
                 format!("<a href=\"#test-{k}\">{}</a>", esc(id)),
-<<<<<<< HEAD
-                format!("{}, {}", esc(&now.kind), split_words(now.split)),
-=======
                 format!("<span class=\"nb\">{}, {}</span>", esc(&now.kind), split_words(now.split)),
->>>>>>> report
                 now.n.to_string(),
             ];
             if several {

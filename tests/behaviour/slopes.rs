@@ -128,8 +128,13 @@ fn history(samples: usize, dt: f64) -> String {
     let mut csv = String::from("t,x,F\n");
     for k in 0..samples {
         let t = k as f64 * dt;
-        writeln!(csv, "{t},{},{}", 0.5 * (31.4159265358979 * t).sin(), 4.0 * (31.4159265358979 * t).sin() + 0.01 * ((k * 7919) % 13) as f64)
-            .unwrap();
+        writeln!(
+            csv,
+            "{t},{},{}",
+            0.5 * (31.4159265358979 * t).sin(),
+            4.0 * (31.4159265358979 * t).sin() + 0.01 * ((k * 7919) % 13) as f64
+        )
+        .unwrap();
     }
     csv
 }
