@@ -19,6 +19,8 @@ pub struct Stage<'a> {
     pub parameters: &'a [ParameterResult],
     /// Its effects.
     pub effects: &'a [EffectAt],
+    /// How its fit ended.
+    pub termination: &'a str,
 }
 
 /// The rungs of the ladder; without one the fit alone; without that nothing.
@@ -34,6 +36,7 @@ pub fn stages<'a>(input: &ReportInput<'a>) -> Vec<Stage<'a>> {
             tests: &r.tests,
             parameters: &r.parameters,
             effects: &r.effects,
+            termination: &r.termination,
         };
         return ladder.rungs.iter().enumerate().map(stage).collect();
     }
@@ -42,6 +45,7 @@ pub fn stages<'a>(input: &ReportInput<'a>) -> Vec<Stage<'a>> {
         tests: &f.tests,
         parameters: &f.parameters,
         effects: &f.effects,
+        termination: &f.termination,
     };
     input.fit.map(stage).into_iter().collect()
 }
