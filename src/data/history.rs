@@ -15,6 +15,13 @@ pub struct History {
     pub channels: Vec<Channel>,
 }
 
+/// Bands that the recorded velocity is held against the displacement in.
+const BANDS: usize = 12;
+/// A band speaks where the displacement has this much more power than its noise floor.
+const CLEAR: f64 = 10.0;
+/// A recorded velocity has been low-passed where it holds less than this part of what the displacement says it must.
+const PASSED: f64 = 0.5;
+
 /// Displacement, velocity and acceleration at the times of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
@@ -67,6 +74,15 @@ impl History {
         let (x, v, a, cutoff) = match (velocity, acceleration) {
             (Some(v), Some(a)) => (displacement.clone(), v, a, None),
             (Some(v), None) => {
+                if let Some(edge) = self.low_passed(&v, displacement) {
+                    let d = self.derivatives(displacement)?;
+                    let text = format!(
+                        "the recorded velocity has been low-passed below {edge:.4} Hz, where the displacement still moves: not used"
+                    );
+                    notes.push(Note::new(at, text));
+                    notes.push(derived("velocity and acceleration", "displacement", d.cutoff));
+                    return Ok(Motion { displacement: d.value, velocity: d.first, acceleration: d.second, cutoff: Some(d.cutoff), notes });
+                }
                 let d = self.derivatives(&v)?;
                 notes.push(derived("acceleration", "velocity", d.cutoff));
                 (displacement.clone(), v, d.first, Some(d.cutoff))
@@ -79,6 +95,28 @@ impl History {
             }
         };
         Ok(Motion { displacement: x, velocity: v, acceleration: a, cutoff, notes })
+    }
+
+    /// Frequency above which a recorded velocity lacks what the displacement, clear of its own noise, says it must hold. Such a
+    /// velocity would hide the inertia of what rings.
+    fn low_passed(&self, velocity: &[f64], displacement: &[f64]) -> Option<f64> {
+        let n = self.time.len();
+        if n < 16 || displacement.len() != n || velocity.len() != n {
+            return None;
+        }
+        let df = (n - 1) as f64 / n as f64 / (self.time[n - 1] - self.time[0]);
+        let (x, v) = (windowed_power(displacement)?, windowed_power(velocity)?);
+        let (floor, cut) = (floor(&x), cutoff(&x));
+        let width = (cut / BANDS).max(1);
+        // The window smears the mean and the drift over the first lines.
+        (4..cut).step_by(width).find_map(|low| {
+            let band = low..(low + width).min(cut);
+            let lines = band.len() as f64;
+            let clear = x[band.clone()].iter().sum::<f64>() > CLEAR * floor * lines;
+            let expected: f64 = band.clone().map(|k| x[k] * (2.0 * PI * k as f64 * df).powi(2)).sum();
+            let held: f64 = v[band].iter().sum();
+            (clear && held < PASSED * PASSED * expected).then_some(low as f64 * df)
+        })
     }
 
     fn derivatives(&self, values: &[f64]) -> Result<Derivatives, HistoryError> {
@@ -118,17 +156,9 @@ pub fn derivatives(values: &[f64], dt: f64) -> Option<Derivatives> {
     let length = 2 * (n - 1);
     let slope = (values[n - 1] - values[0]) / (n - 1) as f64;
     let line = |i: usize| values[0] + slope * i as f64;
-    let mut extended = vec![0.0; length];
-    for i in 1..n - 1 {
-        let y = values[i] - line(i);
-        extended[i] = y;
-        extended[length - i] = -y;
-    }
     let mut planner = RealFftPlanner::<f64>::new();
-    let forward = planner.plan_fft_forward(length);
+    let spectrum = sine_spectrum(values, &mut planner)?;
     let inverse = planner.plan_fft_inverse(length);
-    let mut spectrum = forward.make_output_vec();
-    forward.process(&mut extended, &mut spectrum).ok()?;
 
     let power: Vec<f64> = spectrum.iter().map(|c| c.norm_sqr()).collect();
     let cut = cutoff(&power);
@@ -167,14 +197,48 @@ pub fn derivatives(values: &[f64], dt: f64) -> Option<Derivatives> {
     Some(Derivatives { value, first, second, cutoff: cut as f64 / (length as f64 * dt) })
 }
 
+/// Spectrum of the values less the line through their ends, reflected oddly about both.
+fn sine_spectrum(values: &[f64], planner: &mut RealFftPlanner<f64>) -> Option<Vec<num_complex::Complex64>> {
+    let n = values.len();
+    let length = 2 * (n - 1);
+    let slope = (values[n - 1] - values[0]) / (n - 1) as f64;
+    let mut extended = vec![0.0; length];
+    for i in 1..n - 1 {
+        let y = values[i] - (values[0] + slope * i as f64);
+        extended[i] = y;
+        extended[length - i] = -y;
+    }
+    let forward = planner.plan_fft_forward(length);
+    let mut spectrum = forward.make_output_vec();
+    forward.process(&mut extended, &mut spectrum).ok()?;
+    Some(spectrum)
+}
+
+/// Power spectrum of the values less the line through their ends, under a Hann window.
+fn windowed_power(values: &[f64]) -> Option<Vec<f64>> {
+    let n = values.len();
+    let slope = (values[n - 1] - values[0]) / (n - 1) as f64;
+    let window = |i: usize| 0.5 - 0.5 * (2.0 * PI * i as f64 / n as f64).cos();
+    let mut signal: Vec<f64> = values.iter().enumerate().map(|(i, v)| window(i) * (v - values[0] - slope * i as f64)).collect();
+    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(n);
+    let mut spectrum = forward.make_output_vec();
+    forward.process(&mut signal, &mut spectrum).ok()?;
+    Some(spectrum.iter().map(|c| c.norm_sqr()).collect())
+}
+
+/// Noise power of a line: the median over the upper quarter of the band, where the median of an exponential distribution is the mean
+/// times ln 2.
+fn floor(power: &[f64]) -> f64 {
+    let mut top: Vec<f64> = power[power.len() - power.len() / 4..].to_vec();
+    top.sort_by(f64::total_cmp);
+    top.get(top.len() / 2).copied().unwrap_or(0.0) / std::f64::consts::LN_2
+}
+
 /// The lowest line above which no more is left than noise would leave: the power beyond it is at most `SURPLUS` times what the noise floor
 /// holds over the whole band. (A criterion line by line would let a single hum line carry the cutoff up with it.)
 fn cutoff(power: &[f64]) -> usize {
     let lines = power.len();
-    let mut top: Vec<f64> = power[lines - lines / 4..].to_vec();
-    top.sort_by(f64::total_cmp);
-    // Median of an exponential distribution: mean times ln 2.
-    let floor = top.get(top.len() / 2).copied().unwrap_or(0.0) / std::f64::consts::LN_2;
+    let floor = floor(power);
     let mut beyond = 0.0;
     let last = (1..lines).rposition(|k| {
         beyond += power[k];

@@ -38,11 +38,26 @@ pub fn verdict_cost(proof: &Proof) -> f64 {
     cost(&proof.fit) + cost(&proof.select) + proof.fitted.free.len() as f64
 }
 
-/// Whether the data cannot tell a candidate from the best: their costs differ by less than the noise in a cost difference explains, or
-/// by a hundredth where neither fits.
+/// Cost difference up to which responses that agree within the noise on every test are not told apart; beyond it the many points
+/// together decide.
+const DECISIVE: f64 = 8.0;
+
+/// Whether the data cannot tell a candidate from the best: on every planned test their responses differ by less than the noise and the
+/// costs by less than [`DECISIVE`]; or the costs differ by less than the noise in a cost difference explains, or by a hundredth where
+/// neither fits.
 pub fn tied(best: &Proof, other: &Proof) -> bool {
     let (a, b) = (verdict_cost(best), verdict_cost(other));
     let points: usize = best.fit.iter().chain(&best.select).map(Vec::len).sum();
     let above_noise = (2.0 * a / points.max(1) as f64 - 1.0).max(0.0);
-    (b - a).abs() <= 3.0 + 0.01 * above_noise.min(1.0) * a
+    let apart = (b - a).abs();
+    apart <= 3.0 + 0.01 * above_noise.min(1.0) * a
+        || (apart <= DECISIVE && alike(&best.fit, &other.fit) && alike(&best.select, &other.select))
+}
+
+/// Whether two sets of responses differ by less than the noise on every test: the whitened residuals have the measurement in common.
+fn alike(a: &Whitened, b: &Whitened) -> bool {
+    a.iter().zip(b).all(|(a, b)| {
+        let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+        square < a.len() as f64
+    })
 }

@@ -7,6 +7,7 @@ mod error;
 mod findings;
 mod ladder;
 mod next;
+mod nuisance;
 mod refit;
 pub mod results;
 mod score;

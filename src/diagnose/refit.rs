@@ -45,7 +45,7 @@ pub struct Proof {
 /// Best score of each candidate, in order.
 pub fn best_per_candidate(scores: &[Score], trials: &[Trial]) -> Vec<Score> {
     let mut seen = std::collections::HashSet::new();
-    scores.iter().filter(|s| s.z > 0.0 && seen.insert(trials[s.trial].candidate)).copied().collect()
+    scores.iter().filter(|s| s.drop > 0.0 && seen.insert(trials[s.trial].candidate)).copied().collect()
 }
 
 /// The candidate's instance with a start for its strength, everything of it free.

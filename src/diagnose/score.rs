@@ -1,16 +1,18 @@
 //! The score test: how much of the misfit each candidate would explain, from one evaluation of the model with all candidates at their
 //! null strength (design.md section 6).
 //!
-//! With `J` the columns of the free parameters that are not held at a bound and the priors' rows, `Q` an orthonormal basis of them, `r`
+//! With `J` the columns of the free parameters that are not held at a bound, the priors' rows and the columns of the channels' nuisances
+//! (gain, offset, delay, each with its prior; not for candidates that are channel effects themselves), `Q` an orthonormal basis of them, `r`
 //! the whitened residual and `g` a candidate's column: `r~ = (I - QQ')r`, `g~ = (I - QQ')g`, `z = -g~'r~/||g~||`, one-sided where the
 //! strength has a sign; expected fall of the cost `z^2/2`.
 
 use nalgebra::{DMatrix, DVector};
-use rand::SeedableRng;
+use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::effect::Sign;
+use crate::effect::{Role, Sign};
 use crate::identify::LeastSquares;
 use crate::model::System;
 use crate::residual::Problem;
@@ -18,18 +20,19 @@ use crate::response::Plan;
 
 use super::DiagnoseError;
 use super::candidates::Trial;
+use super::nuisance::nuisances;
 
 /// A column keeps at least this part of itself after projection, or the data cannot tell it from what the model has.
 const VISIBLE: f64 = 1e-3;
 /// Draws of the null distribution of the best score.
-const DRAWS: usize = 4000;
+const DRAWS: usize = 10_000;
 
 /// Score of one trial.
 #[derive(Clone, Copy, Debug)]
 pub struct Score {
     /// Index of the trial.
     pub trial: usize,
-    /// Standardised score, positive where the strength would grow in its admissible direction.
+    /// Standardised score beyond what the channels' nuisances imitate, positive where the strength would grow in its admissible direction.
     pub z: f64,
     /// Fraction of the present cost that the linear model expects to fall.
     pub drop: f64,
@@ -41,7 +44,7 @@ pub struct Score {
     pub visible: f64,
 }
 
-/// Scores every trial; the best first. `at_bound[k]` holds for free parameters of `system` that lie at a bound.
+/// Scores every trial; the largest expected drop first. `at_bound[k]` holds for free parameters of `system` that lie at a bound.
 pub fn score(
     plans: &[&Plan],
     system: &System,
@@ -52,12 +55,14 @@ pub fn score(
 ) -> Result<Vec<Score>, DiagnoseError> {
     let mut augmented = system.clone();
     augmented.instances.extend(trials.iter().map(|t| t.instance.clone()));
+    let chain = nuisances(plans);
+    augmented.instances.extend(chain.iter().map(|n| n.instance.clone()));
     let problem = Problem::new(plans.to_vec(), augmented);
     let own = system.free().len();
     let p = problem.variables();
     let computed = problem.jacobian(&p).map_err(|e| crate::identify::IdentifyError::StartFails { reason: e.reason })?;
-    let (mut r, j) = computed;
-    let rows = r.len() + priors.len();
+    let (r, j) = computed;
+    let rows = r.len() + priors.len() + chain.len();
     let cost: f64 = 0.5 * r.norm_squared();
     // Prior rows belong to the columns of the model's own parameters.
     let mut base = DMatrix::zeros(rows, own);
@@ -73,8 +78,19 @@ pub fn score(
         return Err(crate::identify::IdentifyError::StartFails { reason }.into());
     }
     let kept: Vec<usize> = (0..own).filter(|k| !at_bound[*k]).collect();
-    let q = basis(&base.select_columns(&kept));
-    r = project(&q, extended);
+    let plain = base.select_columns(&kept);
+    // The nuisances' columns, each with the row of its prior.
+    let mut with_chain = DMatrix::zeros(rows, kept.len() + chain.len());
+    with_chain.columns_mut(0, kept.len()).copy_from(&plain);
+    for (k, nuisance) in chain.iter().enumerate() {
+        let column = j.column(own + trials.len() + k);
+        if column.iter().all(|v| v.is_finite()) {
+            with_chain.view_mut((0, kept.len() + k), (j.nrows(), 1)).copy_from(&column);
+        }
+        with_chain[(j.nrows() + priors.len() + k, kept.len() + k)] = 1.0 / nuisance.sigma;
+    }
+    let (q_plain, q_chain) = (basis(&plain), basis(&with_chain));
+    let (r_plain, r_chain) = (project(&q_plain, extended.clone()), project(&q_chain, extended));
     let mut scores = Vec::new();
     let mut columns: Vec<DVector<f64>> = Vec::new();
     for (t, trial) in trials.iter().enumerate() {
@@ -84,22 +100,28 @@ pub fn score(
         if !(size.is_finite() && size > 0.0) {
             continue;
         }
-        let left = project(&q, g);
+        // What the candidate would take off the cost, against the model alone; whether that is beyond chance, against what the
+        // instruments may do too.
+        let plain = project(&q_plain, g.clone());
+        let plain_norm = plain.norm();
+        let instrument = trial.instance.effect.info().role == Role::Channel;
+        let (left, r) = if instrument { (plain.clone(), &r_plain) } else { (project(&q_chain, g), &r_chain) };
         let norm = left.norm();
-        if norm < VISIBLE * size {
+        if plain_norm.min(norm) < VISIBLE * size {
             continue;
         }
-        let z = -left.dot(&r) / norm;
+        let z = -left.dot(r) / norm;
+        let plain_z = -plain.dot(&r_plain) / plain_norm;
         let sign = trial.instance.effect.info().params[0].sign;
         // A gain or an exponent may go either way from its null; a strength with a sign only up.
         let two_sided = sign == Sign::Any || trial.instance.effect.info().params[0].default != 0.0;
-        let gain = if two_sided { z.abs() } else { z.max(0.0) };
+        let gain = |z: f64| if two_sided { z.abs() } else { z.max(0.0) };
         scores.push((
             Score {
                 trial: t,
-                z: gain,
-                drop: 0.5 * gain * gain / cost.max(f64::MIN_POSITIVE),
-                strength: z / norm,
+                z: gain(z),
+                drop: 0.5 * gain(plain_z).powi(2) / cost.max(f64::MIN_POSITIVE),
+                strength: plain_z / plain_norm,
                 p_value: 1.0,
                 visible: norm,
             },
@@ -119,7 +141,7 @@ pub fn score(
             s
         })
         .collect();
-    scores.sort_by(|a, b| b.z.total_cmp(&a.z));
+    scores.sort_by(|a, b| b.drop.total_cmp(&a.drop));
     Ok(scores)
 }
 
@@ -171,21 +193,20 @@ fn null_distribution(columns: &[DVector<f64>], two_sided: &[bool], seed: u64) ->
             break DMatrix::identity(m, m);
         }
     };
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let Ok(normal) = Normal::new(0.0, 1.0) else { return vec![] };
-    let mut draw = || {
-        let u: f64 = rand::Rng::random_range(&mut rng, f64::EPSILON..1.0 - f64::EPSILON);
-        normal.inverse_cdf(u)
-    };
-    let mut best = Vec::with_capacity(DRAWS);
     let block = 200;
-    for _ in 0..DRAWS / block {
-        let z = &root * DMatrix::from_fn(m, block, |_, _| draw());
-        for c in z.column_iter() {
-            let top = c.iter().zip(two_sided).map(|(z, both)| if *both { z.abs() } else { z.max(0.0) }).fold(0.0, f64::max);
-            best.push(top);
-        }
-    }
+    let mut best: Vec<f64> = (0..DRAWS / block)
+        .into_par_iter()
+        .flat_map_iter(|stream| {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            rng.set_stream(stream as u64);
+            let z = &root * DMatrix::from_fn(m, block, |_, _| normal.inverse_cdf(rng.random_range(f64::EPSILON..1.0 - f64::EPSILON)));
+            let top = |c: nalgebra::DVectorView<f64>| {
+                c.iter().zip(two_sided).map(|(z, both)| if *both { z.abs() } else { z.max(0.0) }).fold(0.0, f64::max)
+            };
+            z.column_iter().map(top).collect::<Vec<f64>>()
+        })
+        .collect();
     best.sort_by(f64::total_cmp);
     best
 }

@@ -46,7 +46,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let priors: Vec<_> = base.options.priors.iter().map(|p| (p.index, p.mean, p.sigma)).collect();
     let scores = score(&plans, &base.system, &trials, &at_bound, &priors, case.seed)?;
     let best = best_per_candidate(&scores, &trials);
-    let p_value = best.first().map_or(1.0, |s| s.p_value);
+    let p_value = best.iter().map(|s| s.p_value).fold(1.0, f64::min);
     let visible = visible(&scores, &names, &trials);
     let before_fit = whitened(&plans, &base.system).unwrap_or_default();
     let before_select = whitened(&selects, &base.system).unwrap_or_default();
@@ -75,7 +75,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         return Ok(Step { candidates: list, accepted: None, tied_systems: vec![], p_value, visible });
     }
     let top = best.first().map_or(0.0, |s| s.drop);
-    let picked: Vec<Score> = best.iter().take(REFITS).filter(|s| s.p_value <= LEVEL && s.drop >= WORTH * top).copied().collect();
+    let picked: Vec<Score> = best.iter().filter(|s| s.p_value <= LEVEL && s.drop >= WORTH * top).take(REFITS).copied().collect();
     let rest: Vec<Score> = best.iter().filter(|s| !picked.iter().any(|p| p.trial == s.trial)).take(REFITS).copied().collect();
     watch(&format!("refitting the best {}", picked.len()));
     let mut refits = refit_all(case, &base.system, &names, &trials, &picked, monitor, watch);

@@ -31,3 +31,30 @@ fn derivatives_of_a_noisy_sine_with_trend() {
     let flat = derivatives(&[2.0; 40], dt).unwrap();
     assert!(flat.value.iter().all(|v| (v - 2.0).abs() < 1e-12) && flat.first.iter().all(|v| v.abs() < 1e-9));
 }
+
+#[test]
+fn a_velocity_that_was_low_passed_is_not_used() {
+    // Drive of 1 Hz with a ring of 60 Hz; the recorded velocity lacks the ring.
+    let (n, dt) = (4096, 1.0 / 1024.0);
+    let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
+    let (slow, fast) = (2.0 * PI, 120.0 * PI);
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let x: Vec<f64> = t.iter().map(|t| 1e-2 * (slow * t).sin() + 1e-4 * (fast * t).sin() + 1e-6 * (rng.random::<f64>() - 0.5)).collect();
+    let unit = |text: &str| crate::units::parse_unit_any(text).unwrap();
+    let channel = |role, values: &[f64]| {
+        let unit = unit(if role == Role::Velocity { "m/s" } else { "m" });
+        Channel { role, at: "c1.x".into(), unit, sigma: None, input: false, values: values.to_vec() }
+    };
+    let record = |v: Vec<f64>| History { time: t.clone(), channels: vec![channel(Role::Displacement, &x), channel(Role::Velocity, &v)] };
+    let ring = |t: f64| 1e-4 * fast * (fast * t).cos();
+    let whole: Vec<f64> = t.iter().map(|t| 1e-2 * slow * (slow * t).cos() + ring(*t)).collect();
+    let passed: Vec<f64> = t.iter().map(|t| 1e-2 * slow * (slow * t).cos()).collect();
+    let kept = record(whole.clone()).motion("c1.x").unwrap();
+    assert!(kept.velocity == whole, "{:?}", kept.notes);
+    let derived = record(passed).motion("c1.x").unwrap();
+    assert!(derived.notes.iter().any(|n| n.text.contains("low-passed")), "{:?}", derived.notes);
+    let expected: Vec<f64> = t.iter().map(|t| -1e-4 * fast * fast * (fast * t).sin()).collect();
+    let middle = n / 4..3 * n / 4;
+    let error = rms(middle.clone().map(|k| derived.acceleration[k] - expected[k])) / rms(middle.map(|k| expected[k]));
+    assert!(error < 0.15, "{error}");
+}
