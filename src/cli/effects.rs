@@ -46,7 +46,7 @@ fn kind(p: &Param) -> &'static str {
 
 fn value(info: &Info) -> Value {
     let parameter = |p: &Param| {
-        json!({ "name": p.name, "unit": unit(p), "unit_about_a_rotation": p.dim.si(true), "sign": p.sign.word(), "kind": kind(p),
+        json!({ "name": p.name, "unit": unit(p), "unit_about_a_rotation": p.dim.si(true), "sign": p.sign.word(), "bounds": p.bounds(), "kind": kind(p),
                 "default": (p.kind != Kind::Shape).then_some(p.default), "doc": p.doc })
     };
     json!({
@@ -72,7 +72,7 @@ fn list(infos: &[&Info]) -> String {
 }
 
 fn one(info: &Info) -> String {
-    let row = |p: &Param| vec![p.name.into(), unit(p), p.dim.si(true), p.sign.word().into(), kind(p).into(), p.doc.into()];
+    let row = |p: &Param| vec![p.name.into(), unit(p), p.dim.si(true), p.bounds(), kind(p).into(), p.doc.into()];
     let rows: Vec<Vec<String>> = info.params.iter().map(row).collect();
     format!(
         "{} ({}, {})\n  {}\n\n  {}\n  F is the force on `to` that holds it there, x = q_to - q_from\n\n{}\n  source: {}\n  range:  {}\n",
@@ -81,7 +81,7 @@ fn one(info: &Info) -> String {
         info.family,
         info.claim,
         info.equation,
-        table(&["parameter", "along", "about", "sign", "kind", "what it is"], &rows),
+        table(&["parameter", "along", "about", "bounds", "kind", "what it is"], &rows),
         info.source,
         info.range
     )

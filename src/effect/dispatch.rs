@@ -65,6 +65,8 @@ pub trait ForceLaw: Send + Sync {
     fn info(&self) -> &'static Info;
     /// [`Force::LINEAR`].
     fn linear(&self) -> bool;
+    /// [`Force::SUPERPOSES`].
+    fn superposes(&self) -> bool;
     /// [`Force::advance`] in plain numbers.
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64;
     /// [`Force::advance`] with derivatives with respect to the inputs the law reads, its states, and the parameters marked active.
@@ -146,6 +148,10 @@ impl<L: Force> ForceLaw for Dispatch<L> {
 
     fn linear(&self) -> bool {
         L::LINEAR
+    }
+
+    fn superposes(&self) -> bool {
+        L::SUPERPOSES
     }
 
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64 {

@@ -35,6 +35,8 @@ pub(super) fn dimension(dim: Dim, rotational: bool, channel: Dimension, conditio
     match dim {
         Dim::One => Dimension::DIMENSIONLESS,
         Dim::Channel => channel,
+        Dim::ChannelPerTime => channel.over(Dimension::TIME),
+        Dim::Declared(dimension) => dimension,
         Dim::PerCondition => Dimension::DIMENSIONLESS.over(condition),
         // A moment of inertia: its radians are not written.
         Dim::Place { f: 1, x: -1, t: 2 } => {

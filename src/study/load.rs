@@ -119,7 +119,7 @@ impl Study {
     /// A new effect for this study: `values` by parameter name [SI]; those not named start at their default (strength: its null value).
     /// Strengths and shapes are free, settings fixed.
     pub fn instance(&self, effect: &str, at: &str, values: &[(&str, f64)], of: Option<&CoefficientOf>) -> Result<Instance, StudyError> {
-        use crate::effect::{Effect, Kind, find};
+        use crate::effect::{Effect, find};
         use crate::model::ModelError;
         let site = self.site(effect, at)?;
         let law = find(effect).map_err(|e| ModelError::invalid(effect, e.to_string(), e.accepted()))?;
@@ -141,11 +141,7 @@ impl Study {
         };
         let param = |p: &crate::effect::Param| {
             let value = values.iter().find(|(name, _)| *name == p.name).map_or(p.default, |v| v.1);
-            if p.kind == Kind::Setting {
-                ParamValue { min: effects::lowest(p.sign), ..ParamValue::fixed(value) }
-            } else {
-                ParamValue::free(value, p.sign)
-            }
+            ParamValue::of(p, value)
         };
         let at = at.split(',').map(str::trim).collect::<Vec<_>>().join(",");
         let mut instance = Instance { effect: law, at, site, params: info.params.iter().map(param).collect(), target, follower: false };

@@ -37,8 +37,8 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
         let unit = unit_of(system, dataset, instance, p);
         let print = |si: f64| quoted(&unit.print(si));
         let mut keys = vec![format!("start = {}", print(value.value))];
-        for (key, bound) in [("min", value.min), ("max", value.max)] {
-            if bound.is_finite() {
+        for (key, bound, own) in [("min", value.min, f64::NEG_INFINITY), ("max", value.max, param.max)] {
+            if bound.is_finite() && bound != own {
                 keys.push(format!("{key} = {}", print(bound)));
             }
         }
@@ -51,7 +51,7 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
             (false, false) => keys.push("fixed = true".into()),
             _ => {}
         }
-        let implied = value.min == effects::lowest(param.sign) && value.max == f64::INFINITY && value.prior.is_none();
+        let implied = value.min == param.min && value.max == param.max && value.prior.is_none();
         let _ = match setting && !value.free && implied {
             true => writeln!(text, "{} = {}", param.name, print(value.value)),
             false => writeln!(text, "{} = {{ {} }}", param.name, keys.join(", ")),
