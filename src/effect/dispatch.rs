@@ -6,7 +6,7 @@ use nalgebra::Const;
 use num_complex::{Complex, Complex64};
 use num_dual::{Derivative, DualSVec64};
 
-use super::{EffectError, Force, Info, Inputs, Num};
+use super::{EffectError, Force, Formula, Info, Inputs, Num, Ports};
 
 /// Derivatives of one constitutive update.
 ///
@@ -67,6 +67,10 @@ pub trait ForceLaw: Send + Sync {
     fn linear(&self) -> bool;
     /// [`Force::SUPERPOSES`].
     fn superposes(&self) -> bool;
+    /// The formula it is, if it comes from a study file.
+    fn formula(&self) -> Option<&Formula> {
+        None
+    }
     /// [`Force::advance`] in plain numbers.
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64;
     /// [`Force::advance`] with derivatives with respect to the inputs the law reads, its states, and the parameters marked active.
@@ -100,9 +104,27 @@ fn slope<const N: usize>(eps: &Derivative<f64, Const<N>, nalgebra::U1>, i: usize
     eps.0.as_ref().map_or(0.0, |m| m[i])
 }
 
-fn tangent_n<L: Force, const N: usize>(u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
+/// A constitutive update of an object, generic over the number type.
+pub(super) trait Update {
+    /// Inputs it reads.
+    fn ports(&self) -> Ports;
+    /// [`Force::advance`].
+    fn advance<T: Num>(&self, u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T;
+}
+
+impl<L: Force> Update for Dispatch<L> {
+    fn ports(&self) -> Ports {
+        L::INFO.ports
+    }
+    #[inline]
+    fn advance<T: Num>(&self, u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {
+        L::advance(u, dt, s, p)
+    }
+}
+
+fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
     let (ns, np) = (s.len(), p.len());
-    let ports = L::INFO.ports;
+    let ports = law.ports();
     let mut next = 0;
     let mut columns = [0usize; MAX];
     let constant = DualSVec64::<N>::from_re;
@@ -127,7 +149,7 @@ fn tangent_n<L: Force, const N: usize>(u: &Inputs<f64>, dt: f64, s: &mut [f64], 
     for k in 0..np {
         params[k] = pick(active[k], p[k], INPUTS + ns + k, &mut next);
     }
-    let force = L::advance(&inputs, dt, &mut states[..ns], &params[..np]);
+    let force = law.advance(&inputs, dt, &mut states[..ns], &params[..np]);
     out.reset(ns, np);
     out.f = force.re;
     for (i, &column) in columns[..next].iter().enumerate() {
@@ -139,6 +161,42 @@ fn tangent_n<L: Force, const N: usize>(u: &Inputs<f64>, dt: f64, s: &mut [f64], 
     for k in 0..ns {
         s[k] = states[k].re;
     }
+}
+
+/// [`ForceLaw::tangent`] with dual numbers of the size that is needed.
+pub(super) fn tangent<A: Update>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
+    let ports = law.ports();
+    let inputs = [ports.x, ports.v, ports.a, ports.dx].iter().filter(|b| **b).count();
+    match inputs + s.len() + active.iter().filter(|b| **b).count() {
+        0..=2 => tangent_n::<A, 2>(law, u, dt, s, p, active, out),
+        3..=4 => tangent_n::<A, 4>(law, u, dt, s, p, active, out),
+        5..=8 => tangent_n::<A, 8>(law, u, dt, s, p, active, out),
+        9..=16 => tangent_n::<A, 16>(law, u, dt, s, p, active, out),
+        _ => tangent_n::<A, MAX>(law, u, dt, s, p, active, out),
+    }
+}
+
+/// [`ForceLaw::stiffness_tangent`] of a stiffness written over dual numbers in the complex frequency and up to seven parameters.
+pub(super) fn stiffness_tangent(
+    name: &'static str,
+    s: Complex64,
+    p: &[f64],
+    dp: &mut [Complex64],
+    stiffness: impl Fn(Complex<DualSVec64<8>>, &[DualSVec64<8>]) -> Result<Complex<DualSVec64<8>>, &'static str>,
+) -> Result<(Complex64, Complex64), EffectError> {
+    let mut next = 0;
+    // The stiffness is analytic in s, so its derivative along the real axis is the complex derivative.
+    let s = Complex::new(seed::<8>(s.re, &mut next), DualSVec64::from_re(s.im));
+    let mut params = [DualSVec64::<8>::from_re(0.0); 8];
+    for (k, value) in p.iter().enumerate().take(7) {
+        params[k] = seed::<8>(*value, &mut next);
+    }
+    let z = stiffness(s, &params[..p.len()]).map_err(|remedy| EffectError::NoSmallSignal { name, remedy })?;
+    let d = |i: usize| Complex64::new(slope(&z.re.eps, i), slope(&z.im.eps, i));
+    for (k, out) in dp.iter_mut().enumerate() {
+        *out = d(1 + k);
+    }
+    Ok((Complex64::new(z.re.re, z.im.re), d(0)))
 }
 
 impl<L: Force> ForceLaw for Dispatch<L> {
@@ -159,15 +217,7 @@ impl<L: Force> ForceLaw for Dispatch<L> {
     }
 
     fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
-        let ports = L::INFO.ports;
-        let inputs = [ports.x, ports.v, ports.a, ports.dx].iter().filter(|b| **b).count();
-        match inputs + s.len() + active.iter().filter(|b| **b).count() {
-            0..=2 => tangent_n::<L, 2>(u, dt, s, p, active, out),
-            3..=4 => tangent_n::<L, 4>(u, dt, s, p, active, out),
-            5..=8 => tangent_n::<L, 8>(u, dt, s, p, active, out),
-            9..=16 => tangent_n::<L, 16>(u, dt, s, p, active, out),
-            _ => tangent_n::<L, MAX>(u, dt, s, p, active, out),
-        }
+        tangent(self, u, dt, s, p, active, out);
     }
 
     fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError> {
@@ -175,19 +225,7 @@ impl<L: Force> ForceLaw for Dispatch<L> {
     }
 
     fn stiffness_tangent(&self, s: Complex64, p: &[f64], dp: &mut [Complex64]) -> Result<(Complex64, Complex64), EffectError> {
-        let mut next = 0;
-        // The stiffness is analytic in s, so its derivative along the real axis is the complex derivative.
-        let s = Complex::new(seed::<8>(s.re, &mut next), DualSVec64::from_re(s.im));
-        let mut params = [DualSVec64::<8>::from_re(0.0); 8];
-        for (k, value) in p.iter().enumerate().take(7) {
-            params[k] = seed::<8>(*value, &mut next);
-        }
-        let z = L::stiffness(s, &params[..p.len()]).map_err(|remedy| EffectError::NoSmallSignal { name: L::INFO.name, remedy })?;
-        let d = |i: usize| Complex64::new(slope(&z.re.eps, i), slope(&z.im.eps, i));
-        for (k, out) in dp.iter_mut().enumerate() {
-            *out = d(1 + k);
-        }
-        Ok((Complex64::new(z.re.re, z.im.re), d(0)))
+        stiffness_tangent(L::INFO.name, s, p, dp, L::stiffness)
     }
 }
 

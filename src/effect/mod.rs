@@ -15,6 +15,7 @@ pub mod channel;
 pub mod coefficient;
 pub mod dispatch;
 pub mod error;
+pub mod formula;
 pub mod info;
 pub mod num;
 pub mod series;
@@ -54,6 +55,7 @@ pub use channel::{Channel, Moment};
 pub use coefficient::Coefficient;
 pub use dispatch::{ForceLaw, Tangent};
 pub use error::EffectError;
+pub use formula::{Formula, FormulaError};
 pub use info::{Dim, Grid, Info, Kind, Param, Ports, Role, Scales, Sign};
 pub use num::Num;
 pub use series::Series;
@@ -104,6 +106,8 @@ pub enum Effect {
     Coefficient(&'static dyn Coefficient),
     /// A law of a measuring channel.
     Channel(&'static dyn Channel),
+    /// A general force whose law the study file holds; [`formula::compile`] makes a [`Effect::Force`] of it.
+    Formula(&'static Info),
 }
 
 impl Effect {
@@ -114,6 +118,7 @@ impl Effect {
             Effect::Series(e) => e.info(),
             Effect::Coefficient(e) => e.info(),
             Effect::Channel(e) => e.info(),
+            Effect::Formula(info) => info,
         }
     }
 }
@@ -154,6 +159,7 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Channel(&offset::Offset),
     Effect::Channel(&drift::Drift),
     Effect::Channel(&moving_mass::MovingMass),
+    Effect::Formula(&formula::FORMULA),
 ];
 
 /// The effect of this name, or an error with the nearest name.

@@ -10,7 +10,7 @@ use crate::units::{Dimension, Unit};
 use super::engineering::dimension;
 use super::error::at as located;
 use super::settings::{effect, unknown};
-use super::{StudyError, TestProblem, engineering, site};
+use super::{StudyError, TestProblem, engineering, formula, site};
 
 /// What a coefficient made by a program acts on; see [`super::Study::instance`].
 #[derive(Clone, Debug, PartialEq)]
@@ -43,6 +43,9 @@ pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Re
         if info.role == Role::Coefficient {
             keys.extend(["of", "condition", "reference"]);
         }
+        if is_formula(head.effect) {
+            keys.extend(formula::KEYS);
+        }
         head.table.only(&keys)?;
         let (target, unit) = match info.role {
             Role::Coefficient => target(head, model, dataset, &sites).map(|(t, u)| (Some(t), u))?,
@@ -69,7 +72,16 @@ fn head<'a>(table: &TableView<'a>, model: &Model, dataset: &Dataset) -> Result<H
     }
     let names = entries.iter().map(|v| v.string()).collect::<Result<Vec<_>, _>>()?;
     let site = site::resolve(model, dataset, effect, &names).map_err(|(i, e)| located(entries.get(i).unwrap_or(&value), &e))?;
+    let effect = match effect {
+        Effect::Formula(_) => formula::read(table, site::nature(model, dataset, &site).0)?,
+        _ => effect,
+    };
     Ok(Head { table: table.clone(), effect, at: names.join(","), site })
+}
+
+/// Whether the law stands in the study file.
+pub(super) fn is_formula(effect: &Effect) -> bool {
+    matches!(effect, Effect::Force(law) if law.formula().is_some())
 }
 
 /// A series effect needs a force to be in series with, at each of its places.

@@ -124,6 +124,10 @@ impl Study {
         let site = self.site(effect, at)?;
         let law = find(effect).map_err(|e| ModelError::invalid(effect, e.to_string(), e.accepted()))?;
         let info = law.info();
+        if let Effect::Formula(_) = law {
+            let accepted = "an [[effect]] in study.toml with its expression and parameters";
+            return Err(ModelError::invalid(effect, "a formula has no law of its own: it stands in study.toml", accepted).into());
+        }
         if let Some((name, _)) = values.iter().find(|(name, _)| info.param(name).is_none()) {
             return Err(ModelError::no_such("parameter", name, info.params.iter().map(|p| p.name.to_string())).into());
         }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::data::{Conditions, Control, Dataset, StoredEnergy};
-use crate::effect::Kind;
+use crate::effect::{Effect, Kind};
 use crate::identify::Loss;
 use crate::model::{Instance, System};
 use crate::units::{Dimension, Quantity, Unit};
@@ -27,6 +27,19 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
     let entries: Vec<&str> = instance.at.split(',').map(str::trim).collect();
     let at = if entries.len() == 1 { quoted(entries[0]) } else { list(&entries) };
     let mut text = format!("[[effect]]\neffect = {}\nat = {at}\n", quoted(info.name));
+    if let Effect::Force(law) = instance.effect
+        && let Some(formula) = law.formula()
+    {
+        let definition = &formula.definition;
+        let _ = writeln!(text, "expression = {}", quoted(&definition.expression));
+        if !definition.states.is_empty() {
+            let states: Vec<String> = definition.states.iter().map(|(name, rate)| format!("{name} = {}", quoted(rate))).collect();
+            let _ = writeln!(text, "states = {{ {} }}", states.join(", "));
+        }
+        if definition.active {
+            text.push_str("active = true\n");
+        }
+    }
     if let Some(target) = &instance.target {
         let of = effects::of_name(&system.model, &system.instances, &instance.site, target);
         let unit = engineering::condition(dataset, &target.condition).unwrap_or_else(|| Unit::si(Dimension::DIMENSIONLESS));
