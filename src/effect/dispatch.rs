@@ -106,6 +106,8 @@ fn slope<const N: usize>(eps: &Derivative<f64, Const<N>, nalgebra::U1>, i: usize
 
 /// A constitutive update of an object, generic over the number type.
 pub(super) trait Update {
+    /// Fewest and most columns of its tangent.
+    const COLUMNS: (usize, usize) = (0, MAX);
     /// Inputs it reads.
     fn ports(&self) -> Ports;
     /// [`Force::advance`].
@@ -113,6 +115,10 @@ pub(super) trait Update {
 }
 
 impl<L: Force> Update for Dispatch<L> {
+    const COLUMNS: (usize, usize) = {
+        let least = L::INFO.ports.count() + L::INFO.states;
+        (least, least + L::INFO.params.len())
+    };
     fn ports(&self) -> Ports {
         L::INFO.ports
     }
@@ -165,15 +171,21 @@ fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &m
 
 /// [`ForceLaw::tangent`] with dual numbers of the size that is needed.
 pub(super) fn tangent<A: Update>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
-    let ports = law.ports();
-    let inputs = [ports.x, ports.v, ports.a, ports.dx].iter().filter(|b| **b).count();
-    match inputs + s.len() + active.iter().filter(|b| **b).count() {
-        0..=2 => tangent_n::<A, 2>(law, u, dt, s, p, active, out),
-        3..=4 => tangent_n::<A, 4>(law, u, dt, s, p, active, out),
-        5..=8 => tangent_n::<A, 8>(law, u, dt, s, p, active, out),
-        9..=16 => tangent_n::<A, 16>(law, u, dt, s, p, active, out),
-        _ => tangent_n::<A, MAX>(law, u, dt, s, p, active, out),
+    let columns = law.ports().count() + s.len() + active.iter().filter(|b| **b).count();
+    // Only sizes that the law can need are compiled.
+    macro_rules! sizes {
+        ($above:literal $size:literal $($rest:literal)*) => {
+            if const { A::COLUMNS.0 <= $size && A::COLUMNS.1 > $above } {
+                if columns <= $size {
+                    return tangent_n::<A, $size>(law, u, dt, s, p, active, out);
+                }
+            }
+            sizes!($size $($rest)*);
+        };
+        ($above:literal) => {};
     }
+    sizes!(0 2 4 8 16 32);
+    unreachable!("a law has no more columns than it declares");
 }
 
 /// [`ForceLaw::stiffness_tangent`] of a stiffness written over dual numbers in the complex frequency and up to seven parameters.

@@ -295,6 +295,10 @@ pub struct Ports {
 }
 
 impl Ports {
+    /// Number of inputs read.
+    pub const fn count(self) -> usize {
+        self.x as usize + self.v as usize + self.a as usize + self.dx as usize
+    }
     /// Reads the displacement only.
     pub const X: Ports = Ports { x: true, v: false, a: false, dx: false };
     /// Reads the velocity only.

@@ -1,5 +1,7 @@
 //! Iwan's parallel-series model: Jenkins elements whose sliders give way one after the other.
 
+use std::sync::LazyLock;
+
 use num_complex::Complex;
 
 use super::info::{Dim, Grid, Info, Param, Ports, Role, Sign};
@@ -64,7 +66,10 @@ impl Force for Iwan {
     }
 }
 
+/// Logarithms of the quantiles `(j - 1/2)/12`.
+static QUANTILES: LazyLock<[f64; SLIDERS]> = LazyLock::new(|| std::array::from_fn(|j| ((j as f64 + 0.5) / SLIDERS as f64).ln()));
+
 /// Slip displacement of slider `j`, counted from 0, over that of the whole: the quantiles of the density.
 fn limit<T: Num>(j: usize, exponent: T) -> T {
-    (exponent * ((j as f64 + 0.5) / SLIDERS as f64).ln()).exp()
+    (exponent * QUANTILES[j]).exp()
 }

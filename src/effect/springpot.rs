@@ -1,9 +1,11 @@
 //! Springpot (fractional Kelvin element): force proportional to a fractional derivative of displacement.
 
+use std::f64::consts::{FRAC_1_PI, PI, TAU};
+
 use num_complex::Complex;
 
 use super::info::{Dim, Grid, Info, Param, Ports, Role, Sign};
-use super::num::{phi1, power};
+use super::num::power;
 use super::{Force, Inputs, Num};
 
 /// Springpot (fractional Kelvin element): force proportional to a fractional derivative of displacement.
@@ -41,11 +43,11 @@ impl Force for Springpot {
     fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {
         let series = Series::new(p);
         let mut sum = u.x * series.spring + u.v * series.damper;
-        for (j, state) in s.iter_mut().enumerate() {
-            let (rate, weight) = series.branch(j);
+        for (state, (rate, weight)) in s.iter_mut().zip(series.branches()) {
             // As in maxwell: exact for a displacement that is linear over the step.
-            let decay = -rate * dt;
-            *state = *state * decay.exp() + u.dx * phi1(decay);
+            let time = -rate * dt;
+            let decay = time.exp_m1();
+            *state += *state * decay + u.dx * decay / time;
             sum += *state * weight;
         }
         p[0] * sum
@@ -54,8 +56,7 @@ impl Force for Springpot {
     fn stiffness<T: Num>(s: Complex<T>, p: &[T]) -> Result<Complex<T>, &'static str> {
         let series = Series::new(p);
         let mut sum = s * series.damper + Complex::new(series.spring, T::from(0.0));
-        for j in 0..BRANCHES {
-            let (rate, weight) = series.branch(j);
+        for (rate, weight) in series.branches() {
             sum = sum + s * weight / (s + Complex::new(rate, T::from(0.0)));
         }
         Ok(sum * p[0])
@@ -65,36 +66,33 @@ impl Force for Springpot {
 /// `(s/w_ref)^alpha = sin(alpha pi)/pi integral of l^alpha s/(s + l) d ln(l)`, `l` the relaxation rate over `w_ref`, by the trapezoidal
 /// rule in `ln(l)`. Branches slower than the slowest act as springs, faster ones as dampers: both tails are geometric series.
 struct Series<T> {
-    /// Rate of the slowest branch, and the logarithm of the factor from one to the next.
-    slowest: T,
-    step: T,
-    /// The same of the weights.
-    weight: T,
-    growth: T,
+    /// Rate and weight of the slowest branch.
+    slowest: (T, T),
+    /// Factors from one branch to the next.
+    ratio: (T, T),
     spring: T,
     damper: T,
 }
 
 impl<T: Num> Series<T> {
     fn new(p: &[T]) -> Self {
-        let (alpha, reference) = (p[1], p[2] * std::f64::consts::TAU);
-        let slowest = p[3] * (std::f64::consts::TAU / BEYOND);
+        let (alpha, reference) = (p[1], p[2] * TAU);
+        let slowest = p[3] * (TAU / BEYOND);
         let step = (p[4] / p[3] * BEYOND * BEYOND).ln() / (BRANCHES - 1) as f64;
-        let weight = (alpha * std::f64::consts::PI).sin() * step * std::f64::consts::FRAC_1_PI * power(slowest / reference, alpha);
+        let weight = (alpha * PI).sin() * step * FRAC_1_PI * power(slowest / reference, alpha);
         // Weight over rate of the fastest branch: the part of it that a damper has.
         let fastest = weight * (step * (alpha - 1.0) * (BRANCHES - 1) as f64).exp() / slowest;
         Series {
-            slowest,
-            step,
-            weight,
-            growth: step * alpha,
+            slowest: (slowest, weight),
+            ratio: (step.exp(), (step * alpha).exp()),
             spring: weight / (step * alpha).exp_m1(),
             damper: fastest / (step * (-alpha + 1.0)).exp_m1(),
         }
     }
 
-    /// Relaxation rate and weight of branch `j`.
-    fn branch(&self, j: usize) -> (T, T) {
-        (self.slowest * (self.step * j as f64).exp(), self.weight * (self.growth * j as f64).exp())
+    /// Relaxation rate and weight of each branch.
+    fn branches(&self) -> impl Iterator<Item = (T, T)> {
+        let ratio = self.ratio;
+        std::iter::successors(Some(self.slowest), move |(rate, weight)| Some((*rate * ratio.0, *weight * ratio.1))).take(BRANCHES)
     }
 }
