@@ -6,9 +6,8 @@ use serde_json::json;
 
 use crate::diagnose::results::{EffectAt, FitResult};
 use crate::diagnose::{self, Case, Fitted};
-use crate::effect::{self, Dim, Grid, Kind, Param};
+use crate::effect::{self, Dim, Grid, Kind, Param, Scales};
 use crate::model::{Instance, Site};
-use crate::response::Amplitude;
 use crate::study::{CoefficientOf, Study};
 
 use super::failure::Failure;
@@ -106,48 +105,34 @@ fn starts(args: &Args, study: &Study, case: &Case) -> Result<Vec<Instance>, Fail
     let info = effect::find(&args.effect)?.info();
     let of = coefficient(args, study)?;
     let site = study.site(&args.effect, &args.at)?;
-    let amplitude = amplitude(case, &site)?;
+    let scales = scales(case, &site)?;
     let given = given(args, study, &of)?;
-    let grid = |p: &Param| match p.grid {
-        Grid::OfX(g) => g.iter().map(|m| m * amplitude.x).collect(),
-        Grid::OfV(g) => g.iter().map(|m| m * amplitude.v).collect(),
-        // The slowest test is not known here; a tenth of the fastest stands for it.
-        Grid::OfLeastV(g) => g.iter().map(|m| 0.1 * m * amplitude.v).collect(),
-        Grid::OfF(g) => g.iter().map(|m| m * amplitude.f).collect(),
-        Grid::Time(n) => {
-            let (low, high) =
-                case.plans.iter().map(|(p, _)| p.periods()).fold((f64::INFINITY, 0.0f64), |(l, h), (a, b)| (l.min(a), h.max(b)));
-            (0..n).map(|k| low * (high / low).powf(k as f64 / (n.max(2) - 1) as f64)).collect()
+    let set = |p: &Param| given.iter().find(|(name, _)| name == p.name).map(|g| g.1);
+    // A value that is given is not searched.
+    let mut shapes: Vec<Vec<(&str, f64)>> = vec![vec![]];
+    for p in info.params {
+        let values = match (set(p), p.grid) {
+            (Some(v), _) => vec![v],
+            (None, Grid::None) => continue,
+            (None, grid) => grid.values(&scales),
+        };
+        if values.is_empty() {
+            let message = format!("the tests do not say where `{}` of `{}` would lie", p.name, info.name);
+            let place = format!("{} at {}", info.name, args.at);
+            return Err(Failure::new("effect", place, message, format!("--set {}=VALUE with a unit", p.name)));
         }
-        Grid::None => vec![],
-    };
-    let points = info.params.iter().filter(|p| p.grid != Grid::None).map(|p| grid(p).len()).max().unwrap_or(1).max(1);
+        shapes = shapes.iter().flat_map(|s| values.iter().map(|v| [s.as_slice(), &[(p.name, *v)]].concat())).collect();
+    }
     let mut all = Vec::new();
     for strong in [false, true] {
-        for point in 0..points {
-            let mut values: Vec<(&str, f64)> = Vec::new();
-            for p in info.params {
-                if let Some((_, v)) = given.iter().find(|(name, _)| name == p.name) {
-                    values.push((p.name, *v));
-                } else if p.grid != Grid::None {
-                    let g: Vec<f64> = grid(p);
-                    let usable = |v: &&f64| v.is_finite() && **v > 0.0;
-                    let value = g.get(point.min(g.len().saturating_sub(1))).filter(usable).ok_or_else(|| {
-                        let message = format!("the tests do not say where `{}` of `{}` would lie", p.name, info.name);
-                        Failure::new(
-                            "effect",
-                            format!("{} at {}", info.name, args.at),
-                            message,
-                            format!("--set {}=VALUE with a unit", p.name),
-                        )
-                    })?;
-                    values.push((p.name, *value));
-                } else if let (true, Kind::Strength, Dim::Place { f, x, t }) = (strong, p.kind, p.dim) {
-                    let time = if amplitude.v > 0.0 { amplitude.x / amplitude.v } else { 0.0 };
-                    let scale = 0.1 * amplitude.f.powi(f.into()) * amplitude.x.powi(x.into()) * time.powi(t.into());
-                    if scale.is_finite() && scale > 0.0 {
-                        values.push((p.name, scale));
-                    }
+        for shape in &shapes {
+            let mut values = shape.clone();
+            for p in info.params.iter().filter(|p| strong && p.kind == Kind::Strength && set(p).is_none()) {
+                let Dim::Place { f, x, t } = p.dim else { continue };
+                let time = if scales.v > 0.0 { scales.x / scales.v } else { 0.0 };
+                let scale = 0.1 * scales.f.powi(f.into()) * scales.x.powi(x.into()) * time.powi(t.into());
+                if scale.is_finite() && scale > 0.0 {
+                    values.push((p.name, scale));
                 }
             }
             all.push((values.clone(), study.instance(&args.effect, &args.at, &values, of.as_ref())?));
@@ -164,13 +149,16 @@ fn starts(args: &Args, study: &Study, case: &Case) -> Result<Vec<Instance>, Fail
     Ok(all.into_iter().map(|(_, i)| i).collect())
 }
 
-/// Largest motion and force at the places of the effect under the fitted tests.
-fn amplitude(case: &Case, site: &Site) -> Result<Amplitude, Failure> {
-    let mut widest = Amplitude::default();
-    let Site::Places(places) = site else { return Ok(widest) };
+/// Motion and force at the places of the effect under the fitted tests.
+fn scales(case: &Case, site: &Site) -> Result<Scales, Failure> {
+    let mut widest = Scales { least_v: f64::INFINITY, periods: (f64::INFINITY, 0.0), ..Scales::default() };
     for plan in case.plans_of(crate::diagnose::results::SplitName::Fit) {
+        let (shortest, longest) = plan.periods();
+        widest.periods = (widest.periods.0.min(shortest), widest.periods.1.max(longest));
+        let Site::Places(places) = site else { continue };
         for a in plan.amplitudes(&case.system)?.iter().flat_map(|all| places.iter().filter_map(|p| all.get(*p))) {
-            widest = Amplitude { x: widest.x.max(a.x), v: widest.v.max(a.v), f: widest.f.max(a.f) };
+            let least_v = if a.v > 0.0 { widest.least_v.min(a.v) } else { widest.least_v };
+            widest = Scales { x: widest.x.max(a.x), v: widest.v.max(a.v), f: widest.f.max(a.f), least_v, ..widest };
         }
     }
     Ok(widest)

@@ -1,12 +1,18 @@
 //! `misfit effects`: the library.
 
+mod demonstration;
+mod plot;
+
 use serde_json::{Value, json};
 
-use crate::effect::{self, Dim, Info, Kind, LIBRARY, Param};
+use crate::effect::{self, Dim, Effect, Info, Kind, LIBRARY, Param};
 
 use super::Outcome;
 use super::failure::Failure;
-use super::table::table;
+use super::table::{significant, table};
+
+use demonstration::{Demonstration, demonstrate};
+use plot::{Curve, plot};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -18,15 +24,62 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
-    let infos: Vec<&Info> = match &args.name {
-        Some(name) => vec![effect::find(name)?.info()],
-        None => LIBRARY.iter().map(|e| e.info()).collect(),
+    let effects: Vec<&'static Effect> = match &args.name {
+        Some(name) => vec![effect::find(name)?],
+        None => LIBRARY.iter().collect(),
     };
-    let text = match (&args.name, infos.first()) {
-        (Some(_), Some(info)) => one(info),
-        _ => list(&infos),
+    let mut values: Vec<Value> = effects.iter().map(|e| value(e.info())).collect();
+    let text = match (&args.name, effects.as_slice()) {
+        (Some(_), [effect]) => {
+            let shown = demonstrate(effect);
+            if let (Some(d), Some(value)) = (&shown, values.first_mut().and_then(Value::as_object_mut)) {
+                value.extend(curves(d));
+            }
+            one(effect.info()) + &shown.map_or_else(example, |d| pictures(&d))
+        }
+        _ => list(&effects.iter().map(|e| e.info()).collect::<Vec<_>>()),
     };
-    Ok(Outcome { json: json!({ "effects": infos.iter().map(|i| value(i)).collect::<Vec<_>>() }), text, code: 0 })
+    Ok(Outcome { json: json!({ "effects": values }), text, code: 0 })
+}
+
+/// The curves of a demonstration for scripts.
+fn curves(d: &Demonstration) -> serde_json::Map<String, Value> {
+    let parts = |h: &[num_complex::Complex64]| h.iter().map(|h| [h.re, h.im]).collect::<Vec<_>>();
+    let parameters: serde_json::Map<String, Value> = d.parameters.iter().map(|(name, v)| (name.to_string(), json!(v))).collect();
+    let loops = json!({ "of": d.of, "parameters": parameters, "x": d.x, "without": d.without, "with": d.with });
+    let frf = json!({ "omega": d.omega, "without": parts(&d.h0), "with": parts(&d.h) });
+    [("loop".to_string(), loops), ("frf".to_string(), frf)].into_iter().collect()
+}
+
+/// Loop and frequency response as text.
+fn pictures(d: &Demonstration) -> String {
+    let values: Vec<String> = d.parameters.iter().map(|(name, v)| format!("{name} = {}", significant(*v, 3))).collect();
+    let mut text = format!("\n  Loop at 1 rad/s of {}; {}\n", d.of, values.join(", "));
+    let marks = if d.without.is_empty() { "" } else { "; . without, * with" };
+    text +=
+        &plot(&[Curve { mark: '.', x: &d.x, y: &d.without }, Curve { mark: '*', x: &d.x, y: &d.with }], 57, 15, "x", &format!("F{marks}"));
+    text +=
+        "\n  Frequency response of a mass 1, spring 1, damper 0.05 under a force of 0.05; . without, * with a mild form of the effect\n";
+    if d.h.is_empty() {
+        return text + "  (no steady response at this force)\n";
+    }
+    let log: Vec<f64> = d.omega.iter().map(|w| w.log10()).collect();
+    let decibel = |h: &[num_complex::Complex64]| h.iter().map(|h| 20.0 * h.norm().log10()).collect::<Vec<_>>();
+    let phase = |h: &[num_complex::Complex64]| {
+        h.iter().map(|h| h.arg().to_degrees()).map(|p| if p > 90.0 { p - 360.0 } else { p }).collect::<Vec<_>>()
+    };
+    for (name, rows, without, with) in [("|x/F| [dB]", 13, decibel(&d.h0), decibel(&d.h)), ("phase [deg]", 7, phase(&d.h0), phase(&d.h))] {
+        text += &plot(&[Curve { mark: '.', x: &log, y: &without }, Curve { mark: '*', x: &log, y: &with }], 64, rows, "log10(w)", name);
+    }
+    text
+}
+
+/// What stands in a study for a formula.
+fn example() -> String {
+    "\n  [[effect]]\n  effect = \"formula\"\n  at = \"c1.x\"\n  expression = \"k*x + f*z\"\n  states = { z = \"(v - abs(v)*z)/d\" }\n  \
+     k = { start = \"20 N/mm\", min = \"0 N/mm\", max = \"100 N/mm\" }\n  f = { start = \"5 N\", min = \"0 N\", max = \"50 N\" }\n  \
+     d = { start = \"0.1 mm\", fixed = true }\n"
+        .into()
 }
 
 fn unit(p: &Param) -> String {
@@ -46,7 +99,7 @@ fn kind(p: &Param) -> &'static str {
 
 fn value(info: &Info) -> Value {
     let parameter = |p: &Param| {
-        json!({ "name": p.name, "unit": unit(p), "unit_about_a_rotation": p.dim.si(true), "sign": p.sign.word(), "kind": kind(p),
+        json!({ "name": p.name, "unit": unit(p), "unit_about_a_rotation": p.dim.si(true), "sign": p.sign.word(), "bounds": p.bounds(), "kind": kind(p),
                 "default": (p.kind != Kind::Shape).then_some(p.default), "doc": p.doc })
     };
     json!({
@@ -72,7 +125,7 @@ fn list(infos: &[&Info]) -> String {
 }
 
 fn one(info: &Info) -> String {
-    let row = |p: &Param| vec![p.name.into(), unit(p), p.dim.si(true), p.sign.word().into(), kind(p).into(), p.doc.into()];
+    let row = |p: &Param| vec![p.name.into(), unit(p), p.dim.si(true), p.bounds(), kind(p).into(), p.doc.into()];
     let rows: Vec<Vec<String>> = info.params.iter().map(row).collect();
     format!(
         "{} ({}, {})\n  {}\n\n  {}\n  F is the force on `to` that holds it there, x = q_to - q_from\n\n{}\n  source: {}\n  range:  {}\n",
@@ -81,7 +134,7 @@ fn one(info: &Info) -> String {
         info.family,
         info.claim,
         info.equation,
-        table(&["parameter", "along", "about", "sign", "kind", "what it is"], &rows),
+        table(&["parameter", "along", "about", "bounds", "kind", "what it is"], &rows),
         info.source,
         info.range
     )

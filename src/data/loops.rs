@@ -34,6 +34,8 @@ pub struct SettledLoop {
     pub cycles: usize,
     /// rad, ascending from [0, 2 pi / n). Phase 0 is where the fundamental of the controlled channel rises through its mean: fundamental = A sin(phase).
     pub phase: Vec<f64>,
+    /// Index of the point with which the cycles begin in the record.
+    pub first: usize,
     pub channels: Vec<LoopChannel>,
     /// Index in `channels` of the controlled one.
     pub controlled: usize,
@@ -141,7 +143,8 @@ pub(super) fn settle(record: &TimeRecord) -> Result<SettledLoop, LoopError> {
     channels.iter_mut().for_each(|c| c.mean.rotate_left(turn));
 
     let input = FourierInput::fit(&phase, &channels[controlled].mean, channels[controlled].sigma_mean, TAU * grid.frequency);
-    Ok(SettledLoop { frequency: grid.frequency, n: grid.n, cycles: grid.cycles, phase, channels, controlled, input, notes })
+    let first = (grid.n - turn) % grid.n.max(1);
+    Ok(SettledLoop { frequency: grid.frequency, n: grid.n, cycles: grid.cycles, phase, first, channels, controlled, input, notes })
 }
 
 fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<Grid, LoopError> {

@@ -1,8 +1,8 @@
 //! The candidates of the search: every effect of the library at every place it may act, over a grid of its shapes.
 
-use crate::effect::{Effect, Grid, Kind, LIBRARY, Role};
+use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Role, Scales};
 use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
-use crate::response::{Amplitude, BlockKind, Plan};
+use crate::response::{BlockKind, Plan};
 
 use super::Case;
 
@@ -17,54 +17,40 @@ pub struct Trial {
 
 /// What the tests show at each place, and over which periods.
 pub struct Scene {
-    amplitudes: Vec<Amplitude>,
-    /// Smallest velocity amplitude that a test has at each place.
-    least_v: Vec<f64>,
+    /// One for each place.
+    scales: Vec<Scales>,
     periods: (f64, f64),
 }
 
 impl Scene {
     /// Looks at the tests with the present system.
     pub fn new(plans: &[&Plan], system: &System) -> Scene {
-        let mut amplitudes = vec![Amplitude::default(); system.model.places.len()];
-        let mut least_v = vec![f64::INFINITY; system.model.places.len()];
+        let mut scales = vec![Scales { least_v: f64::INFINITY, ..Scales::default() }; system.model.places.len()];
         let mut periods = (f64::INFINITY, 0.0f64);
         for plan in plans {
             let (lo, hi) = plan.periods();
             periods = (periods.0.min(lo), periods.1.max(hi));
             // A test whose response cannot be computed has been reported by the fit; its amplitudes are not needed here.
             if let Ok(Some(here)) = plan.amplitudes(system) {
-                for ((a, least), b) in amplitudes.iter_mut().zip(&mut least_v).zip(here) {
-                    if b.v > 0.0 {
-                        *least = least.min(b.v);
-                    }
-                    *a = Amplitude { x: a.x.max(b.x), v: a.v.max(b.v), f: a.f.max(b.f) };
+                for (a, b) in scales.iter_mut().zip(here) {
+                    let least_v = if b.v > 0.0 { a.least_v.min(b.v) } else { a.least_v };
+                    *a = Scales { x: a.x.max(b.x), v: a.v.max(b.v), f: a.f.max(b.f), least_v, ..*a };
                 }
             }
         }
-        Scene { amplitudes, least_v, periods }
+        Scene { scales, periods }
     }
 
-    fn grid(&self, grid: Grid, places: &[usize]) -> Vec<f64> {
-        let widest = |pick: fn(&Amplitude) -> f64| places.iter().map(|p| pick(&self.amplitudes[*p])).fold(0.0, f64::max);
-        let times = |factors: &[f64], size: f64| if size > 0.0 { factors.iter().map(|f| f * size).collect() } else { vec![] };
-        match grid {
-            Grid::None => vec![],
-            Grid::OfX(f) => times(f, widest(|a| a.x)),
-            Grid::OfV(f) => times(f, widest(|a| a.v)),
-            Grid::OfLeastV(f) => {
-                let least = places.iter().map(|p| self.least_v[*p]).fold(f64::INFINITY, f64::min);
-                times(f, if least.is_finite() { least } else { 0.0 })
-            }
-            Grid::OfF(f) => times(f, widest(|a| a.f)),
-            Grid::Time(n) => {
-                let (lo, hi) = (self.periods.0 / std::f64::consts::TAU, self.periods.1 / std::f64::consts::TAU);
-                if !(lo > 0.0 && hi.is_finite()) {
-                    return vec![];
-                }
-                (0..n).map(|k| lo * (hi / lo).powf(k as f64 / (n - 1).max(1) as f64)).collect()
-            }
-        }
+    /// What the tests show at any of these places.
+    fn at(&self, places: &[usize]) -> Scales {
+        let none = Scales { least_v: f64::INFINITY, periods: self.periods, ..Scales::default() };
+        places.iter().map(|p| self.scales[*p]).fold(none, |a, b| Scales {
+            x: a.x.max(b.x),
+            v: a.v.max(b.v),
+            f: a.f.max(b.f),
+            least_v: a.least_v.min(b.least_v),
+            ..a
+        })
     }
 }
 
@@ -84,7 +70,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
     let (mut names, mut trials) = (Vec::new(), Vec::new());
     let wanted = |effect: &str| case.search.effects.as_ref().is_none_or(|list| list.iter().any(|e| e == effect));
     let allowed = |at: &str| case.search.places.as_ref().is_none_or(|list| list.iter().any(|p| p == at));
-    for effect in LIBRARY.iter().filter(|e| wanted(e.info().name)) {
+    for effect in LIBRARY.iter().filter(|e| wanted(e.info().name) && !matches!(e, Effect::Formula(_))) {
         let info = effect.info();
         match info.role {
             Role::Force | Role::Series => {
@@ -97,7 +83,8 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                 }
             }
             Role::Coefficient => {
-                for (condition, reference) in conditions(plans) {
+                let Effect::Coefficient(law) = effect else { continue };
+                for (condition, reference) in conditions(plans, law.condition()) {
                     for (i, target) in system.instances.iter().enumerate() {
                         let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else {
                             continue;
@@ -124,7 +111,8 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                 }
             }
             Role::Channel => {
-                for site in channels(plans, info.name) {
+                let Effect::Channel(law) = effect else { continue };
+                for site in channels(plans, *law) {
                     let at = format!("{}.{}", site.test, site.role);
                     let taken = system.instances.iter().any(|i| i.name() == info.name && i.site == Site::Channel(site.clone()));
                     if !taken && allowed(&at) {
@@ -163,13 +151,14 @@ fn already(system: &System, effect: &str, places: &[usize], shaped: bool) -> boo
     here > usize::from(shaped)
 }
 
-fn conditions(plans: &[&Plan]) -> Vec<(String, f64)> {
+/// Conditions that every test states and that vary, with a middle value; `only` one, or those that are none of the test's own settings.
+fn conditions(plans: &[&Plan], only: Option<&str>) -> Vec<(String, f64)> {
     let mut names: Vec<&String> = plans.iter().flat_map(|p| p.conditions.keys()).collect();
     names.sort();
     names.dedup();
     names
         .into_iter()
-        .filter(|n| !["frequency", "amplitude", "load"].contains(&n.as_str()))
+        .filter(|n| only.map_or(!["frequency", "amplitude", "load"].contains(&n.as_str()), |only| only == n.as_str()))
         .filter_map(|n| {
             let mut values: Vec<f64> = plans.iter().filter_map(|p| p.conditions.get(n).copied()).collect();
             if values.len() < plans.len() {
@@ -182,7 +171,7 @@ fn conditions(plans: &[&Plan]) -> Vec<(String, f64)> {
         .collect()
 }
 
-fn channels(plans: &[&Plan], effect: &str) -> Vec<ChannelSite> {
+fn channels(plans: &[&Plan], law: &dyn Channel) -> Vec<ChannelSite> {
     let mut sites: Vec<ChannelSite> = Vec::new();
     let mut add = |test: &str, role: &str| {
         let site = ChannelSite { test: test.into(), role: role.into() };
@@ -195,20 +184,20 @@ fn channels(plans: &[&Plan], effect: &str) -> Vec<ChannelSite> {
     let forces: Vec<_> = plans.iter().filter(|p| timed(p, "force")).collect();
     let motions: Vec<_> = plans.iter().filter(|p| timed(p, "displacement")).collect();
     let frfs: Vec<_> = plans.iter().filter(is_frf).collect();
-    if !forces.is_empty() && (frfs.is_empty() || effect != "offset") {
+    if !forces.is_empty() && (frfs.is_empty() || law.in_frequency()) {
         add("*", "force");
     }
-    if effect == "moving_mass" {
+    if law.info().name == "moving_mass" {
         // Only a load cell carries a moving mass; under an FRF it is that of the exciting force.
         if !frfs.is_empty() {
             add("*", "force");
         }
         return sites;
     }
-    if !motions.is_empty() && effect != "offset" {
+    if !motions.is_empty() && law.in_frequency() {
         add("*", "displacement");
     }
-    if !frfs.is_empty() && effect != "offset" {
+    if !frfs.is_empty() && law.in_frequency() {
         add("*", "response");
     }
     for p in &forces {
@@ -217,7 +206,7 @@ fn channels(plans: &[&Plan], effect: &str) -> Vec<ChannelSite> {
     for p in &motions {
         add(&p.id, "displacement");
     }
-    if effect != "offset" {
+    if law.in_frequency() {
         for p in &frfs {
             add(&p.id, "response");
         }
@@ -227,9 +216,9 @@ fn channels(plans: &[&Plan], effect: &str) -> Vec<ChannelSite> {
 
 /// All combinations of grid values of the shape and searched setting parameters; empty where a shape has no grid here.
 fn shapes(effect: &Effect, places: &[usize], scene: &Scene) -> Vec<Vec<(usize, f64)>> {
-    let mut combinations = vec![vec![]];
+    let (scales, mut combinations) = (scene.at(places), vec![vec![]]);
     for (k, p) in effect.info().params.iter().enumerate().filter(|(_, p)| p.grid != Grid::None) {
-        let values = scene.grid(p.grid, places);
+        let values = p.grid.values(&scales);
         combinations =
             combinations.iter().flat_map(|c: &Vec<(usize, f64)>| values.iter().map(move |v| [c.as_slice(), &[(k, *v)]].concat())).collect();
     }

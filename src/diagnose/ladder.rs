@@ -50,7 +50,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
 fn strength_unit(system: &System, effect: &str, at: &str) -> String {
     let rotational =
         system.model.places_at(at).ok().and_then(|p| p.first().copied()).is_some_and(|p| system.model.places[p].axis.rotational());
-    crate::effect::find(effect).map(|e| e.info().params[0].dim.si(rotational)).unwrap_or_default()
+    crate::effect::find(effect).ok().and_then(|e| e.info().params.first()).map(|p| p.dim.si(rotational)).unwrap_or_default()
 }
 
 fn verdict(step: &Step, rms: f64) -> Verdict {

@@ -56,7 +56,7 @@ pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
     for (value, p) in instance.params.iter_mut().zip(info.params) {
         if p.kind == Kind::Shape {
             value.free = true;
-            value.min = 0.0;
+            (value.min, value.max) = (p.min, p.max);
         }
     }
     let start = info.params[0].default + strength;

@@ -5,16 +5,27 @@ use num_dual::DualSVec64;
 
 use super::{Info, Num};
 
+/// The moment of a reading.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moment {
+    /// Acceleration of the driven end [m/s2 or rad/s2].
+    pub acceleration: f64,
+    /// Time from the middle of the record, or of the cycle [s].
+    pub time: f64,
+}
+
 /// What a channel makes of the true signal. In the time domain first the shift, then [`ChannelLaw::reading`].
 pub trait ChannelLaw: Send + Sync + 'static {
     /// What the effect says of itself.
     const INFO: Info;
+    /// Whether it is seen in a frequency response.
+    const IN_FREQUENCY: bool = true;
     /// Time by which the reading lags the signal [s].
     fn shift<T: Num>(_p: &[T]) -> T {
         T::from(0.0)
     }
-    /// Reading of a signal `y` while the driven end accelerates with `a` [m/s2 or rad/s2].
-    fn reading<T: Num>(y: T, a: f64, p: &[T]) -> T;
+    /// Reading of a signal `y`.
+    fn reading<T: Num>(y: T, at: Moment, p: &[T]) -> T;
     /// Factor on the amplitude of the signal at the circular frequency `w` [rad/s]; `drive` is the accelerance at the driven end.
     fn factor<T: Num>(w: f64, drive: Complex<T>, p: &[T]) -> Complex<T>;
 }
@@ -23,10 +34,12 @@ pub trait ChannelLaw: Send + Sync + 'static {
 pub trait Channel: Send + Sync {
     /// What the effect says of itself.
     fn info(&self) -> &'static Info;
+    /// [`ChannelLaw::IN_FREQUENCY`].
+    fn in_frequency(&self) -> bool;
     /// Time shift [s] and its derivatives with respect to the parameters.
     fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64;
     /// Reading, its derivative with respect to the signal, and with respect to the parameters.
-    fn reading(&self, y: f64, a: f64, p: &[f64], dp: &mut [f64]) -> (f64, f64);
+    fn reading(&self, y: f64, at: Moment, p: &[f64], dp: &mut [f64]) -> (f64, f64);
     /// Factor, its derivative with respect to the drive-point accelerance, and with respect to the parameters.
     fn factor(&self, w: f64, drive: Complex64, p: &[f64], dp: &mut [Complex64]) -> (Complex64, Complex64);
 }
@@ -49,13 +62,16 @@ impl<L: ChannelLaw> Channel for L {
     fn info(&self) -> &'static Info {
         &L::INFO
     }
+    fn in_frequency(&self) -> bool {
+        L::IN_FREQUENCY
+    }
     fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64 {
         let shift = L::shift(&seeded(p)[..p.len().min(3)]);
         dp.iter_mut().enumerate().for_each(|(k, out)| *out = slope(&shift, 1 + k));
         shift.re
     }
-    fn reading(&self, y: f64, a: f64, p: &[f64], dp: &mut [f64]) -> (f64, f64) {
-        let reading = L::reading(D::from_re(y).derivative(0), a, &seeded(p)[..p.len().min(3)]);
+    fn reading(&self, y: f64, at: Moment, p: &[f64], dp: &mut [f64]) -> (f64, f64) {
+        let reading = L::reading(D::from_re(y).derivative(0), at, &seeded(p)[..p.len().min(3)]);
         dp.iter_mut().enumerate().for_each(|(k, out)| *out = slope(&reading, 1 + k));
         (reading.re, slope(&reading, 0))
     }

@@ -8,6 +8,8 @@ use super::{Info, Num};
 pub trait CoefficientLaw: Send + Sync + 'static {
     /// What the effect says of itself.
     const INFO: Info;
+    /// The only condition it is about; `None`: any but frequency, amplitude and load.
+    const CONDITION: Option<&'static str> = None;
     /// Factor at a condition that lies `offset` above the reference [SI unit of the condition].
     fn factor<T: Num>(offset: f64, p: &[T]) -> T;
 }
@@ -16,6 +18,8 @@ pub trait CoefficientLaw: Send + Sync + 'static {
 pub trait Coefficient: Send + Sync {
     /// What the effect says of itself.
     fn info(&self) -> &'static Info;
+    /// [`CoefficientLaw::CONDITION`].
+    fn condition(&self) -> Option<&'static str>;
     /// Factor and its derivatives with respect to the parameters.
     fn factor(&self, offset: f64, p: &[f64], dp: &mut [f64]) -> f64;
 }
@@ -23,6 +27,9 @@ pub trait Coefficient: Send + Sync {
 impl<L: CoefficientLaw> Coefficient for L {
     fn info(&self) -> &'static Info {
         &L::INFO
+    }
+    fn condition(&self) -> Option<&'static str> {
+        L::CONDITION
     }
     fn factor(&self, offset: f64, p: &[f64], dp: &mut [f64]) -> f64 {
         let mut params = [DualSVec64::<4>::from_re(0.0); 4];

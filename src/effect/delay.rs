@@ -3,7 +3,7 @@
 use num_complex::Complex;
 
 use super::Num;
-use super::channel::ChannelLaw;
+use super::channel::{ChannelLaw, Moment};
 use super::info::{Dim, Info, Param, Ports, Role, Sign};
 
 /// Time by which a channel lags.
@@ -28,7 +28,7 @@ impl ChannelLaw for Delay {
         p[0]
     }
 
-    fn reading<T: Num>(y: T, _a: f64, _p: &[T]) -> T {
+    fn reading<T: Num>(y: T, _at: Moment, _p: &[T]) -> T {
         y
     }
 

@@ -6,7 +6,7 @@ use nalgebra::Const;
 use num_complex::{Complex, Complex64};
 use num_dual::{Derivative, DualSVec64};
 
-use super::{EffectError, Force, Info, Inputs, Num};
+use super::{EffectError, Force, Formula, Info, Inputs, Num, Ports};
 
 /// Derivatives of one constitutive update.
 ///
@@ -65,6 +65,12 @@ pub trait ForceLaw: Send + Sync {
     fn info(&self) -> &'static Info;
     /// [`Force::LINEAR`].
     fn linear(&self) -> bool;
+    /// [`Force::SUPERPOSES`].
+    fn superposes(&self) -> bool;
+    /// The formula it is, if it comes from a study file.
+    fn formula(&self) -> Option<&Formula> {
+        None
+    }
     /// [`Force::advance`] in plain numbers.
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64;
     /// [`Force::advance`] with derivatives with respect to the inputs the law reads, its states, and the parameters marked active.
@@ -98,9 +104,33 @@ fn slope<const N: usize>(eps: &Derivative<f64, Const<N>, nalgebra::U1>, i: usize
     eps.0.as_ref().map_or(0.0, |m| m[i])
 }
 
-fn tangent_n<L: Force, const N: usize>(u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
+/// A constitutive update of an object, generic over the number type.
+pub(super) trait Update {
+    /// Fewest and most columns of its tangent.
+    const COLUMNS: (usize, usize) = (0, MAX);
+    /// Inputs it reads.
+    fn ports(&self) -> Ports;
+    /// [`Force::advance`].
+    fn advance<T: Num>(&self, u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T;
+}
+
+impl<L: Force> Update for Dispatch<L> {
+    const COLUMNS: (usize, usize) = {
+        let least = L::INFO.ports.count() + L::INFO.states;
+        (least, least + L::INFO.params.len())
+    };
+    fn ports(&self) -> Ports {
+        L::INFO.ports
+    }
+    #[inline]
+    fn advance<T: Num>(&self, u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {
+        L::advance(u, dt, s, p)
+    }
+}
+
+fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
     let (ns, np) = (s.len(), p.len());
-    let ports = L::INFO.ports;
+    let ports = law.ports();
     let mut next = 0;
     let mut columns = [0usize; MAX];
     let constant = DualSVec64::<N>::from_re;
@@ -125,7 +155,7 @@ fn tangent_n<L: Force, const N: usize>(u: &Inputs<f64>, dt: f64, s: &mut [f64], 
     for k in 0..np {
         params[k] = pick(active[k], p[k], INPUTS + ns + k, &mut next);
     }
-    let force = L::advance(&inputs, dt, &mut states[..ns], &params[..np]);
+    let force = law.advance(&inputs, dt, &mut states[..ns], &params[..np]);
     out.reset(ns, np);
     out.f = force.re;
     for (i, &column) in columns[..next].iter().enumerate() {
@@ -139,6 +169,48 @@ fn tangent_n<L: Force, const N: usize>(u: &Inputs<f64>, dt: f64, s: &mut [f64], 
     }
 }
 
+/// [`ForceLaw::tangent`] with dual numbers of the size that is needed.
+pub(super) fn tangent<A: Update>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
+    let columns = law.ports().count() + s.len() + active.iter().filter(|b| **b).count();
+    // Only sizes that the law can need are compiled.
+    macro_rules! sizes {
+        ($above:literal $size:literal $($rest:literal)*) => {
+            if const { A::COLUMNS.0 <= $size && A::COLUMNS.1 > $above } {
+                if columns <= $size {
+                    return tangent_n::<A, $size>(law, u, dt, s, p, active, out);
+                }
+            }
+            sizes!($size $($rest)*);
+        };
+        ($above:literal) => {};
+    }
+    sizes!(0 2 4 8 16 32);
+    unreachable!("a law has no more columns than it declares");
+}
+
+/// [`ForceLaw::stiffness_tangent`] of a stiffness written over dual numbers in the complex frequency and up to seven parameters.
+pub(super) fn stiffness_tangent(
+    name: &'static str,
+    s: Complex64,
+    p: &[f64],
+    dp: &mut [Complex64],
+    stiffness: impl Fn(Complex<DualSVec64<8>>, &[DualSVec64<8>]) -> Result<Complex<DualSVec64<8>>, &'static str>,
+) -> Result<(Complex64, Complex64), EffectError> {
+    let mut next = 0;
+    // The stiffness is analytic in s, so its derivative along the real axis is the complex derivative.
+    let s = Complex::new(seed::<8>(s.re, &mut next), DualSVec64::from_re(s.im));
+    let mut params = [DualSVec64::<8>::from_re(0.0); 8];
+    for (k, value) in p.iter().enumerate().take(7) {
+        params[k] = seed::<8>(*value, &mut next);
+    }
+    let z = stiffness(s, &params[..p.len()]).map_err(|remedy| EffectError::NoSmallSignal { name, remedy })?;
+    let d = |i: usize| Complex64::new(slope(&z.re.eps, i), slope(&z.im.eps, i));
+    for (k, out) in dp.iter_mut().enumerate() {
+        *out = d(1 + k);
+    }
+    Ok((Complex64::new(z.re.re, z.im.re), d(0)))
+}
+
 impl<L: Force> ForceLaw for Dispatch<L> {
     fn info(&self) -> &'static Info {
         &L::INFO
@@ -148,20 +220,16 @@ impl<L: Force> ForceLaw for Dispatch<L> {
         L::LINEAR
     }
 
+    fn superposes(&self) -> bool {
+        L::SUPERPOSES
+    }
+
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64 {
         L::advance(u, dt, s, p)
     }
 
     fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
-        let ports = L::INFO.ports;
-        let inputs = [ports.x, ports.v, ports.a, ports.dx].iter().filter(|b| **b).count();
-        match inputs + s.len() + active.iter().filter(|b| **b).count() {
-            0..=2 => tangent_n::<L, 2>(u, dt, s, p, active, out),
-            3..=4 => tangent_n::<L, 4>(u, dt, s, p, active, out),
-            5..=8 => tangent_n::<L, 8>(u, dt, s, p, active, out),
-            9..=16 => tangent_n::<L, 16>(u, dt, s, p, active, out),
-            _ => tangent_n::<L, MAX>(u, dt, s, p, active, out),
-        }
+        tangent(self, u, dt, s, p, active, out);
     }
 
     fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError> {
@@ -169,19 +237,7 @@ impl<L: Force> ForceLaw for Dispatch<L> {
     }
 
     fn stiffness_tangent(&self, s: Complex64, p: &[f64], dp: &mut [Complex64]) -> Result<(Complex64, Complex64), EffectError> {
-        let mut next = 0;
-        // The stiffness is analytic in s, so its derivative along the real axis is the complex derivative.
-        let s = Complex::new(seed::<8>(s.re, &mut next), DualSVec64::from_re(s.im));
-        let mut params = [DualSVec64::<8>::from_re(0.0); 8];
-        for (k, value) in p.iter().enumerate().take(7) {
-            params[k] = seed::<8>(*value, &mut next);
-        }
-        let z = L::stiffness(s, &params[..p.len()]).map_err(|remedy| EffectError::NoSmallSignal { name: L::INFO.name, remedy })?;
-        let d = |i: usize| Complex64::new(slope(&z.re.eps, i), slope(&z.im.eps, i));
-        for (k, out) in dp.iter_mut().enumerate() {
-            *out = d(1 + k);
-        }
-        Ok((Complex64::new(z.re.re, z.im.re), d(0)))
+        stiffness_tangent(L::INFO.name, s, p, dp, L::stiffness)
     }
 }
 

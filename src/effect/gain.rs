@@ -3,7 +3,7 @@
 use num_complex::Complex;
 
 use super::Num;
-use super::channel::ChannelLaw;
+use super::channel::{ChannelLaw, Moment};
 use super::info::{Dim, Info, Param, Ports, Role, Sign};
 
 /// Gain of a channel.
@@ -24,7 +24,7 @@ impl ChannelLaw for Gain {
         smooth: true,
     };
 
-    fn reading<T: Num>(y: T, _a: f64, p: &[T]) -> T {
+    fn reading<T: Num>(y: T, _at: Moment, p: &[T]) -> T {
         y * p[0]
     }
 

@@ -1,6 +1,8 @@
 //! What an effect says of itself: name, claim, equation, parameters, ports, source. One list of these drives the parser, the help,
 //! the tables, the search for candidates and the tests that hold for all.
 
+use crate::units::Dimension;
+
 /// The four roles an effect can play in a system (design.md section 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
@@ -46,6 +48,14 @@ impl Sign {
             Sign::Any => "any",
         }
     }
+
+    /// The lower bound it implies.
+    pub const fn lowest(self) -> f64 {
+        match self {
+            Sign::Any => f64::NEG_INFINITY,
+            _ => 0.0,
+        }
+    }
 }
 
 /// What a parameter is to its effect.
@@ -76,6 +86,10 @@ pub enum Dim {
     One,
     /// The unit of the channel it acts on.
     Channel,
+    /// The unit of the channel it acts on, per second.
+    ChannelPerTime,
+    /// The dimension a study declares, whatever the place.
+    Declared(Dimension),
     /// One over the unit of the condition it refers to.
     PerCondition,
 }
@@ -109,6 +123,8 @@ impl Dim {
     pub const FT2_PER_X2: Dim = fxt(1, -2, 2);
     /// Mass or moment of inertia.
     pub const FT2_PER_X: Dim = fxt(1, -1, 2);
+    /// Time per displacement.
+    pub const T_PER_X: Dim = fxt(0, -1, 1);
 
     /// The unit an engineer reads it in, with its value in SI: N, mm, s at a translational place, N m, rad, s at a rotational one.
     pub fn practical(self, rotational: bool) -> (String, f64) {
@@ -126,6 +142,8 @@ impl Dim {
         let (f, x, t) = match self {
             Dim::One => return "-".into(),
             Dim::Channel => return "unit of the channel".into(),
+            Dim::ChannelPerTime => return "unit of the channel/s".into(),
+            Dim::Declared(dimension) => return dimension.si_unit(),
             Dim::PerCondition => return "1/unit of the condition".into(),
             Dim::Place { f, x, t } => (f, x, t),
         };
@@ -157,6 +175,47 @@ pub enum Grid {
     OfF(&'static [f64]),
     /// Logarithmically spaced over the periods of the tests, this many points.
     Time(usize),
+    /// These values, whatever the tests show.
+    Values(&'static [f64]),
+}
+
+/// What the tests show at a place, from which the search takes its values.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scales {
+    /// Displacement amplitude.
+    pub x: f64,
+    /// Velocity amplitude.
+    pub v: f64,
+    /// Smallest velocity amplitude that a test has.
+    pub least_v: f64,
+    /// General-force amplitude.
+    pub f: f64,
+    /// Shortest and longest period [s].
+    pub periods: (f64, f64),
+}
+
+impl Grid {
+    /// The values to try; empty where the tests do not show the scale they are multiples of.
+    pub fn values(self, scales: &Scales) -> Vec<f64> {
+        let times = |factors: &[f64], size: f64| {
+            if size > 0.0 && size.is_finite() { factors.iter().map(|f| f * size).collect() } else { vec![] }
+        };
+        match self {
+            Grid::None => vec![],
+            Grid::OfX(f) => times(f, scales.x),
+            Grid::OfV(f) => times(f, scales.v),
+            Grid::OfLeastV(f) => times(f, scales.least_v),
+            Grid::OfF(f) => times(f, scales.f),
+            Grid::Values(v) => v.to_vec(),
+            Grid::Time(n) => {
+                let (lo, hi) = (scales.periods.0 / std::f64::consts::TAU, scales.periods.1 / std::f64::consts::TAU);
+                if !(lo > 0.0 && hi.is_finite()) {
+                    return vec![];
+                }
+                (0..n).map(|k| lo * (hi / lo).powf(k as f64 / (n - 1).max(1) as f64)).collect()
+            }
+        }
+    }
 }
 
 /// One parameter of an effect.
@@ -172,6 +231,10 @@ pub struct Param {
     pub kind: Kind,
     /// Null value of a strength; default of a setting.
     pub default: f64,
+    /// Smallest value that means something [SI].
+    pub min: f64,
+    /// Largest value that means something [SI].
+    pub max: f64,
     /// Values the search tries for a shape.
     pub grid: Grid,
     /// One line of documentation.
@@ -181,15 +244,40 @@ pub struct Param {
 impl Param {
     /// A strength: null value 0, fitted.
     pub const fn strength(name: &'static str, dim: Dim, sign: Sign, doc: &'static str) -> Param {
-        Param { name, dim, sign, kind: Kind::Strength, default: 0.0, grid: Grid::None, doc }
+        Param { name, dim, sign, kind: Kind::Strength, default: 0.0, min: sign.lowest(), max: f64::INFINITY, grid: Grid::None, doc }
     }
     /// A shape: positive, searched over a grid, then fitted.
     pub const fn shape(name: &'static str, dim: Dim, grid: Grid, doc: &'static str) -> Param {
-        Param { name, dim, sign: Sign::Positive, kind: Kind::Shape, default: 0.0, grid, doc }
+        Param { name, dim, sign: Sign::Positive, kind: Kind::Shape, default: 0.0, min: 0.0, max: f64::INFINITY, grid, doc }
     }
     /// A setting: fixed at its default unless the study says otherwise.
     pub const fn setting(name: &'static str, dim: Dim, sign: Sign, default: f64, doc: &'static str) -> Param {
-        Param { name, dim, sign, kind: Kind::Setting, default, grid: Grid::None, doc }
+        Param { name, dim, sign, kind: Kind::Setting, default, min: sign.lowest(), max: f64::INFINITY, grid: Grid::None, doc }
+    }
+    /// The same of either sign.
+    pub const fn signed(mut self) -> Param {
+        (self.sign, self.min) = (Sign::Any, f64::NEG_INFINITY);
+        self
+    }
+    /// The same within narrower bounds [SI].
+    pub const fn within(mut self, min: f64, max: f64) -> Param {
+        (self.min, self.max) = (min, max);
+        self
+    }
+    /// The same setting, for which the search tries these values.
+    pub const fn tried(mut self, grid: Grid) -> Param {
+        self.grid = grid;
+        self
+    }
+    /// Bounds as they are printed: `>= 0`, `any`, `0.05 to 0.95`.
+    pub fn bounds(&self) -> String {
+        match (self.min == self.sign.lowest(), self.max == f64::INFINITY) {
+            (true, true) => self.sign.word().into(),
+            (true, false) if self.min == 0.0 => format!("{} to {}", if self.sign == Sign::Positive { "> 0" } else { "0" }, self.max),
+            (true, false) => format!("<= {}", self.max),
+            (false, true) => format!(">= {}", self.min),
+            (false, false) => format!("{} to {}", self.min, self.max),
+        }
     }
 }
 
@@ -207,6 +295,10 @@ pub struct Ports {
 }
 
 impl Ports {
+    /// Number of inputs read.
+    pub const fn count(self) -> usize {
+        self.x as usize + self.v as usize + self.a as usize + self.dx as usize
+    }
     /// Reads the displacement only.
     pub const X: Ports = Ports { x: true, v: false, a: false, dx: false };
     /// Reads the velocity only.
@@ -217,6 +309,8 @@ impl Ports {
     pub const DX: Ports = Ports { x: false, v: false, a: false, dx: true };
     /// Reads displacement and velocity.
     pub const XV: Ports = Ports { x: true, v: true, a: false, dx: false };
+    /// Reads displacement, velocity and displacement increment.
+    pub const XVDX: Ports = Ports { x: true, v: true, a: false, dx: true };
     /// Reads velocity and displacement increment.
     pub const VDX: Ports = Ports { x: false, v: true, a: false, dx: true };
     /// Reads no motion (series, coefficient and channel effects).

@@ -26,6 +26,8 @@ impl Force for Maxwell {
         smooth: true,
     };
 
+    const SUPERPOSES: bool = true;
+
     fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {
         // Exact for a displacement that is linear over the step: second order for any other, stable at every dt/tau.
         let ratio = p[1].recip() * dt;

@@ -15,33 +15,48 @@ pub mod channel;
 pub mod coefficient;
 pub mod dispatch;
 pub mod error;
+pub mod formula;
 pub mod info;
 pub mod num;
 pub mod series;
 
+mod added_mass;
 mod backlash;
+mod bilinear_stiffness;
+mod bouc_wen;
+mod contact;
 mod coulomb;
 mod cubic_stiffness;
 mod delay;
+mod drift;
 mod elastic_slip;
 mod film;
 mod gain;
 mod interference_law;
+mod iwan;
 mod linear_stiffness;
+mod load_stiffness;
+mod lugre;
 mod maxwell;
 mod moving_mass;
 mod offset;
+mod power_damping;
+mod quadratic_damping;
+mod quadratic_stiffness;
+mod springpot;
+mod stribeck;
 mod structural_damping;
 mod support_compliance;
 mod viscous;
 
 use num_complex::Complex;
 
-pub use channel::Channel;
+pub use channel::{Channel, Moment};
 pub use coefficient::Coefficient;
 pub use dispatch::{ForceLaw, Tangent};
 pub use error::EffectError;
-pub use info::{Dim, Grid, Info, Kind, Param, Ports, Role, Sign};
+pub use formula::{Formula, FormulaError};
+pub use info::{Dim, Grid, Info, Kind, Param, Ports, Role, Scales, Sign};
 pub use num::Num;
 pub use series::Series;
 
@@ -69,6 +84,8 @@ pub trait Force: Send + Sync + 'static {
     const INFO: Info;
     /// Whether the force is a fixed linear combination of displacement, velocity and acceleration, without states.
     const LINEAR: bool = false;
+    /// Whether responses superpose: linear in the motion and its history, so that [`Force::stiffness`] says all at every amplitude.
+    const SUPERPOSES: bool = Self::LINEAR;
 
     /// General force at the end of a step of length `dt` [s]; `s` enters with the states at its start and leaves with those at its
     /// end; `p` stands in the order of `INFO.params`.
@@ -89,6 +106,8 @@ pub enum Effect {
     Coefficient(&'static dyn Coefficient),
     /// A law of a measuring channel.
     Channel(&'static dyn Channel),
+    /// A general force whose law the study file holds; [`formula::compile`] makes a [`Effect::Force`] of it.
+    Formula(&'static Info),
 }
 
 impl Effect {
@@ -99,6 +118,7 @@ impl Effect {
             Effect::Series(e) => e.info(),
             Effect::Coefficient(e) => e.info(),
             Effect::Channel(e) => e.info(),
+            Effect::Formula(info) => info,
         }
     }
 }
@@ -115,17 +135,31 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Force(&Dispatch::<viscous::Viscous>::NEW),
     Effect::Force(&Dispatch::<maxwell::Maxwell>::NEW),
     Effect::Force(&Dispatch::<structural_damping::StructuralDamping>::NEW),
+    Effect::Force(&Dispatch::<springpot::Springpot>::NEW),
     Effect::Force(&Dispatch::<coulomb::Coulomb>::NEW),
     Effect::Force(&Dispatch::<elastic_slip::ElasticSlip>::NEW),
     Effect::Force(&Dispatch::<film::Film>::NEW),
     Effect::Force(&Dispatch::<cubic_stiffness::CubicStiffness>::NEW),
+    Effect::Force(&Dispatch::<quadratic_stiffness::QuadraticStiffness>::NEW),
+    Effect::Force(&Dispatch::<bilinear_stiffness::BilinearStiffness>::NEW),
+    Effect::Force(&Dispatch::<contact::Contact>::NEW),
+    Effect::Force(&Dispatch::<quadratic_damping::QuadraticDamping>::NEW),
+    Effect::Force(&Dispatch::<power_damping::PowerDamping>::NEW),
+    Effect::Force(&Dispatch::<stribeck::Stribeck>::NEW),
+    Effect::Force(&Dispatch::<lugre::LuGre>::NEW),
+    Effect::Force(&Dispatch::<bouc_wen::BoucWen>::NEW),
+    Effect::Force(&Dispatch::<iwan::Iwan>::NEW),
+    Effect::Force(&Dispatch::<added_mass::AddedMass>::NEW),
     Effect::Series(&backlash::Backlash),
     Effect::Series(&support_compliance::SupportCompliance),
     Effect::Coefficient(&interference_law::InterferenceLaw),
+    Effect::Coefficient(&load_stiffness::LoadStiffness),
     Effect::Channel(&delay::Delay),
     Effect::Channel(&gain::Gain),
     Effect::Channel(&offset::Offset),
+    Effect::Channel(&drift::Drift),
     Effect::Channel(&moving_mass::MovingMass),
+    Effect::Formula(&formula::FORMULA),
 ];
 
 /// The effect of this name, or an error with the nearest name.

@@ -3,7 +3,7 @@
 use num_complex::Complex;
 
 use super::Num;
-use super::channel::ChannelLaw;
+use super::channel::{ChannelLaw, Moment};
 use super::info::{Dim, Info, Param, Ports, Role, Sign};
 
 /// Mass between the load cell and the structure.
@@ -24,8 +24,8 @@ impl ChannelLaw for MovingMass {
         smooth: true,
     };
 
-    fn reading<T: Num>(y: T, a: f64, p: &[T]) -> T {
-        y + p[0] * a
+    fn reading<T: Num>(y: T, at: Moment, p: &[T]) -> T {
+        y + p[0] * at.acceleration
     }
 
     fn factor<T: Num>(_w: f64, drive: Complex<T>, p: &[T]) -> Complex<T> {

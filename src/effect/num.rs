@@ -26,6 +26,36 @@ pub fn smooth_sign<T: Num>(u: T) -> T {
     u / (u * u + 1.0).sqrt()
 }
 
+/// What is above zero of it.
+#[inline]
+pub fn positive<T: Num>(u: T) -> T {
+    if u.re() > 0.0 { u } else { T::from(0.0) }
+}
+
+/// Absolute value; its derivative at 0 is 0, the mean of both sides.
+#[inline]
+pub fn magnitude<T: Num>(u: T) -> T {
+    u * sign(u)
+}
+
+/// Direction: 1, -1, or 0 for exactly 0.
+#[inline]
+pub fn sign<T: Num>(u: T) -> f64 {
+    if u.re() == 0.0 { 0.0 } else { u.re().signum() }
+}
+
+/// `base^n` of a base that is not negative, with derivatives in both. At 0 it is 1 for n = 0, else 0, without derivatives.
+#[inline]
+pub fn power<T: Num>(base: T, n: T) -> T {
+    if base.re() > 0.0 { (n * base.ln()).exp() } else { T::from(if n.re() == 0.0 { 1.0 } else { 0.0 }) }
+}
+
+/// `(e^u - 1)/u`, 1 at 0.
+#[inline]
+pub fn phi1<T: Num>(u: T) -> T {
+    if u.re().abs() < 1e-5 { (u / 3.0 + 1.0) * u * 0.5 + 1.0 } else { u.exp_m1() / u }
+}
+
 /// Hyperbolic tangent that is exactly +-1 where it is so to rounding: the quotient of sinh and cosh that dual numbers take has no value
 /// far out.
 #[inline]

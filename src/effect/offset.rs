@@ -3,7 +3,7 @@
 use num_complex::Complex;
 
 use super::Num;
-use super::channel::ChannelLaw;
+use super::channel::{ChannelLaw, Moment};
 use super::info::{Dim, Info, Param, Ports, Role, Sign};
 
 /// Offset of a channel.
@@ -24,7 +24,9 @@ impl ChannelLaw for Offset {
         smooth: true,
     };
 
-    fn reading<T: Num>(y: T, _a: f64, p: &[T]) -> T {
+    const IN_FREQUENCY: bool = false;
+
+    fn reading<T: Num>(y: T, _at: Moment, p: &[T]) -> T {
         y + p[0]
     }
 

@@ -9,6 +9,8 @@ use super::{Info, Num};
 pub trait SeriesLaw: Send + Sync + 'static {
     /// What the effect says of itself.
     const INFO: Info;
+    /// Whether the opening is proportional to the force.
+    const LINEAR: bool = false;
     /// Opening [m or rad] under the general force `f`; non-decreasing in `f`, zero at the null value of the strength.
     fn opening<T: Num>(f: T, p: &[T]) -> T;
 }
@@ -17,6 +19,8 @@ pub trait SeriesLaw: Send + Sync + 'static {
 pub trait Series: Send + Sync {
     /// What the effect says of itself.
     fn info(&self) -> &'static Info;
+    /// [`SeriesLaw::LINEAR`].
+    fn linear(&self) -> bool;
     /// Opening and its derivative with respect to the force.
     fn opening(&self, f: f64, p: &[f64]) -> (f64, f64);
     /// Derivatives with respect to the parameters of the opening and of its slope `de/dF`.
@@ -26,6 +30,9 @@ pub trait Series: Send + Sync {
 impl<L: SeriesLaw> Series for L {
     fn info(&self) -> &'static Info {
         &L::INFO
+    }
+    fn linear(&self) -> bool {
+        L::LINEAR
     }
     fn opening(&self, f: f64, p: &[f64]) -> (f64, f64) {
         let mut params = [Dual64::from_re(0.0); 4];

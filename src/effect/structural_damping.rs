@@ -27,6 +27,8 @@ impl Force for StructuralDamping {
         smooth: true,
     };
 
+    const SUPERPOSES: bool = true;
+
     fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {
         let (g, tau) = series(p);
         let mut sum = T::from(0.0);

@@ -22,6 +22,8 @@ impl SeriesLaw for SupportCompliance {
         smooth: true,
     };
 
+    const LINEAR: bool = true;
+
     fn opening<T: Num>(f: T, p: &[T]) -> T {
         p[0] * f
     }

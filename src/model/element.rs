@@ -11,7 +11,7 @@
 use num_complex::Complex64;
 
 use crate::effect::dispatch::INPUTS;
-use crate::effect::{EffectError, ForceLaw, Info, Inputs, Series, Tangent};
+use crate::effect::{EffectError, ForceLaw, Inputs, Series, Tangent};
 
 use super::Model;
 use super::bound::Chain;
@@ -184,9 +184,10 @@ impl Element {
     }
     /// Whether both have the same laws with the same numbers and the same free parameters behind them.
     pub fn same_law(&self, other: &Element) -> bool {
-        let names = |e: &Element| -> Vec<&'static str> {
-            let forces = e.linear.iter().chain(&e.forces).chain(&e.followers).map(|f| f.law.info().name);
-            forces.chain(e.series.iter().map(|s| s.law.info().name)).collect()
+        // Formulas share a name; their equations tell them apart.
+        let names = |e: &Element| -> Vec<(&'static str, &'static str)> {
+            let forces = e.linear.iter().chain(&e.forces).chain(&e.followers).map(|f| f.law.info());
+            forces.chain(e.series.iter().map(|s| s.law.info())).map(|i| (i.name, i.equation)).collect()
         };
         self.p == other.p && self.chains == other.chains && names(self) == names(other)
     }
@@ -207,14 +208,12 @@ impl Element {
 
     /// Whether forces and openings are linear in the motion and its history, so that [`Element::stiffness`] says all at every amplitude.
     pub fn is_linear_at_every_amplitude(&self) -> bool {
-        self.forces.iter().all(|f| linear(f.law.info()))
-            && self.series.iter().filter(|s| s.follower.is_none()).all(|s| linear(s.law.info()))
+        self.forces.iter().all(|f| f.law.superposes()) && self.series.iter().filter(|s| s.follower.is_none()).all(|s| s.law.linear())
     }
 
     /// The same of the candidates of the score test.
     pub fn followers_are_linear(&self) -> bool {
-        self.followers.iter().all(|f| linear(f.law.info()))
-            && self.series.iter().filter(|s| s.follower.is_some()).all(|s| linear(s.law.info()))
+        self.followers.iter().all(|f| f.law.superposes()) && self.series.iter().filter(|s| s.follower.is_some()).all(|s| s.law.linear())
     }
 
     /// General force at the end of the step; `s` leaves with the new states.
@@ -431,14 +430,6 @@ impl Element {
         }
         Ok((z / denominator, dz * outer))
     }
-}
-
-/// Whether a law is linear in the motion and its history.
-fn linear(info: &Info) -> bool {
-    matches!(
-        info.name,
-        "linear_stiffness" | "viscous" | "added_mass" | "maxwell" | "structural_damping" | "springpot" | "support_compliance"
-    )
 }
 
 /// Motion inside the opening.

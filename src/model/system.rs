@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::effect::{Effect, Kind, Sign};
+use crate::effect::{Effect, Kind, Param, Sign};
 
 use super::{Model, ModelError};
 
@@ -28,10 +28,13 @@ impl ParamValue {
     pub fn fixed(value: f64) -> Self {
         ParamValue { value, min: f64::NEG_INFINITY, max: f64::INFINITY, free: false, prior: None, unit: (String::new(), 1.0) }
     }
+    /// A value of a parameter in SI with the bounds within which it means something; settings are fixed, what else there is is free.
+    pub fn of(param: &Param, value: f64) -> Self {
+        ParamValue { min: param.min, max: param.max, free: param.kind != Kind::Setting, ..Self::fixed(value) }
+    }
     /// A free value in SI with the bounds its sign admits.
     pub fn free(value: f64, sign: Sign) -> Self {
-        let min = if sign == Sign::Any { f64::NEG_INFINITY } else { 0.0 };
-        ParamValue { min, free: true, ..Self::fixed(value) }
+        ParamValue { min: sign.lowest(), free: true, ..Self::fixed(value) }
     }
 }
 

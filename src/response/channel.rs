@@ -1,10 +1,10 @@
 //! The measuring chain applied to computed signals.
 
+use crate::effect::Moment;
 use crate::model::{Bound, ChannelPiece};
 
-/// Applies the channel effects that cover `test.role` to a computed signal of `n` samples at steps of `dt`; `a` is the acceleration of
-/// the driven end at the same samples. `slopes[k * n_free + c]` are updated along. A periodic signal wraps around.
-pub fn apply(bound: &Bound, test: &str, role: &str, dt: f64, periodic: bool, a: &[f64], values: &mut [f64], slopes: &mut [f64]) {
+/// Applies the channel effects that cover `test.role` to a computed signal of `n` samples at steps of `dt`, taken at `moments`. `slopes[k * n_free + c]` are updated along. A periodic signal wraps around.
+pub fn apply(bound: &Bound, test: &str, role: &str, dt: f64, periodic: bool, moments: &[Moment], values: &mut [f64], slopes: &mut [f64]) {
     let pieces: Vec<&ChannelPiece> = bound.channels.iter().filter(|c| c.site.covers(test, role)).collect();
     if pieces.is_empty() {
         return;
@@ -32,7 +32,7 @@ pub fn apply(bound: &Bound, test: &str, role: &str, dt: f64, periodic: bool, a: 
             }
         }
         for k in 0..n {
-            let (reading, dy) = piece.law.reading(values[k], a[k], &piece.p, &mut dp);
+            let (reading, dy) = piece.law.reading(values[k], moments[k], &piece.p, &mut dp);
             values[k] = reading;
             slopes.iter_mut().skip(k * n_free).take(n_free).for_each(|s| *s *= dy);
             for (d, chain) in dp.iter().zip(&piece.chains) {

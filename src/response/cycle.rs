@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::data::{Control, FourierInput, TimeRecord};
+use crate::effect::Moment;
 use crate::engine::EngineError;
 use crate::engine::march::{Loads, Probe};
 use crate::engine::periodic::periodic;
@@ -24,8 +25,8 @@ pub struct CyclePlan {
     /// Points per cycle and engine steps per point.
     points: usize,
     stride: usize,
-    /// Acceleration of the driven end at every step.
-    acceleration: Vec<f64>,
+    /// Acceleration of the driven end at every step, and time from the middle of the cycle as it lay in the record.
+    moments: Vec<Moment>,
     drive: Drive,
 }
 
@@ -38,6 +39,8 @@ struct Drive {
     control: Control,
     dof: usize,
     sign: f64,
+    /// Point with which the cycles begin in the record.
+    first: usize,
 }
 
 impl Drive {
@@ -56,7 +59,15 @@ impl CyclePlan {
         let (dof, sign) = site::driven(model, &controlled.at, &plan.id)?;
         let n = settled.n;
         let stride = STEPS.div_ceil(n).max(1);
-        let drive = Drive { input: settled.input.clone(), phase: settled.phase[0], frequency: settled.frequency, control, dof, sign };
+        let drive = Drive {
+            input: settled.input.clone(),
+            phase: settled.phase[0],
+            frequency: settled.frequency,
+            control,
+            dof,
+            sign,
+            first: settled.first,
+        };
         let samples = drive.samples(n * stride);
         let driven_motion = control == Control::Displacement;
         let mut probes = Vec::new();
@@ -94,8 +105,12 @@ impl CyclePlan {
         let samples = drive.samples(steps);
         let driven_motion = drive.control == Control::Displacement;
         let loads = site::loads(drive.control, drive.dof, drive.sign, 1.0 / (drive.frequency * steps as f64), &samples);
-        let acceleration = samples.iter().skip(1).map(|s| if driven_motion { s[2] } else { 0.0 }).collect();
-        CyclePlan { loads, probes, points, stride, acceleration, drive }
+        // The last step ends at the first point. The middle of the points of the cycle, not of its steps, is time 0.
+        let middle = (points - 1) as f64 / 2.0 * stride as f64;
+        let time = |k: usize| (((k + 1 + steps - drive.first * stride) % steps) as f64 - middle) * loads.dt;
+        let moment = |(k, s): (usize, &[f64; 3])| Moment { acceleration: if driven_motion { s[2] } else { 0.0 }, time: time(k) };
+        let moments = samples.iter().skip(1).enumerate().map(moment).collect();
+        CyclePlan { loads, probes, points, stride, moments, drive }
     }
 
     /// The same test marched with twice the steps; `None` where it has as many as it may.
@@ -128,7 +143,9 @@ impl CyclePlan {
             let mean = swing(path);
             path.iter_mut().for_each(|f| *f = mean + amplitude * (*f - mean));
         }
-        plan.acceleration.iter_mut().for_each(|a| *a *= amplitude * frequency * frequency);
+        for m in &mut plan.moments {
+            *m = Moment { acceleration: m.acceleration * amplitude * frequency * frequency, time: m.time / frequency };
+        }
         let f = 1.0 / (plan.loads.dt * steps);
         (plan, f, reach)
     }
@@ -143,7 +160,7 @@ impl CyclePlan {
             cycle.values[i].iter_mut().for_each(|v| *v *= sign);
             cycle.slopes[i].iter_mut().for_each(|v| *v *= sign);
             let (values, slopes) = (&mut cycle.values[i], &mut cycle.slopes[i]);
-            channel::apply(bound, &plan.id, &block.role, self.loads.dt, true, &self.acceleration, values, slopes);
+            channel::apply(bound, &plan.id, &block.role, self.loads.dt, true, &self.moments, values, slopes);
             let steps = cycle.steps;
             for point in 0..self.points {
                 // Point 0 is the start of the cycle, which the march reports as its end.

@@ -1,6 +1,7 @@
 //! A whole record, marched from rest at its first sample.
 
 use crate::data::{Control, TimeRecord};
+use crate::effect::Moment;
 use crate::engine::EngineError;
 use crate::engine::march::{Loads, March, Probe};
 use crate::model::{Bound, Model};
@@ -13,7 +14,7 @@ use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel,
 pub struct TransientPlan {
     loads: Loads,
     probes: Vec<(Probe, f64)>,
-    acceleration: Vec<f64>,
+    moments: Vec<Moment>,
 }
 
 /// Spectral radius at infinite frequency: little damping of what the record resolves.
@@ -59,19 +60,21 @@ impl TransientPlan {
             };
             plan.add_block(block, c.values.clone(), vec![sigma; n]);
         }
-        let acceleration = samples.iter().map(|s| if driven_motion { s[2] } else { 0.0 }).collect();
-        Ok(TransientPlan { loads: site::loads(control, dof, sign, dt, &samples), probes, acceleration })
+        let time = |k: usize| (k as f64 - 0.5 * (n - 1) as f64) * dt;
+        let moment = |(k, s): (usize, &[f64; 3])| Moment { acceleration: if driven_motion { s[2] } else { 0.0 }, time: time(k) };
+        let moments = samples.iter().enumerate().map(moment).collect();
+        Ok(TransientPlan { loads: site::loads(control, dof, sign, dt, &samples), probes, moments })
     }
 
     pub(super) fn dt(&self) -> f64 {
         self.loads.dt
     }
     pub(super) fn duration(&self) -> f64 {
-        self.loads.dt * self.acceleration.len() as f64
+        self.loads.dt * self.moments.len() as f64
     }
 
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
-        let n = self.acceleration.len();
+        let n = self.moments.len();
         let n_free = if sensitivities { bound.n_free } else { 0 };
         let (mut values, mut slopes) = (vec![vec![0.0; n]; self.probes.len()], vec![vec![0.0; n * n_free]; self.probes.len()]);
         self.run(model, bound, n_free, |k, march, state| {
@@ -86,7 +89,7 @@ impl TransientPlan {
             // The march starts with its first step; rest before it reads as the state after it.
             values[i][0] = values[i][1];
             slopes[i].copy_within(n_free..2 * n_free, 0);
-            channel::apply(bound, &plan.id, &block.role, self.loads.dt, false, &self.acceleration, &mut values[i], &mut slopes[i]);
+            channel::apply(bound, &plan.id, &block.role, self.loads.dt, false, &self.moments, &mut values[i], &mut slopes[i]);
             out.values.append(&mut values[i]);
             out.slopes.append(&mut slopes[i]);
         }
@@ -102,7 +105,7 @@ impl TransientPlan {
     ) -> Result<(), EngineError> {
         let mut march = March::new(model, bound, &self.loads, RADIUS)?;
         let mut state = march.rest(columns);
-        for k in 1..self.acceleration.len() {
+        for k in 1..self.moments.len() {
             march.step(k, &mut state, columns)?;
             each(k, &march, &state);
         }

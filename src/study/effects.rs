@@ -10,7 +10,7 @@ use crate::units::{Dimension, Unit};
 use super::engineering::dimension;
 use super::error::at as located;
 use super::settings::{effect, unknown};
-use super::{StudyError, TestProblem, engineering, site};
+use super::{StudyError, TestProblem, engineering, formula, site};
 
 /// What a coefficient made by a program acts on; see [`super::Study::instance`].
 #[derive(Clone, Debug, PartialEq)]
@@ -43,6 +43,9 @@ pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Re
         if info.role == Role::Coefficient {
             keys.extend(["of", "condition", "reference"]);
         }
+        if is_formula(head.effect) {
+            keys.extend(formula::KEYS);
+        }
         head.table.only(&keys)?;
         let (target, unit) = match info.role {
             Role::Coefficient => target(head, model, dataset, &sites).map(|(t, u)| (Some(t), u))?,
@@ -69,7 +72,16 @@ fn head<'a>(table: &TableView<'a>, model: &Model, dataset: &Dataset) -> Result<H
     }
     let names = entries.iter().map(|v| v.string()).collect::<Result<Vec<_>, _>>()?;
     let site = site::resolve(model, dataset, effect, &names).map_err(|(i, e)| located(entries.get(i).unwrap_or(&value), &e))?;
+    let effect = match effect {
+        Effect::Formula(_) => formula::read(table, site::nature(model, dataset, &site).0)?,
+        _ => effect,
+    };
     Ok(Head { table: table.clone(), effect, at: names.join(","), site })
+}
+
+/// Whether the law stands in the study file.
+pub(super) fn is_formula(effect: &Effect) -> bool {
+    matches!(effect, Effect::Force(law) if law.formula().is_some())
 }
 
 /// A series effect needs a force to be in series with, at each of its places.
@@ -199,7 +211,7 @@ fn problem(dataset: &Dataset, test: &Test, name: &str, message: String, accepted
 fn param(table: &TableView<'_>, info: &Info, p: &Param, dimension: Dimension) -> Result<ParamValue, TomlError> {
     let Some(value) = table.get(p.name) else {
         if p.kind == Kind::Setting {
-            return Ok(ParamValue { min: lowest(p.sign), ..ParamValue::fixed(p.default) });
+            return Ok(ParamValue::of(p, p.default));
         }
         let accepted = format!("{} = \"...\", the {} of `{}` in {}", p.name, p.doc, info.name, dimension.examples());
         return Err(table.error(TomlProblem::MissingKey { key: p.name.into(), accepted }));
@@ -208,13 +220,22 @@ fn param(table: &TableView<'_>, info: &Info, p: &Param, dimension: Dimension) ->
     let spec = value.parameter(dimension, if setting { &["free"] } else { &[] })?;
     let inner = |key: &str| if value.is_table() { value.table().ok().and_then(|t| t.get(key)) } else { None };
     let at = |key: &str| inner(key).unwrap_or_else(|| value.clone());
-    if let Some(min) = spec.min.filter(|m| *m < lowest(p.sign)) {
-        let message = format!("min {} lets `{}` be negative", spec.start.unit.print(min), p.name);
-        return Err(at("min").refuse(message, "a min of 0 or more"));
+    let print = |si: f64| spec.start.unit.print(si);
+    if let Some(min) = spec.min.filter(|m| *m < p.min) {
+        let beyond = if p.min == 0.0 { "be negative".to_string() } else { format!("fall below {}", print(p.min)) };
+        let message = format!("min {} lets `{}` {beyond}", print(min), p.name);
+        return Err(at("min").refuse(message, format!("a min of {} or more", if p.min == 0.0 { "0".into() } else { print(p.min) })));
+    }
+    if let Some(max) = spec.max.filter(|m| *m > p.max) {
+        let message = format!("max {} lets `{}` exceed {}", print(max), p.name, print(p.max));
+        return Err(at("max").refuse(message, format!("a max of {} or less", print(p.max))));
     }
     let start = spec.start.value;
     if (p.sign == Sign::NonNegative && start < 0.0) || (p.sign == Sign::Positive && start <= 0.0) {
         return Err(at("start").refuse(format!("`{}` is {}", p.name, spec.start), format!("a value {}", p.sign.word())));
+    }
+    if start < p.min || start > p.max {
+        return Err(at("start").refuse(format!("`{}` is {}", p.name, spec.start), format!("{} to {}", print(p.min), print(p.max))));
     }
     let asked = inner("free").map(|v| v.bool()).transpose()?;
     if asked.is_some() && inner("fixed").is_some() {
@@ -222,15 +243,10 @@ fn param(table: &TableView<'_>, info: &Info, p: &Param, dimension: Dimension) ->
     }
     Ok(ParamValue {
         value: start,
-        min: spec.min.unwrap_or(lowest(p.sign)),
-        max: spec.max.unwrap_or(f64::INFINITY),
+        min: spec.min.unwrap_or(p.min),
+        max: spec.max.unwrap_or(p.max),
         free: asked.unwrap_or(!setting && !spec.fixed),
         prior: spec.prior.map(|p| (p.mean, p.sigma)),
         unit: (spec.start.unit.symbol.clone(), spec.start.unit.factor),
     })
-}
-
-/// The bound a sign implies.
-pub(super) fn lowest(sign: Sign) -> f64 {
-    if sign == Sign::Any { f64::NEG_INFINITY } else { 0.0 }
 }

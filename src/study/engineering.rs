@@ -8,7 +8,7 @@ use crate::units::{Dimension, Unit, parse_unit};
 use super::site;
 
 /// Units for machine parts: newton, millimetre, second; radian for rotations.
-const UNITS: [&str; 17] = [
+const UNITS: [&str; 24] = [
     "N/mm",
     "N s/mm",
     "N",
@@ -26,6 +26,13 @@ const UNITS: [&str; 17] = [
     "rad",
     "rad/s",
     "kg m2",
+    "N s2/mm2",
+    "N/s",
+    "s/mm",
+    "N m s2/rad2",
+    "N m/rad2",
+    "N m/rad3",
+    "s/rad",
 ];
 
 /// The dimension of a parameter: `place` along a translation or about a rotation, `channel` for a channel effect, `condition` for a
@@ -35,6 +42,8 @@ pub(super) fn dimension(dim: Dim, rotational: bool, channel: Dimension, conditio
     match dim {
         Dim::One => Dimension::DIMENSIONLESS,
         Dim::Channel => channel,
+        Dim::ChannelPerTime => channel.over(Dimension::TIME),
+        Dim::Declared(dimension) => dimension,
         Dim::PerCondition => Dimension::DIMENSIONLESS.over(condition),
         // A moment of inertia: its radians are not written.
         Dim::Place { f: 1, x: -1, t: 2 } => {

@@ -119,11 +119,15 @@ impl Study {
     /// A new effect for this study: `values` by parameter name [SI]; those not named start at their default (strength: its null value).
     /// Strengths and shapes are free, settings fixed.
     pub fn instance(&self, effect: &str, at: &str, values: &[(&str, f64)], of: Option<&CoefficientOf>) -> Result<Instance, StudyError> {
-        use crate::effect::{Effect, Kind, find};
+        use crate::effect::{Effect, find};
         use crate::model::ModelError;
         let site = self.site(effect, at)?;
         let law = find(effect).map_err(|e| ModelError::invalid(effect, e.to_string(), e.accepted()))?;
         let info = law.info();
+        if let Effect::Formula(_) = law {
+            let accepted = "an [[effect]] in study.toml with its expression and parameters";
+            return Err(ModelError::invalid(effect, "a formula has no law of its own: it stands in study.toml", accepted).into());
+        }
         if let Some((name, _)) = values.iter().find(|(name, _)| info.param(name).is_none()) {
             return Err(ModelError::no_such("parameter", name, info.params.iter().map(|p| p.name.to_string())).into());
         }
@@ -141,11 +145,7 @@ impl Study {
         };
         let param = |p: &crate::effect::Param| {
             let value = values.iter().find(|(name, _)| *name == p.name).map_or(p.default, |v| v.1);
-            if p.kind == Kind::Setting {
-                ParamValue { min: effects::lowest(p.sign), ..ParamValue::fixed(value) }
-            } else {
-                ParamValue::free(value, p.sign)
-            }
+            ParamValue::of(p, value)
         };
         let at = at.split(',').map(str::trim).collect::<Vec<_>>().join(",");
         let mut instance = Instance { effect: law, at, site, params: info.params.iter().map(param).collect(), target, follower: false };

@@ -17,6 +17,7 @@
 //! | `[[connector]]` | `name`, and `from`, `to` or `chain = "body with count"`; `ground` need not be declared |
 //! | `[[effect]]` | `effect`, `at` (place, range `c1-7.x`, list of places; for a channel effect `test.role` or `*.role`), its parameters |
 //! | parameter | `"20 N/mm"` or `{ start, min, max, prior = { mean, sigma }, fixed = true }`; settings: `free = true` to fit them |
+//! | formula | `expression`, `states = { z = "rate" }`, `active`; every other key is a parameter ([`crate::effect::formula`]) |
 //! | coefficient effects | `of = "viscous.c"` (`viscous#2.c` for the second there), `condition`, `reference` |
 //! | `[[order]]` | `order = [names of free parameters, rising]`, `gap` |
 //! | `[[prediction]]` | `case`, `quantity` and its keys ([`Predicted`]), `conditions`, `reference` |
@@ -25,6 +26,7 @@ mod channels;
 mod effects;
 mod engineering;
 mod error;
+mod formula;
 mod graph;
 mod load;
 mod mechanism;

@@ -12,12 +12,13 @@ use rayon::prelude::*;
 
 use crate::diagnose::results::{SplitName, TestResult};
 use crate::diagnose::{Case, DiagnoseError, Search};
+use crate::effect::formula::Motion;
 use crate::explain::Explain;
 use crate::identify::Tolerances;
-use crate::model::System;
+use crate::model::{Instance, Site, System};
 use crate::response::{BlockKind, Plan};
 
-use super::{Study, StudyError};
+use super::{Study, StudyError, formula};
 
 impl Case {
     /// Plans every test of the study and takes over its split, orders, loss, settings of fit and search.
@@ -26,6 +27,8 @@ impl Case {
             Ok((Plan::new(test, &study.system.model)?, split_of(study, &test.id)))
         };
         let plans = study.dataset.tests.par_iter().map(plan).collect::<Result<Vec<_>, _>>()?;
+        let motions = |instance: &Instance| plans.iter().flat_map(|(p, _)| motions(p, &study.system, instance)).collect();
+        formula::examine(&study.system, motions).map_err(|(i, e)| formula::located(&study.system.instances[i], &e))?;
         Ok(Case {
             name: study.title.clone(),
             plans: Arc::new(plans),
@@ -42,6 +45,19 @@ impl Case {
             },
         })
     }
+}
+
+/// The motion a test shows at the places of an instance; that of its drive where the model cannot be computed yet.
+fn motions(plan: &Plan, system: &System, instance: &Instance) -> Vec<Motion> {
+    let Site::Places(places) = &instance.site else { return vec![] };
+    if let Ok(Some(all)) = plan.amplitudes(system) {
+        return places.iter().filter_map(|p| all.get(*p)).map(|a| Motion { x: a.x, v: a.v }).collect();
+    }
+    let half = |u: &[f64]| {
+        let (low, high) = u.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+        0.5 * (high - low)
+    };
+    plan.blocks.iter().filter(|b| !b.x.is_empty() && !b.v.is_empty()).map(|b| Motion { x: half(&b.x), v: half(&b.v) }).collect()
 }
 
 /// The split a test serves in.

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::data::{Conditions, Control, Dataset, StoredEnergy};
-use crate::effect::Kind;
+use crate::effect::{Effect, Kind};
 use crate::identify::Loss;
 use crate::model::{Instance, System};
 use crate::units::{Dimension, Quantity, Unit};
@@ -27,6 +27,19 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
     let entries: Vec<&str> = instance.at.split(',').map(str::trim).collect();
     let at = if entries.len() == 1 { quoted(entries[0]) } else { list(&entries) };
     let mut text = format!("[[effect]]\neffect = {}\nat = {at}\n", quoted(info.name));
+    if let Effect::Force(law) = instance.effect
+        && let Some(formula) = law.formula()
+    {
+        let definition = &formula.definition;
+        let _ = writeln!(text, "expression = {}", quoted(&definition.expression));
+        if !definition.states.is_empty() {
+            let states: Vec<String> = definition.states.iter().map(|(name, rate)| format!("{name} = {}", quoted(rate))).collect();
+            let _ = writeln!(text, "states = {{ {} }}", states.join(", "));
+        }
+        if definition.active {
+            text.push_str("active = true\n");
+        }
+    }
     if let Some(target) = &instance.target {
         let of = effects::of_name(&system.model, &system.instances, &instance.site, target);
         let unit = engineering::condition(dataset, &target.condition).unwrap_or_else(|| Unit::si(Dimension::DIMENSIONLESS));
@@ -37,8 +50,8 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
         let unit = unit_of(system, dataset, instance, p);
         let print = |si: f64| quoted(&unit.print(si));
         let mut keys = vec![format!("start = {}", print(value.value))];
-        for (key, bound) in [("min", value.min), ("max", value.max)] {
-            if bound.is_finite() {
+        for (key, bound, own) in [("min", value.min, f64::NEG_INFINITY), ("max", value.max, param.max)] {
+            if bound.is_finite() && bound != own {
                 keys.push(format!("{key} = {}", print(bound)));
             }
         }
@@ -51,7 +64,7 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
             (false, false) => keys.push("fixed = true".into()),
             _ => {}
         }
-        let implied = value.min == effects::lowest(param.sign) && value.max == f64::INFINITY && value.prior.is_none();
+        let implied = value.min == param.min && value.max == param.max && value.prior.is_none();
         let _ = match setting && !value.free && implied {
             true => writeln!(text, "{} = {}", param.name, print(value.value)),
             false => writeln!(text, "{} = {{ {} }}", param.name, keys.join(", ")),

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod damage;
+mod formula;
 mod house;
 mod rig;
 mod round_trip;
