@@ -40,7 +40,9 @@ impl<'a> Problem<'a> {
     pub fn system_at(&self, p: &[f64]) -> System {
         let mut system = self.system.clone();
         for (f, v) in self.free.iter().zip(p) {
-            system.instances[f.instance].params[f.param].value = if f.log { v.exp() } else { *v };
+            let param = &mut system.instances[f.instance].params[f.param];
+            // A logarithm at its bound comes back beyond it by rounding.
+            param.value = if f.log { v.exp().max(param.min).min(param.max) } else { *v };
         }
         system
     }

@@ -12,8 +12,7 @@ const F: &str = "f = { start = \"1 N\", min = \"0 N\", max = \"20 N\" }\n";
 
 #[test]
 fn a_formula_finds_the_strength_of_what_is_hidden() {
-    let rig =
-        formula(Rig::hiding(|_, v| 1.5 * (v / 1e-3).tanh()), "f*tanh(v/v0)", &format!("{F}v0 = {{ start = \"1 mm/s\", fixed = true }}\n"));
+    let rig = formula(Rig::hiding(|_, v| 1.5 * v.tanh()), "f*tanh(v/v0)", &format!("{F}v0 = {{ start = \"1 mm/s\", fixed = true }}\n"));
     let fit = rig.json("fit", &[]);
     let f = fit["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "c1.x.formula.f").unwrap()["value"].as_f64().unwrap();
     assert!((f - 1.5).abs() < 0.03, "{f}");

@@ -47,7 +47,7 @@ fn parameters(info: &Info, force: f64, other: f64) -> Vec<f64> {
         (_, Grid::None) => p.default,
         (kind, grid) => {
             let values = grid.values(&scales);
-            values.get(if kind == Kind::Shape { values.len() / 2 } else { 0 }).copied().unwrap_or(p.default)
+            values.get(if kind == Kind::Shape { values.len().saturating_sub(1) / 2 } else { 0 }).copied().unwrap_or(p.default)
         }
     };
     info.params.iter().map(value).collect()
