@@ -4,6 +4,7 @@
 //! the parameters are p = (s_1, s_2, s_3, eta_1, eta_2, eta_3).
 
 use misfit::engine::blocktri::{BlockTriError, FrfSystem, Response, Sweep};
+use misfit::identify::{EvalError, LeastSquares};
 use nalgebra::{DMatrix, DVector};
 
 use crate::chain::{C64, Chain, DOFS, LAWS, Law};
@@ -51,10 +52,6 @@ impl FrfFit {
         Ok(Self { system, omega, input: chain.input(), outputs: chain.outputs().to_vec(), measured, sigma })
     }
 
-    pub fn n_residuals(&self) -> usize {
-        2 * self.measured.len()
-    }
-
     fn evaluate(&self, p: &[f64], sensitivities: bool) -> Result<Response, BlockTriError> {
         let laws = laws(p);
         let sweep = Sweep { omega: &self.omega, inputs: &[self.input], outputs: &self.outputs, sensitivities };
@@ -66,17 +63,26 @@ impl FrfFit {
 
     fn whiten(&self, h: &[C64]) -> DVector<f64> {
         let whitened = h.iter().zip(&self.measured).map(|(h, m)| (h - m) / (self.sigma * m.norm()));
-        DVector::from_iterator(self.n_residuals(), whitened.flat_map(|r| [r.re, r.im]))
+        DVector::from_iterator(2 * self.measured.len(), whitened.flat_map(|r| [r.re, r.im]))
+    }
+}
+
+/// What `misfit::identify` fits.
+impl LeastSquares for FrfFit {
+    fn n_params(&self) -> usize {
+        PARAMETERS
     }
 
-    /// r(p)
-    pub fn residuals(&self, p: &[f64]) -> Result<DVector<f64>, BlockTriError> {
-        Ok(self.whiten(&self.evaluate(p, false)?.h))
+    fn n_residuals(&self) -> usize {
+        2 * self.measured.len()
     }
 
-    /// (r(p), dr/dp)
-    pub fn jacobian(&self, p: &[f64]) -> Result<(DVector<f64>, DMatrix<f64>), BlockTriError> {
-        let (response, laws) = (self.evaluate(p, true)?, laws(p));
+    fn residuals(&self, p: &[f64]) -> Result<DVector<f64>, EvalError> {
+        Ok(self.whiten(&self.evaluate(p, false).map_err(why)?.h))
+    }
+
+    fn jacobian(&self, p: &[f64]) -> Result<(DVector<f64>, DMatrix<f64>), EvalError> {
+        let (response, laws) = (self.evaluate(p, true).map_err(why)?, laws(p));
         let mut jacobian = DMatrix::zeros(self.n_residuals(), PARAMETERS);
         for (at, (measured, dh)) in self.measured.iter().zip(response.dh.chunks_exact(CLASSES)).enumerate() {
             let scale = 1.0 / (self.sigma * measured.norm());
@@ -92,4 +98,8 @@ impl FrfFit {
         }
         Ok((self.whiten(&response.h), jacobian))
     }
+}
+
+fn why(e: BlockTriError) -> EvalError {
+    EvalError::new(e.to_string())
 }

@@ -85,24 +85,37 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         key(a).total_cmp(&key(b)).then(b.score.drop.total_cmp(&a.score.drop))
     });
     let before_folds = if !judge_select && plans.len() > 1 { cross_validated(case, &base.system, monitor).ok() } else { None };
-    let earned = |proof: &Proof| {
+    // Whether a refit has earned its place, and what was weighed.
+    let earned = |proof: &Proof| -> (bool, String) {
         let fit_gain = cost(&before_fit) - cost(&proof.fit);
         let added = (proof.fitted.free.len() - base.free.len()) as f64;
         // On the fit tests the cost must fall by more than its parameters buy by chance; on select the pairs decide. Without select
         // tests each fit test in turn stands for them; with one test alone the fall must be worth the name.
         if judge_select {
-            return fit_gain > 2.0 * added && earns_its_place(&before_select, &proof.select);
+            return (fit_gain > 2.0 * added && earns_its_place(&before_select, &proof.select), String::new());
         }
         let n: usize = before_fit.iter().map(Vec::len).sum();
         if fit_gain <= 0.5 * added * (n as f64).ln() + 2.0 {
-            return false;
+            return (false, "; less than its parameters gain by chance".into());
         }
         match &before_folds {
-            Some(before) => cross_validated(case, &proof.fitted.system, monitor).is_ok_and(|after| earns_its_place(before, &after)),
-            None => fit_gain > WORTH_ALONE * cost(&before_fit),
+            Some(before) => match cross_validated(case, &proof.fitted.system, monitor) {
+                Ok(after) => {
+                    let (mean, error) = improvement(before, &after);
+                    (earns_its_place(before, &after), format!("; on tests it was not fitted to by {mean:.3} +- {error:.3}"))
+                }
+                Err(reason) => (false, format!("; it could not be cross-validated: {reason}")),
+            },
+            None => (fit_gain > WORTH_ALONE * cost(&before_fit), String::new()),
         }
     };
-    let winner = refits.iter().position(|r| r.result.as_ref().is_ok_and(earned));
+    let mut weighed = vec![String::new(); refits.len()];
+    let winner = refits.iter().zip(&mut weighed).position(|(r, weighed)| {
+        let Ok(proof) = &r.result else { return false };
+        let (earned, text) = earned(proof);
+        *weighed = text;
+        earned
+    });
     let mut list = Vec::new();
     let mut ties: Vec<usize> = Vec::new();
     if let Some(w) = winner
@@ -122,7 +135,11 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
                 c.accepted = winner == Some(k);
                 let (mean, error) =
                     if judge_select { improvement(&before_select, &proof.select) } else { improvement(&before_fit, &proof.fit) };
-                c.remark = format!("improves the mean squared residual by {mean:.3} +- {error:.3}, cost {:.5e}", verdict_cost(proof));
+                c.remark = format!(
+                    "improves the mean squared residual by {mean:.3} +- {error:.3}{}, cost {:.5e}",
+                    weighed[k],
+                    verdict_cost(proof)
+                );
                 if winner == Some(k) {
                     c.tied_with = ties.iter().map(|t| label(*t)).collect();
                 } else if let Some(w) = winner.filter(|_| ties.contains(&k)) {
