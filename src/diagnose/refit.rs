@@ -16,8 +16,12 @@ use super::score::Score;
 /// Iterations of a refit: what is far from the floor after these is no explanation.
 const REFIT_ITERATIONS: u64 = 40;
 
-/// Folds of a cross-validation over tests, at most.
+/// Folds of a cross-validation.
 const FOLDS: usize = 4;
+/// Stretches that a test is cut into where its parts are the folds.
+const STRETCHES: usize = 12;
+/// Factor on the sigma of rows that a fold does not see.
+const UNSEEN: f64 = 1e8;
 
 /// Residuals of one test, whitened.
 pub type Whitened = Vec<Vec<f64>>;
@@ -117,29 +121,43 @@ pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, S
     Ok(Proof { fitted, fit, select })
 }
 
-/// Whitened residuals on each fit test of a model that was fitted to the others: what a select split would say where there is none.
+/// Whitened residuals on parts of the fit tests of a model that was fitted to the rest: what a select split would say where there is
+/// none. With [`FOLDS`] tests or more each part is a group of whole tests; with fewer, a fit to one test alone says more about that
+/// test than about the effect, and the parts are stretches of every test.
 pub fn cross_validated(case: &Case, system: &System, monitor: &Monitor) -> Result<Whitened, String> {
     let plans = case.plans_of(SplitName::Fit);
-    let folds = plans.len().min(FOLDS);
     let mut single = case.clone();
     single.starts = 1;
     single.max_iterations = single.max_iterations.min(REFIT_ITERATIONS);
-    let parts: Vec<Vec<(usize, Vec<f64>)>> = (0..folds)
+    let by_test = plans.len() >= FOLDS;
+    // Fold of a row: of its test, or of its stretch.
+    let fold_of = |test: usize, row: usize| if by_test { test % FOLDS } else { row * STRETCHES / plans[test].len().max(1) % FOLDS };
+    let parts: Vec<Whitened> = (0..FOLDS)
         .into_par_iter()
         .map(|fold| {
-            let (mut left_out, mut rest) = (vec![], vec![]);
-            for (k, plan) in plans.iter().enumerate() {
-                if k % folds == fold { left_out.push((k, *plan)) } else { rest.push(*plan) }
+            let mut masked: Vec<Plan> = Vec::new();
+            for (t, plan) in plans.iter().enumerate().filter(|(t, _)| !by_test || fold_of(*t, 0) != fold) {
+                let mut plan = (*plan).clone();
+                plan.sigma.iter_mut().enumerate().filter(|(row, _)| fold_of(t, *row) == fold).for_each(|(_, s)| *s *= UNSEEN);
+                masked.push(plan);
             }
-            let fitted = single.fit_system(system, rest, &monitor.quiet()).map_err(|e| e.to_string())?;
-            let tests: Vec<&Plan> = left_out.iter().map(|(_, p)| *p).collect();
-            let residuals = whitened(&tests, &fitted.system)?;
-            Ok(left_out.iter().map(|(k, _)| *k).zip(residuals).collect())
+            let fitted = single.fit_system(system, masked.iter().collect(), &monitor.quiet()).map_err(|e| e.to_string())?;
+            let tests: Vec<&Plan> = plans.iter().enumerate().filter(|(t, _)| !by_test || fold_of(*t, 0) == fold).map(|(_, p)| *p).collect();
+            whitened(&tests, &fitted.system)
         })
         .collect::<Result<_, String>>()?;
-    let mut by_test: Vec<(usize, Vec<f64>)> = parts.into_iter().flatten().collect();
-    by_test.sort_by_key(|(k, _)| *k);
-    Ok(by_test.into_iter().map(|(_, r)| r).collect())
+    let mut taken = [0; FOLDS];
+    Ok((0..plans.len())
+        .map(|t| {
+            let mut row_of = |row: usize| {
+                let fold = fold_of(t, row);
+                parts[fold][if by_test { taken[fold] } else { t }][row]
+            };
+            let rows = (0..plans[t].len()).map(&mut row_of).collect();
+            taken[fold_of(t, 0)] += 1;
+            rows
+        })
+        .collect())
 }
 
 /// Pooled relative error of tests with the given whitened residuals.
