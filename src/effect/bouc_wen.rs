@@ -21,7 +21,8 @@ impl Force for BoucWen {
         params: &[
             Param::strength("f", Dim::F, Sign::NonNegative, "limit force"),
             Param::shape("d", Dim::X, Grid::OfX(&[0.03, 0.2, 0.8]), "yield displacement: the initial stiffness is f/d"),
-            Param::shape("n", Dim::One, Grid::Values(&[1.0, 3.0]), "sharpness of the yield; elastic_slip in the limit").within(1.0, 50.0),
+            Param::shape("n", Dim::One, Grid::Values(&[1.0, 3.0]), "sharpness of the yield; beyond its bound elastic_slip")
+                .within(1.0, 5.0),
             Param::setting("sigma", Dim::One, Sign::Positive, 0.5, "unloading: 0.5 elastic, above it rounded; 1 with n = 1 is Dahl's law")
                 .within(0.5, 5.0),
         ],

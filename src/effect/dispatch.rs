@@ -160,8 +160,8 @@ fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &m
     out.f = force.re;
     for (i, &column) in columns[..next].iter().enumerate() {
         out.set(0, column, slope(&force.eps, i));
-        for k in 0..ns {
-            out.set(1 + k, column, slope(&states[k].eps, i));
+        for (k, state) in states[..ns].iter().enumerate() {
+            out.set(1 + k, column, slope(&state.eps, i));
         }
     }
     for k in 0..ns {

@@ -175,6 +175,10 @@ pub enum Grid {
     OfF(&'static [f64]),
     /// Logarithmically spaced over the periods of the tests, this many points.
     Time(usize),
+    /// Multiples of the lowest frequency of the tests, one over the longest period [Hz].
+    OfLowest(&'static [f64]),
+    /// Multiples of the highest frequency of the tests, one over the shortest period [Hz].
+    OfHighest(&'static [f64]),
     /// These values, whatever the tests show.
     Values(&'static [f64]),
 }
@@ -206,6 +210,8 @@ impl Grid {
             Grid::OfV(f) => times(f, scales.v),
             Grid::OfLeastV(f) => times(f, scales.least_v),
             Grid::OfF(f) => times(f, scales.f),
+            Grid::OfLowest(f) => times(f, scales.periods.1.recip()),
+            Grid::OfHighest(f) => times(f, scales.periods.0.recip()),
             Grid::Values(v) => v.to_vec(),
             Grid::Time(n) => {
                 let (lo, hi) = (scales.periods.0 / std::f64::consts::TAU, scales.periods.1 / std::f64::consts::TAU);

@@ -17,7 +17,7 @@ impl Force for PowerDamping {
         equation: "F = f (v/vr) ((v^2 + v0^2)/vr^2)^((n-1)/2),  for |v| >> v0: F = f |v/vr|^n sign(v)",
         params: &[
             Param::strength("f", Dim::F, Sign::NonNegative, "force at the velocity vr"),
-            Param::shape("n", Dim::One, Grid::Values(&[0.3, 0.7, 1.5]), "exponent: 0 Coulomb, 1 viscous, 2 quadratic").within(0.0, 5.0),
+            Param::shape("n", Dim::One, Grid::Values(&[0.3, 0.7, 1.5]), "exponent: 0 Coulomb, 1 viscous, 2 quadratic").within(0.1, 4.0),
             Param::setting("vr", Dim::X_PER_T, Sign::Positive, 1e-3, "velocity at which the force is f").tried(Grid::OfV(&[1.0])),
             Param::setting(
                 "v0",

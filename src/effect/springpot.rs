@@ -14,7 +14,7 @@ pub struct Springpot;
 /// Branches of the series.
 const BRANCHES: usize = 12;
 /// The branches reach beyond the band by this factor on either side.
-const BEYOND: f64 = 10.0;
+const BEYOND: f64 = 20.0;
 
 impl Force for Springpot {
     const INFO: Info = Info {
@@ -26,15 +26,18 @@ impl Force for Springpot {
             Param::strength("k", Dim::F_PER_X, Sign::NonNegative, "size of the dynamic stiffness at f_ref"),
             Param::shape("alpha", Dim::One, Grid::Values(&[0.2, 0.5, 0.8]), "order of the derivative: 0 spring, 1 damper")
                 .within(0.01, 0.99),
-            Param::setting("f_ref", Dim::PER_T, Sign::Positive, 1.0, "frequency at which k is the dynamic stiffness"),
-            Param::setting("f_low", Dim::PER_T, Sign::Positive, 0.01, "lower end of the band; a spring below it"),
-            Param::setting("f_high", Dim::PER_T, Sign::Positive, 1e4, "upper end of the band; a damper above it"),
+            Param::setting("f_ref", Dim::PER_T, Sign::Positive, 1.0, "frequency at which k is the dynamic stiffness")
+                .tried(Grid::OfLowest(&[1.0])),
+            Param::setting("f_low", Dim::PER_T, Sign::Positive, 0.01, "lower end of the band; a spring below it")
+                .tried(Grid::OfLowest(&[0.3])),
+            Param::setting("f_high", Dim::PER_T, Sign::Positive, 1e4, "upper end of the band; a damper above it")
+                .tried(Grid::OfHighest(&[10.0])),
         ],
         states: BRANCHES,
         ports: Ports::XVDX,
         family: "viscoelastic",
         source: "Koeller, J. Appl. Mech. 51 (1984) 299-307; series: trapezoidal rule over the logarithm of the relaxation rates, with exact tails",
-        range: "inside the band, within 1 % of the power law where the band is at most six decades wide",
+        range: "inside the band: within 1 % of the power law where it is six decades wide, 0.1 % for three decades and a factor 3 from its ends",
         smooth: true,
     };
 

@@ -50,7 +50,10 @@ fn the_hidden_friction_of_study_01_is_found_with_its_strength() {
 #[test]
 fn the_cyclic_table_of_study_02_wants_a_film() {
     let ladder = json("ladder", &study("02-cyclic-table/study.toml"));
-    assert_eq!(ladder["rungs"][1]["added"]["effect"], "film");
+    // Ten numbers do not tell a film from a power law of velocity: either may be named, the other is said to be tied with it.
+    let first = ladder["rungs"][1]["added"]["effect"].as_str().unwrap();
+    let tied = ladder["missing"][0]["tied_with"].as_array().unwrap();
+    assert!(first == "film" || (first == "power_damping" && tied.iter().any(|t| t == "film at c1.x")), "{first} {tied:?}");
     let rungs = ladder["rungs"].as_array().unwrap();
     let last = rungs[rungs.len() - 1]["tests"][0]["error"].as_f64().unwrap();
     // W_D and W_s pooled, as |ln(computed / measured)|.

@@ -190,6 +190,15 @@ fn springpot_is_the_power_law_inside_its_band() {
             assert!((z - exact).norm() < 0.01 * exact.norm(), "order {alpha} at {f} Hz: {z} against {exact}");
         }
     }
+    // A band of three decades, a factor 3 inside.
+    for alpha in [0.05, 0.2, 0.5, 0.8, 0.95] {
+        for k in 0..=20 {
+            let f = 0.3 * 10f64.powf(0.1 * k as f64);
+            let z = law("springpot").stiffness(Complex64::new(0.0, TAU * f), &[3.0, alpha, 2.0, 0.1, 100.0]).unwrap();
+            let exact = Complex64::new(0.0, f / 2.0).powf(alpha) * 3.0;
+            assert!((z - exact).norm() < 1e-3 * exact.norm(), "order {alpha} at {f} Hz: {z} against {exact}");
+        }
+    }
     // Towards both ends of the order: a spring and a damper.
     let near = |alpha: f64, f: f64| law("springpot").stiffness(Complex64::new(0.0, TAU * f), &[3.0, alpha, 2.0, 0.1, 1e3]).unwrap();
     assert!((near(1e-6, 7.0) - 3.0).norm() < 1e-4);
