@@ -9,6 +9,8 @@ use super::{Info, Num};
 pub trait ChannelLaw: Send + Sync + 'static {
     /// What the effect says of itself.
     const INFO: Info;
+    /// Whether it acts on the reading of a force alone.
+    const FORCE_ONLY: bool = false;
     /// Time by which the reading lags the signal [s].
     fn shift<T: Num>(_p: &[T]) -> T {
         T::from(0.0)
@@ -23,6 +25,8 @@ pub trait ChannelLaw: Send + Sync + 'static {
 pub trait Channel: Send + Sync {
     /// What the effect says of itself.
     fn info(&self) -> &'static Info;
+    /// Whether it acts on the reading of a force alone.
+    fn force_only(&self) -> bool;
     /// Time shift [s] and its derivatives with respect to the parameters.
     fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64;
     /// Reading, its derivative with respect to the signal, and with respect to the parameters.
@@ -48,6 +52,9 @@ fn slope(d: &D, i: usize) -> f64 {
 impl<L: ChannelLaw> Channel for L {
     fn info(&self) -> &'static Info {
         &L::INFO
+    }
+    fn force_only(&self) -> bool {
+        L::FORCE_ONLY
     }
     fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64 {
         let shift = L::shift(&seeded(p)[..p.len().min(3)]);

@@ -5,6 +5,7 @@ mod damage;
 mod house;
 mod rig;
 mod round_trip;
+mod settling;
 mod shapes;
 mod slopes;
 mod stopping;

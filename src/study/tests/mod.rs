@@ -9,6 +9,7 @@ use crate::explain::Explain;
 
 use super::{Study, StudyError};
 
+mod every_field;
 mod property;
 mod read;
 mod refuse;
