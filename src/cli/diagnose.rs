@@ -23,7 +23,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     session.progress.end();
     let (result, diagnosis) = done?;
     let folder = session.folder(&study, "diagnose")?;
-    folder.study(&study, &case.system)?;
+    folder.study(&study, &fit::at_values(&case.system, &result.parameters))?;
     folder.residuals(&result.tests)?;
     report::write(&folder, &study, Some(&result), Some(&diagnosis), None)?;
     let mut value = fit::json(&diagnosis, &folder)?;
@@ -65,6 +65,7 @@ pub(super) fn sentence(verdict: Verdict, missing: &[(&str, &str)]) -> String {
         Verdict::Missing => format!("Missing: {}.", names.join(", ")),
         Verdict::NothingMissing => "Nothing is missing: what is left of the misfit is noise.".into(),
         Verdict::Unexplained => "Something is missing that no effect of the library explains.".into(),
+        Verdict::Interrupted => "The search was interrupted before it had found anything; it says nothing about what is missing.".into(),
     }
 }
 

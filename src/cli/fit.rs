@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::diagnose::results::{FitResult, SplitName};
+use crate::diagnose::results::{FitResult, ParameterResult, SplitName};
 use crate::diagnose::{self, Case, Fitted};
 use crate::identify::Monitor;
 use crate::model::System;
@@ -19,7 +19,7 @@ use super::{INTERRUPTED, NOT_DONE, Outcome, report, text};
 pub(super) struct Args {
     #[command(flatten)]
     pub common: Common,
-    /// Go on from the best state of an interrupted fit, kept in the folder of its run
+    /// Go on from the best state of an interrupted fit, kept in the folder of its run (of several starts: from the best)
     #[arg(long, value_name = "RUNDIR")]
     resume: Option<PathBuf>,
 }
@@ -63,6 +63,9 @@ fn fitted(session: &Session, case: &Case, folder: &RunFolder, resume: Option<&Pa
     if case.starts > 1 && session.interrupted() {
         result.termination = "interrupted".into();
     }
+    if case.starts > 1 && resume.is_some() {
+        result.notes.push("fit: went on from the best state of the earlier run; starts not tried there were not tried here".into());
+    }
     Ok((fitted, result))
 }
 
@@ -70,8 +73,7 @@ fn fitted(session: &Session, case: &Case, folder: &RunFolder, resume: Option<&Pa
 fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
     let file = if old.is_file() { old.to_path_buf() } else { RunFolder { path: old.to_path_buf() }.checkpoint() };
     let bytes = std::fs::read(&file).map_err(|e| {
-        let accepted = "the folder of a `fit` with one start (fit.starts = 1), which keeps checkpoint.json; a fit with several starts \
-                        goes on from the study.toml of its run";
+        let accepted = "the folder of a `fit`, which keeps checkpoint.json";
         Failure::new("identify", file.display().to_string(), format!("no best state to go on from: {e}"), accepted)
     })?;
     folder.write("checkpoint.json", &bytes)?;
@@ -85,6 +87,17 @@ pub(super) fn keep(study: &Study, system: &System, folder: &RunFolder, result: &
     report::write(folder, study, Some(result), None, None)?;
     folder.result(&json(result, folder)?)?;
     Ok(())
+}
+
+/// The system with the fitted values of its free parameters.
+pub(super) fn at_values(system: &System, parameters: &[ParameterResult]) -> System {
+    let mut fitted = system.clone();
+    for f in system.free() {
+        if let Some(p) = parameters.iter().find(|p| p.name == f.name) {
+            fitted.instances[f.instance].params[f.param].value = p.value;
+        }
+    }
+    fitted
 }
 
 /// A result as JSON, with the folder of its run. Numbers that are not finite are null.

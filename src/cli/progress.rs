@@ -9,6 +9,8 @@ use crate::identify;
 
 /// Nothing is shown of what takes less than this.
 const QUIET: Duration = Duration::from_secs(1);
+/// What a line says of a part of the work that came to nothing.
+const FAILED: &str = " failed: ";
 /// Between plain lines.
 const BETWEEN: Duration = Duration::from_secs(5);
 
@@ -41,6 +43,11 @@ impl Progress {
     /// A step of the work, in words.
     pub fn say(&self, step: &str) {
         let Ok(mut state) = self.state.lock() else { return };
+        // What failed stays to be read, however short the run.
+        if step.contains(FAILED) {
+            self.bar.suspend(|| eprintln!("misfit: {:.0} s: {}", self.started.elapsed().as_secs_f64(), step.trim()));
+            return;
+        }
         state.step = step.to_string();
         let plain = !self.terminal && self.started.elapsed() >= QUIET;
         self.show(step.to_string(), &mut state, plain);

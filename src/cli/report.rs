@@ -40,6 +40,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let (result, diagnosis) = super::diagnose::call(&session, &case)?;
     session.progress.end();
     let folder = session.folder(&study, "report")?;
+    folder.study(&study, &fit::at_values(&case.system, &result.parameters))?;
     let file = write(&folder, &study, Some(&result), Some(&diagnosis), None)?;
     folder.residuals(&result.tests)?;
     folder.result(&json!({ "fit": fit::plain(&result)?, "diagnosis": fit::plain(&diagnosis)? }))?;

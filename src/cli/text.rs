@@ -31,10 +31,19 @@ pub(super) fn tests(tests: &[TestResult]) -> String {
             format!("{}: measured {}, computed {}", t.worst.place, si(t.worst.measured, unit), si(t.worst.computed, unit)),
         ]
     };
-    table(
+    let mut text = table(
         &["test", "kind", "split", "error", "floor", "error/floor", "rms/sigma", "farthest point"],
         &tests.iter().map(row).collect::<Vec<_>>(),
-    )
+    );
+    for (t, f) in tests.iter().flat_map(|t| t.factors.iter().map(move |f| (t, f))) {
+        text += &format!("{}, {}: off by a factor of {} at most", t.id, f.channel, significant(f.largest, 4));
+        if let Some(s) = &f.strength {
+            text += &format!("; {} at best over all values of {}, which carries the whole loss", significant(s.best, 4), s.parameter);
+            text += &s.weak.map_or(String::new(), |w| format!(" ({} where it is weak and the loss proportional to it)", significant(w, 4)));
+        }
+        text += "\n";
+    }
+    text
 }
 
 pub(super) fn parameters(parameters: &[ParameterResult]) -> String {

@@ -4,11 +4,15 @@
 //! on equal phases and averaged. sigma of a sample is declared, or the pooled scatter between cycles; sigma of the mean is that over the
 //! root of the number of cycles. Nothing is taken from a misfit.
 
+mod settling;
+
 use super::frequency;
 use super::{Channel, FourierInput, Role, TimeRecord};
 use crate::units::Unit;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::f64::consts::TAU;
+
+pub use settling::Unsettled;
 
 /// Points per cycle at most.
 const MAX_POINTS: usize = 400;
@@ -41,6 +45,8 @@ pub struct SettledLoop {
     pub controlled: usize,
     /// The controlled channel, free of noise.
     pub input: FourierInput,
+    /// Channels whose cycles still change.
+    pub unsettled: Vec<Unsettled>,
     pub notes: Vec<Note>,
 }
 
@@ -132,7 +138,9 @@ pub(super) fn settle(record: &TimeRecord) -> Result<SettledLoop, LoopError> {
     let mut notes = Vec::new();
     let grid = grid(record, &record.channels[controlled], &mut notes)?;
     let theta: Vec<f64> = (0..grid.n).map(|j| TAU * j as f64 / grid.n as f64).collect();
-    let mut channels: Vec<LoopChannel> = record.channels.iter().map(|c| average(&record.time, c, &grid, &mut notes)).collect();
+    let mut unsettled = Vec::new();
+    let mut channels: Vec<LoopChannel> =
+        record.channels.iter().map(|c| average(&record.time, c, &grid, &mut unsettled, &mut notes)).collect();
 
     // Phase zero: the fundamental of the controlled channel is A sin(theta + shift).
     let drive = &channels[controlled].mean;
@@ -144,7 +152,8 @@ pub(super) fn settle(record: &TimeRecord) -> Result<SettledLoop, LoopError> {
 
     let input = FourierInput::fit(&phase, &channels[controlled].mean, channels[controlled].sigma_mean, TAU * grid.frequency);
     let first = (grid.n - turn) % grid.n.max(1);
-    Ok(SettledLoop { frequency: grid.frequency, n: grid.n, cycles: grid.cycles, phase, first, channels, controlled, input, notes })
+    let (frequency, n, cycles) = (grid.frequency, grid.n, grid.cycles);
+    Ok(SettledLoop { frequency, n, cycles, phase, first, channels, controlled, input, unsettled, notes })
 }
 
 fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<Grid, LoopError> {
@@ -241,13 +250,14 @@ fn settled_end(time: &[f64], drive: &[f64], frequency: f64, label: &str, notes: 
 }
 
 /// Mean over cycles and its scatter.
-fn average(time: &[f64], channel: &Channel, grid: &Grid, notes: &mut Vec<Note>) -> LoopChannel {
+fn average(time: &[f64], channel: &Channel, grid: &Grid, unsettled: &mut Vec<Unsettled>, notes: &mut Vec<Note>) -> LoopChannel {
     let (n, cycles) = (grid.n, grid.cycles);
     let mut folded = fold(time, &channel.values, grid);
     let label = channel.label();
     let (low, high) = folded.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
     let floor = SCATTER_FLOOR * (high - low).max(f64::MIN_POSITIVE);
 
+    let changes = settling::changes(&folded, n, floor);
     if let Some(drift) = drift(&folded, n, cycles, floor) {
         let middle = (n * cycles - 1) as f64 / 2.0;
         folded.iter_mut().enumerate().for_each(|(i, v)| *v -= drift.slope * (i as f64 - middle) / n as f64);
@@ -279,13 +289,27 @@ fn average(time: &[f64], channel: &Channel, grid: &Grid, notes: &mut Vec<Note>) 
         }
         None => scatter,
     };
+    let sigma_mean = sigma_sample / (cycles as f64).sqrt();
+    if let Some(c) = changes.iter().find(|c| c.size.abs() > sigma_mean) {
+        let by = channel.unit.print_difference(c.size);
+        let what = match c.kind {
+            settling::Kind::Mean => format!("the mean changes by {by}"),
+            settling::Kind::Amplitude => format!("the amplitude changes by {by}"),
+            settling::Kind::Distance { last } => {
+                format!("neighbouring cycles differ by {by} (rms) more at first than at last ({})", channel.unit.print_difference(last))
+            }
+        };
+        let claim = format!("not settled: {what} over the {cycles} cycles kept; a larger discard_cycles leaves such cycles out");
+        notes.push(Note::new(&label, format!("{claim} (t = {:.1})", c.t)));
+        unsettled.push(Unsettled { channel: label, claim, t: c.t, threshold: c.threshold });
+    }
     LoopChannel {
         role: channel.role,
         at: channel.at.clone(),
         unit: channel.unit.clone(),
         mean,
         sigma_sample,
-        sigma_mean: sigma_sample / (cycles as f64).sqrt(),
+        sigma_mean,
         correlation: if scatter < floor { vec![1.0] } else { correlation(&folded, n, rest) },
     }
 }

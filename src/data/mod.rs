@@ -26,7 +26,7 @@ pub use fourier::FourierInput;
 pub use frequency::{SineFit, estimate as estimate_frequency};
 pub use frf::{Frf, FrfQuantity};
 pub use history::{Derivatives, History, HistoryError, Motion, derivatives};
-pub use loops::{LoopChannel, LoopError, Note, SettledLoop};
+pub use loops::{LoopChannel, LoopError, Note, SettledLoop, Unsettled};
 pub use record::{Channel, Control, TimeRecord};
 pub use tables::{EnergyRow, EnergyTable, ModalTable, ModeRow, StoredEnergy, TableValue};
 

@@ -9,6 +9,7 @@ use crate::residual::{Problem, test_error, to_variable};
 use crate::response::{BlockKind, Computed, Plan};
 
 use super::DiagnoseError;
+use super::factors::factors;
 use super::results::{Curve, EffectAt, FitResult, ParameterResult, SplitName, TestResult, Worst};
 
 /// What the search for missing effects may use.
@@ -113,7 +114,8 @@ impl Case {
         let options = self.options(system, rows)?;
         options.constraints.validate(&options.names)?;
         let start = problem.variables();
-        let outcome = if self.starts > 1 && !start.is_empty() {
+        // What is resumed goes on from the best of its starts.
+        let outcome = if self.starts > 1 && !start.is_empty() && !monitor.resumes() {
             let mut starts = vec![start.clone()];
             starts.extend(identify::latin_hypercube(&start, &options, self.starts - 1, self.seed)?);
             let mut results = identify::multi_start(&problem, &starts, &options, monitor)?;
@@ -133,7 +135,9 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let mut fitted = case.fit_system(&case.system, case.plans_of(SplitName::Fit), monitor)?;
     if let Some(finer) = case.refined(&fitted.system) {
         case = finer;
-        fitted = case.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
+        // Finer steps move the best of several starts a little; they open no other valley.
+        let single = Case { starts: 1, ..case.clone() };
+        fitted = single.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
     }
     let case = &case;
     let tests = compare(case, &fitted.system, splits)?;
@@ -170,12 +174,12 @@ pub fn compare(case: &Case, system: &System, splits: &[SplitName]) -> Result<Vec
         .filter(|(_, split)| splits.contains(split))
         .map(|(plan, split)| {
             let computed = plan.evaluate(system, &[], false)?;
-            Ok(test_result(plan, *split, &computed))
+            Ok(test_result(plan, *split, system, &computed))
         })
         .collect()
 }
 
-fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult {
+fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Computed) -> TestResult {
     let e = test_error(plan, &computed.values);
     let block = &plan.blocks[e.worst.1];
     let within = e.worst.0 - block.range.start;
@@ -216,6 +220,7 @@ fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult
             computed: plain(block.kind, computed.values[e.worst.0]),
         },
         n: plan.len(),
+        factors: factors(plan, system, computed),
         curves,
     }
 }
@@ -271,12 +276,24 @@ pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>,
             let std = u.std.map(|s| if f.log { s * p.value } else { s });
             let (text, factor) = if p.unit.0.is_empty() { practical_unit(&fitted.system, f) } else { p.unit.clone() };
             let spread = std.map(|s| format!(" +- {}", digits(1.96 * s / factor, 2))).unwrap_or_else(|| " (not identified)".into());
+            let interval = (back(u.interval.0), back(u.interval.1));
+            // As many digits as tell the ends apart, and two of their distance.
+            let apart = match interval {
+                (Some(a), Some(b)) if b > a => 2 + (a.abs().max(b.abs()) / (b - a)).log10().ceil().clamp(0.0, 8.0) as i32,
+                _ => 4,
+            };
+            let end = |v: Option<f64>, open: &str| v.map_or(open.to_string(), |v| digits(v / factor, apart));
+            let printed_interval = match interval {
+                (None, None) => "open on both sides".into(),
+                (a, b) => format!("{} to {} {text}", end(a, "-inf"), end(b, "inf")).trim_end().to_string(),
+            };
             ParameterResult {
                 name: f.name.clone(),
                 value: p.value,
                 unit: unit_of(&fitted.system, f),
                 std,
-                interval: (back(u.interval.0), back(u.interval.1)),
+                interval,
+                printed_interval,
                 identifiable: u.identifiable,
                 at_bound: u.at_bound,
                 printed: format!("{} {text}{spread}", digits(p.value / factor, 5)),

@@ -4,12 +4,42 @@ use std::f64::consts::TAU;
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use crate::model::System;
 use crate::response::{BlockKind, Plan};
 
 use super::results::Finding;
 
 /// Standard deviations beyond which a statistic is claimed; about 1 in 1000 by chance.
 const THRESHOLD: f64 = 3.3;
+
+/// Transient that may be left in the mean of the kept cycles, in units of sigma: its square is a tenth of the noise's.
+const LEFT: f64 = 0.3;
+
+/// A cycle test that has not settled: what its kept cycles say, and what the model says of the cycles discarded.
+pub fn unsettled(plan: &Plan, system: &System) -> Vec<Finding> {
+    let measured = plan.unsettled.iter().map(|u| Finding {
+        test: plan.id.clone(),
+        claim: format!("{}: {}", u.channel, u.claim),
+        number: u.t,
+        threshold: u.threshold,
+        power: 1.0,
+    });
+    // A model that cannot be marched from rest has other troubles, which the fit has told.
+    let computed = plan.transient(system, LEFT).ok().flatten().filter(|t| t.left > LEFT).map(|t| {
+        let enough = t.needed.map_or("more than twice as many are needed".into(), |n| format!("{n} would do"));
+        Finding {
+            test: plan.id.clone(),
+            claim: format!(
+                "not settled: by the model, {:.2} sigma of its transient are left in the kept cycles after {} discarded; {enough}",
+                t.left, t.discarded
+            ),
+            number: t.left,
+            threshold: LEFT,
+            power: 1.0,
+        }
+    });
+    measured.chain(computed).collect()
+}
 
 /// Findings of one test, given its computed values.
 pub fn findings(plan: &Plan, computed: &[f64]) -> Vec<Finding> {

@@ -5,7 +5,7 @@ use crate::model::System;
 use crate::response::Plan;
 
 use super::case::{Case, Fitted, compare, effects, fit, parameters};
-use super::findings::findings;
+use super::findings::{findings, unsettled};
 use super::refit::{cost, prove, whitened};
 use super::results::*;
 use super::search::{LEVEL, Step, step};
@@ -25,7 +25,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     let (case, fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
     let case = &case;
     let step = step(case, &fitted, monitor, watch)?;
-    let verdict = verdict(&step, whitened_rms(case, &fitted));
+    let verdict = verdict(&step, whitened_rms(case, &fitted), trace::stopped(monitor));
     let missing = step.accepted.iter().map(|(n, ..)| EffectAt { effect: n.effect.into(), at: n.at.clone() }).collect();
     let would = if verdict == Verdict::NothingMissing {
         let unit = |at: &str, effect: &str| strength_unit(&fitted.system, effect, at);
@@ -53,9 +53,11 @@ fn strength_unit(system: &System, effect: &str, at: &str) -> String {
     crate::effect::find(effect).ok().and_then(|e| e.info().params.first()).map(|p| p.dim.si(rotational)).unwrap_or_default()
 }
 
-fn verdict(step: &Step, rms: f64) -> Verdict {
+fn verdict(step: &Step, rms: f64, stopped: bool) -> Verdict {
     if step.accepted.is_some() {
         Verdict::Missing
+    } else if stopped {
+        Verdict::Interrupted
     } else if step.p_value > LEVEL && rms < AT_FLOOR {
         Verdict::NothingMissing
     } else {
@@ -70,14 +72,23 @@ fn whitened_rms(case: &Case, fitted: &Fitted) -> f64 {
 }
 
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
-    let mut list = Vec::new();
-    for (plan, split) in case.plans.iter() {
-        if *split != SplitName::HeldOut {
-            list.extend(findings(plan, &plan.evaluate(system, &[], false)?.values));
-        }
-    }
+    use rayon::prelude::*;
+    let found = |(plan, _): &(Plan, SplitName)| -> Result<Vec<Finding>, DiagnoseError> {
+        let mut list = findings(plan, &plan.evaluate(system, &[], false)?.values);
+        list.extend(unsettled(plan, system));
+        Ok(list)
+    };
+    let seen = case.plans.par_iter().filter(|(_, split)| *split != SplitName::HeldOut);
+    let mut list: Vec<Finding> = seen.map(found).collect::<Result<Vec<_>, _>>()?.concat();
     list.sort_by(|a, b| b.number.abs().total_cmp(&a.number.abs()));
     Ok(list)
+}
+
+/// The end of a ladder that was stopped: what stands so far, and no verdict on the rest.
+fn interrupted(missing: &[Missing]) -> (String, Verdict) {
+    let verdict = if missing.is_empty() { Verdict::Interrupted } else { Verdict::Missing };
+    let found = if missing.is_empty() { "before an effect was added" } else { "after these effects were added" };
+    (format!("it was interrupted {found}; more may be missing"), verdict)
 }
 
 /// Root mean square over tests.
@@ -98,10 +109,12 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let mut missing: Vec<Missing> = Vec::new();
     let limit = case.search.max_added.unwrap_or(MAX_ADDED);
     let mut next = None;
+    let mut stopped;
     let (ended, verdict) = loop {
         let now = rungs.len();
-        if trace::stopped(monitor) {
-            break ("interrupted".to_string(), if missing.is_empty() { Verdict::Unexplained } else { Verdict::Missing });
+        stopped = trace::stopped(monitor);
+        if stopped {
+            break interrupted(&missing);
         }
         if missing.len() >= limit {
             break (format!("{limit} effects were added, which is the limit"), Verdict::Missing);
@@ -111,19 +124,23 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         if let Some(last) = rungs.last_mut() {
             last.candidates = step.candidates.clone();
         }
-        let step_verdict = verdict_of(&case, &fitted, &step);
+        let step_verdict = verdict(&step, whitened_rms(&case, &fitted), trace::stopped(monitor));
         next = next.or_else(|| next_test(&case, &step));
         let Some((name, proof, ties)) = step.accepted else {
+            stopped = step_verdict == Verdict::Interrupted;
+            if stopped {
+                break interrupted(&missing);
+            }
             let said = match step_verdict {
-                Verdict::NothingMissing => "the residual is at the noise and no candidate scores beyond chance",
-                _ if step.p_value > LEVEL => "no candidate scores beyond chance, but the residual lies above the noise",
-                _ => "no candidate earned its place on the select tests",
+                Verdict::NothingMissing => "the residual is at the noise and no candidate scores beyond chance".to_string(),
+                _ if step.p_value > LEVEL => "no candidate scores beyond chance, but the residual lies above the noise".to_string(),
+                _ => format!("no candidate earned its place {}", judged(&case)),
             };
             let v = match (missing.is_empty(), step_verdict) {
                 (true, v) => v,
                 (false, _) => Verdict::Missing,
             };
-            break (said.to_string(), v);
+            break (said, v);
         };
         watch(&format!("added {} at {}", name.effect, name.at));
         fitted = proof.fitted;
@@ -167,14 +184,20 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         held_out,
         next_test: next,
         ended,
+        interrupted: stopped,
         wall_s: started.elapsed().as_secs_f64(),
         result_study: None,
     };
     Ok((result, fitted.system))
 }
 
-fn verdict_of(case: &Case, fitted: &Fitted, step: &Step) -> Verdict {
-    verdict(step, whitened_rms(case, fitted))
+/// How candidates are judged, for the sentence that says why none was accepted.
+fn judged(case: &Case) -> &'static str {
+    match (case.plans_of(SplitName::Select).len(), case.plans_of(SplitName::Fit).len()) {
+        (0, 0 | 1) => "on the one test that is fitted",
+        (0, _) => "on the fitted tests, each left out in turn",
+        _ => "on the select tests",
+    }
 }
 
 fn rung(

@@ -4,6 +4,7 @@ mod accept;
 mod candidates;
 mod case;
 mod error;
+mod factors;
 mod findings;
 mod ladder;
 mod next;

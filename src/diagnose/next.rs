@@ -25,11 +25,13 @@ pub fn separating(plans: &[&Plan], best: &System, rivals: &[(Name, System)]) -> 
                     least = least.min(chi2.sqrt());
                 }
                 if least.is_finite() && found.as_ref().is_none_or(|n| least > n.separation) {
+                    let printed = plan.drive_unit().map_or_else(|| format!("{amplitude:.4e} (SI)"), |u| u.print_difference(amplitude));
                     let describe = format!(
-                        "the drive of test {} at {frequency:.4} Hz with amplitude {amplitude:.4e} (SI) would separate them by {least:.1} sigma",
+                        "the drive of test {} at {frequency:.4} Hz with an amplitude of {printed} would separate them by {least:.1} sigma",
                         plan.id
                     );
-                    found = Some(NextTest { describe, frequency, amplitude, separation: least });
+                    let unit = plan.drive_unit().map(|u| u.dimension.si_unit()).unwrap_or_default();
+                    found = Some(NextTest { describe, frequency, amplitude, unit, separation: least });
                 }
             }
         }

@@ -49,6 +49,32 @@ pub struct Curve {
     pub sigma: Vec<f64>,
 }
 
+/// How far off the energies of one channel of a table are, as factors: energies run over decades.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Factor {
+    /// `W_D per cycle at c1.x`.
+    pub channel: String,
+    /// Largest of computed / measured and its inverse, exp(max |ln(computed / measured)|).
+    pub largest: f64,
+    /// Where one strength carries the whole loss: what it can reach at best.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub strength: Option<OneStrength>,
+}
+
+/// What the one strength that carries the whole loss of a table can reach: the least largest factor (minimax) over its values.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OneStrength {
+    /// The strength.
+    pub parameter: String,
+    /// Its value there [SI]; all other parameters stay as they are.
+    pub value: f64,
+    /// The least largest factor.
+    pub best: f64,
+    /// The same in the limit of a weak strength, where the losses are proportional to it and the motion is that of the model without:
+    /// exp of half the range of ln(computed / measured). None where the strength has no slope at zero.
+    pub weak: Option<f64>,
+}
+
 /// One test against the model.
 #[derive(Clone, Debug, Serialize)]
 pub struct TestResult {
@@ -68,6 +94,9 @@ pub struct TestResult {
     pub worst: Worst,
     /// Number of measured values.
     pub n: usize,
+    /// Of a table of energies, how far each channel is off.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub factors: Vec<Factor>,
     /// Its channels.
     #[serde(skip)]
     pub curves: Vec<Curve>,
@@ -92,6 +121,8 @@ pub struct ParameterResult {
     pub at_bound: bool,
     /// Value as the engineer writes it, `20.3 N/mm`.
     pub printed: String,
+    /// Interval in the same unit, `19.9 to 20.7 N/mm`.
+    pub printed_interval: String,
     /// Why it is not identified.
     pub note: Option<String>,
 }
@@ -184,6 +215,8 @@ pub struct NextTest {
     pub frequency: f64,
     /// Amplitude of the drive [SI].
     pub amplitude: f64,
+    /// SI unit of the amplitude.
+    pub unit: String,
     /// Expected separation in units of noise.
     pub separation: f64,
 }
@@ -198,6 +231,8 @@ pub enum Verdict {
     NothingMissing,
     /// Something is, but no candidate explains it.
     Unexplained,
+    /// The search was stopped before it had found anything.
+    Interrupted,
 }
 
 /// Result of `diagnose`.
@@ -279,6 +314,8 @@ pub struct LadderResult {
     pub next_test: Option<NextTest>,
     /// Why the ladder ended, in words.
     pub ended: String,
+    /// Whether it was stopped: what was not found says nothing then.
+    pub interrupted: bool,
     /// Wall time [s].
     pub wall_s: f64,
     /// Folder of the resulting study.

@@ -20,6 +20,8 @@ pub trait ChannelLaw: Send + Sync + 'static {
     const INFO: Info;
     /// Whether it is seen in a frequency response.
     const IN_FREQUENCY: bool = true;
+    /// Whether it acts on the reading of a force alone.
+    const FORCE_ONLY: bool = false;
     /// Time by which the reading lags the signal [s].
     fn shift<T: Num>(_p: &[T]) -> T {
         T::from(0.0)
@@ -36,6 +38,8 @@ pub trait Channel: Send + Sync {
     fn info(&self) -> &'static Info;
     /// [`ChannelLaw::IN_FREQUENCY`].
     fn in_frequency(&self) -> bool;
+    /// Whether it acts on the reading of a force alone.
+    fn force_only(&self) -> bool;
     /// Time shift [s] and its derivatives with respect to the parameters.
     fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64;
     /// Reading, its derivative with respect to the signal, and with respect to the parameters.
@@ -64,6 +68,9 @@ impl<L: ChannelLaw> Channel for L {
     }
     fn in_frequency(&self) -> bool {
         L::IN_FREQUENCY
+    }
+    fn force_only(&self) -> bool {
+        L::FORCE_ONLY
     }
     fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64 {
         let shift = L::shift(&seeded(p)[..p.len().min(3)]);

@@ -24,6 +24,8 @@ impl ChannelLaw for MovingMass {
         smooth: true,
     };
 
+    const FORCE_ONLY: bool = true;
+
     fn reading<T: Num>(y: T, at: Moment, p: &[T]) -> T {
         y + p[0] * at.acceleration
     }

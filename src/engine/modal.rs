@@ -77,6 +77,10 @@ pub fn modes(model: &Model, bound: &Bound, range: Range, sensitivities: bool) ->
         Range::Lowest(_) => (0.0, f64::INFINITY),
     };
     let mut problem = Problem::new(model, bound)?;
+    // Without mass nothing vibrates.
+    if problem.mass.iter().all(|m| *m == 0.0) {
+        return Ok(vec![]);
+    }
     let starts = problem.starts(range)?;
     let mut found: Vec<Mode> = Vec::new();
     for start in starts {

@@ -143,7 +143,7 @@ pub fn fit<P: LeastSquares + ?Sized>(
     let mut solver = ConstrainedLm::new(options.tolerances, &options.constraints, losses.clone(), &options.names, monitor);
 
     let mut p = start.to_vec();
-    if let Some(file) = monitor.checkpoint.as_ref().filter(|f| f.resume && f.path.exists()) {
+    if let Some(file) = monitor.checkpoint.as_ref().filter(|_| monitor.resumes()) {
         let found = Checkpoint::load(&file.path, &options.names, augmented.n_rows())?;
         p = found.p;
         // decimal digits may move a bound by its last bit

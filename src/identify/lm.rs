@@ -332,7 +332,7 @@ impl<'a> ConstrainedLm<'a> {
             scale: if last { self.scale_before.clone() } else { self.scale.clone() },
             last_drop: Some(self.last_drop).filter(|d| d.is_finite()),
         };
-        if let Err(why) = state.save(&file.path) {
+        if let Err(why) = file.keep(&state) {
             self.note(iteration, point.cost, Event::CheckpointFailed { reason: why.to_string() });
         }
     }

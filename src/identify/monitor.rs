@@ -4,8 +4,8 @@ use super::IdentifyError;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// What a callback sees after every accepted iteration.
@@ -31,6 +31,23 @@ pub struct CheckpointFile {
     pub resume: bool,
     /// least time between two writings; the last state is always written
     pub every: Duration,
+    /// the members of a multi-start share one file: the least cost written so far
+    pub(crate) best: Option<Arc<Mutex<f64>>>,
+}
+
+impl CheckpointFile {
+    /// Writes `state`, unless another member of the same multi-start has written a better one.
+    pub(crate) fn keep(&self, state: &Checkpoint) -> Result<(), IdentifyError> {
+        let Some(best) = &self.best else { return state.save(&self.path) };
+        // The number is whole even where a thread died with the lock.
+        let mut best = best.lock().unwrap_or_else(PoisonError::into_inner);
+        if state.cost > *best {
+            return Ok(());
+        }
+        state.save(&self.path)?;
+        *best = state.cost;
+        Ok(())
+    }
 }
 
 /// Watches a fit from outside. All of it is optional; [`Monitor::default`] does nothing.
@@ -67,11 +84,22 @@ impl<'a> Monitor<'a> {
 
     #[must_use]
     pub fn checkpoint(mut self, path: impl Into<PathBuf>, resume: bool) -> Self {
-        self.checkpoint = Some(CheckpointFile { path: path.into(), resume, every: Duration::from_secs(1) });
+        self.checkpoint = Some(CheckpointFile { path: path.into(), resume, every: Duration::from_secs(1), best: None });
         self
     }
 
-    /// Same flag and deadline, neither callback nor checkpoint: for the members of a multi-start.
+    /// Same flag and deadline, no callback, the checkpoint shared: for the members of a multi-start. `best` is the least cost so far.
+    pub(crate) fn member(&self, best: &Arc<Mutex<f64>>) -> Monitor<'static> {
+        let shared = |file: &CheckpointFile| CheckpointFile { resume: false, best: Some(best.clone()), ..file.clone() };
+        Monitor { checkpoint: self.checkpoint.as_ref().map(shared), ..self.quiet() }
+    }
+
+    /// Whether there is a checkpoint to go on from.
+    pub fn resumes(&self) -> bool {
+        self.checkpoint.as_ref().is_some_and(|file| file.resume && file.path.exists())
+    }
+
+    /// Same flag and deadline, neither callback nor checkpoint.
     pub fn quiet(&self) -> Monitor<'static> {
         Monitor { cancel: self.cancel.clone(), deadline: self.deadline, on_iteration: None, checkpoint: None }
     }

@@ -9,6 +9,7 @@ use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use std::sync::{Arc, Mutex};
 
 /// One start and what came of it. A start that failed says why and ranks last.
 #[derive(Debug)]
@@ -36,7 +37,8 @@ impl StartResult {
 }
 
 /// Fits from every start on rayon's threads and returns all of them, best cost first (ties keep the order given, so the result does not
-/// depend on the number of threads). Every member runs under the monitor's cancel flag and deadline.
+/// depend on the number of threads). Every member runs under the monitor's cancel flag and deadline; the checkpoint holds the best state
+/// of all, from which [`fit`] goes on with one start.
 pub fn multi_start<P: LeastSquares + ?Sized>(
     problem: &P,
     starts: &[Vec<f64>],
@@ -44,7 +46,8 @@ pub fn multi_start<P: LeastSquares + ?Sized>(
     monitor: &Monitor<'_>,
 ) -> Result<Vec<StartResult>, IdentifyError> {
     options.validate(problem)?; // what no start can cure is said once
-    let run = |start: &Vec<f64>| StartResult { start: start.clone(), result: fit(problem, start, options, &monitor.quiet()) };
+    let least = Arc::new(Mutex::new(f64::INFINITY));
+    let run = |start: &Vec<f64>| StartResult { start: start.clone(), result: fit(problem, start, options, &monitor.member(&least)) };
     let mut all: Vec<StartResult> = starts.par_iter().map(run).collect();
     all.sort_by(|a, b| a.merit().total_cmp(&b.merit()));
     match all.first().map(|best| &best.result) {

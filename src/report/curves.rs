@@ -4,7 +4,7 @@ use plotly::common::MarkerSymbol;
 use plotly::{Plot, Scatter};
 
 use crate::data::{Condition, Record};
-use crate::diagnose::results::Curve;
+use crate::diagnose::results::{Curve, Factor};
 use crate::response::BlockKind;
 
 use super::ReportInput;
@@ -100,7 +100,21 @@ fn errors(stages: &[Stage], id: &str) -> String {
         Some(vec![esc(&s.name), percent(t.error), percent(t.floor), over, digits(t.whitened_rms, 3), worst_words(t)])
     };
     let rows: Vec<Vec<String>> = stages.iter().filter_map(row).collect();
-    table("", &["Model", "Error", "Noise floor", "Error / floor", "Whitened rms", "Farthest point"], &[1, 2, 3, 4], &rows)
+    let errors = table("", &["Model", "Error", "Noise floor", "Error / floor", "Whitened rms", "Farthest point"], &[1, 2, 3, 4], &rows);
+    let factor = |s: &Stage| -> Vec<Vec<String>> {
+        let factors = test(s, id).map_or(&[][..], |t| &t.factors);
+        let best = |f: &Factor| match &f.strength {
+            Some(one) => format!("{}, over {}", digits(one.best, 4), esc(&one.parameter)),
+            None => "-".into(),
+        };
+        factors.iter().map(|f| vec![esc(&s.name), esc(&f.channel), digits(f.largest, 4), best(f)]).collect()
+    };
+    let factors: Vec<Vec<String>> = stages.iter().flat_map(factor).collect();
+    if factors.is_empty() {
+        return errors;
+    }
+    let header = ["Model", "Energy", "Largest factor", "Least that its one strength can reach"];
+    errors + &table("", &header, &[2], &factors)
 }
 
 /// A curve of one channel on the stages where it was computed.

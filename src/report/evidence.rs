@@ -85,9 +85,17 @@ pub fn candidates(input: &ReportInput) -> String {
     if out.is_empty() {
         return out;
     }
-    let reading = "<p class=\"soft\">Predicted drop: the part of the cost that the score test expects to fall. p-value: how often the best of all \
-                   candidates shows as much where nothing is missing. Only the best few are refitted; an effect is accepted when the error on the \
-                   select tests falls by more than two standard errors.</p>";
+    let split = &input.study.split;
+    let fitted = input.study.dataset.tests.iter().filter(|t| split.word(&t.id) == "fit").count();
+    let accepted = match (split.select.is_empty(), fitted) {
+        (false, _) => "when the error on the select tests falls by more than two standard errors",
+        (true, 2..) => "when the error on the fitted tests, each left out in turn, falls by more than two standard errors",
+        (true, _) => "when it takes away enough of the cost of the one fitted test",
+    };
+    let reading = format!(
+        "<p class=\"soft\">Predicted drop: the part of the cost that the score test expects to fall. p-value: how often the best of all \
+         candidates shows as much where nothing is missing. Only the best few are refitted; an effect is accepted {accepted}.</p>"
+    );
     format!("{reading}{out}")
 }
 

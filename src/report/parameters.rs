@@ -24,9 +24,9 @@ pub fn section(input: &ReportInput, stages: &[Stage]) -> String {
     };
     let rows: Vec<Vec<String>> = last.parameters.iter().map(row).collect();
     let header: &[&str] = if several {
-        &["Parameter", "Model as given", "Now", "95 % interval, SI", "Determined by the data?", "Note"]
+        &["Parameter", "Model as given", "Now", "95 % interval", "Determined by the data?", "Note"]
     } else {
-        &["Parameter", "Value", "95 % interval, SI", "Determined by the data?", "Note"]
+        &["Parameter", "Value", "95 % interval", "Determined by the data?", "Note"]
     };
     // The unidentifiable combinations are the fit's: they are shown where the fit is of a model that the page shows.
     let named = input.fit.filter(|f| !f.unidentifiable.is_empty()).map(|f| {
@@ -44,11 +44,7 @@ fn printed(p: &ParameterResult) -> String {
 }
 
 fn interval(p: &ParameterResult) -> String {
-    if p.interval == (None, None) {
-        return "open on both sides".into();
-    }
-    let end = |v: Option<f64>, open: &str| v.map_or(open.into(), |v| digits(v, 4));
-    format!("{} to {} {}", end(p.interval.0, "−∞"), end(p.interval.1, "∞"), esc(&p.unit)).trim_end().into()
+    esc(&p.printed_interval).replace("-inf", "−∞").replace("inf", "∞")
 }
 
 fn state(p: &ParameterResult) -> String {

@@ -77,7 +77,13 @@ fn fall(input: &ReportInput, stages: &[Stage]) -> Option<Fall> {
     let d = input.diagnosis?;
     let named = d.missing.first()?;
     let c = d.candidates.iter().find(|c| c.effect == named.effect && c.at == named.at)?;
-    Some(Fall { before: c.error_before, after: c.error_after?, floor: None, on: "select" })
+    let on = if input.study.split.select.is_empty() { "fit" } else { "select" };
+    Some(Fall { before: c.error_before, after: c.error_after?, floor: None, on })
+}
+
+/// Whether the ladder was stopped with something found.
+fn interrupted(input: &ReportInput) -> bool {
+    input.ladder.is_some_and(|l| l.interrupted)
 }
 
 /// Pooled error and floor of all tests of a stage, with their number.
@@ -107,11 +113,18 @@ fn verdict(input: &ReportInput, stages: &[Stage]) -> String {
                 }
                 None => String::new(),
             };
-            let rest = if verdict == Verdict::Unexplained { "; what remains, no candidate explains" } else { "" };
+            let rest = match verdict {
+                Verdict::Unexplained => "; what remains, no candidate explains",
+                _ if interrupted(input) => "; the search was interrupted, and more may be missing",
+                _ => "",
+            };
             format!("The model misses {}{fell}{rest}.", list(&names))
         }
         Some(Verdict::Unexplained) => {
             format!("Something is missing that no candidate explains: the error is {multiple} × the noise floor.")
+        }
+        Some(Verdict::Interrupted) => {
+            format!("The search was interrupted before it had found anything: the error is {multiple} × the noise floor.")
         }
         Some(_) if fits => "The model fits to the noise; nothing is missing.".into(),
         Some(_) => format!("No missing effect was found, although the error is {multiple} × the noise floor."),
@@ -199,6 +212,9 @@ fn missing(input: &ReportInput) -> String {
         if verdict == Some(Verdict::Unexplained) {
             return card("bad", TITLE, "Unexplained", &["Something is, but no effect of the library explains it.".into()]);
         }
+        if verdict == Some(Verdict::Interrupted) {
+            return card("bad", TITLE, "Not known", &["The search was interrupted before it had found anything.".into()]);
+        }
         let seen: Vec<String> = input.diagnosis.map_or(&[][..], |d| &d.would_have_been_seen).iter().take(3).map(|s| esc(s)).collect();
         let seen = if seen.is_empty() { String::new() } else { format!("These would have been seen: {}", list(&seen)) };
         return card("good", TITLE, "Nothing found", &[seen]);
@@ -214,7 +230,11 @@ fn missing(input: &ReportInput) -> String {
             small.push(format!("{} cannot be told from {}", effect_at(&words(effect), at), list(&tied)));
         }
     }
-    let unexplained = if verdict == Some(Verdict::Unexplained) { "And a part that no candidate explains." } else { "" };
+    let unexplained = match verdict {
+        Some(Verdict::Unexplained) => "And a part that no candidate explains.",
+        _ if interrupted(input) => "The search was interrupted; more may be missing.",
+        _ => "",
+    };
     small.push(unexplained.into());
     small.push(evidence(input, named[0].0, named[0].1));
     card("bad", TITLE, &list(&big), &small)
@@ -248,7 +268,7 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
     let folder = esc(&input.study.folder.display().to_string());
     let as_it_is = || match stages.last().and_then(stage_fits) {
         Some(false) => "look below at the residuals of the worst test before using the model: it stands above the noise.".into(),
-        _ => format!("use the model as it is: <code>misfit export {folder}</code>"),
+        _ => format!("use the model as it is: <code>misfit export {folder} --to json</code>"),
     };
     if let Some(t) = input.ladder.and_then(|l| l.next_test.as_ref()).or(input.diagnosis.and_then(|d| d.next_test.as_ref())) {
         return format!(
@@ -260,11 +280,14 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
     if let Some(l) = input.ladder {
         let stays = l.result_study.as_ref().map(|s| esc(s));
         return match (l.verdict, stays) {
+            _ if l.interrupted => format!("let the search go to its end: <code>misfit ladder {folder}</code>"),
             (Verdict::Unexplained, _) => {
                 "look below at the residuals of the worst test; what they show needs a law that is not in the library.".into()
             }
             (_, Some(s)) if !l.missing.is_empty() => {
-                format!("the study with the effects added stands in <code>{s}</code>; export it with <code>misfit export {s}</code>")
+                format!(
+                    "the study with the effects added stands in <code>{s}</code>; export it with <code>misfit export {s} --to json</code>"
+                )
             }
             _ => as_it_is(),
         };
@@ -272,6 +295,7 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
     if let Some(d) = input.diagnosis {
         return match (d.verdict, d.missing.first()) {
             (_, Some(m)) => format!("add it and refit: <code>misfit add {folder} {} --at {}</code>", esc(&m.effect), esc(&m.at)),
+            (Verdict::Interrupted, None) => format!("let the search go to its end: <code>misfit diagnose {folder}</code>"),
             (Verdict::Unexplained, None) => {
                 "look below at the residuals of the worst test; what they show needs a law that is not in the library.".into()
             }

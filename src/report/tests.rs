@@ -123,6 +123,11 @@ fn table_curve() -> Curve {
     }
 }
 
+fn factor(channel: &str) -> Factor {
+    let strength = OneStrength { parameter: "c1.x.viscous.c".into(), value: 500.0, best: 2.297, weak: Some(2.655) };
+    Factor { channel: channel.into(), largest: 2.458, strength: Some(strength) }
+}
+
 fn result(id: &str, kind: &str, split: SplitName, curve: Curve) -> TestResult {
     let square = |v: &mut dyn Iterator<Item = f64>| v.map(|v| v * v).sum::<f64>();
     let mean = if curve.kind == BlockKind::Frf { 0.0 } else { curve.measured.iter().sum::<f64>() / curve.measured.len() as f64 };
@@ -139,6 +144,7 @@ fn result(id: &str, kind: &str, split: SplitName, curve: Curve) -> TestResult {
         whitened_rms: (square(&mut (0..n).map(|i| difference(i) / curve.sigma[i])) / n as f64).sqrt(),
         worst: Worst { place: format!("{} at point {far}", curve.label), measured: curve.measured[far], computed: curve.computed[far] },
         n,
+        factors: if curve.kind == BlockKind::Table { vec![factor(&curve.label)] } else { vec![] },
         curves: vec![curve],
     }
 }
@@ -171,6 +177,7 @@ fn parameters() -> Vec<ParameterResult> {
         identifiable: true,
         at_bound: false,
         printed: printed.into(),
+        printed_interval: format!("{printed} interval"),
         note: None,
     };
     let lost = ParameterResult {
@@ -251,8 +258,15 @@ fn ladder(n: usize) -> LadderResult {
         missing: vec![Missing { effect: "coulomb".into(), at: "c3<.x".into(), tied_with: vec!["elastic_slip at c3<.x".into()] }],
         held_out: HeldOut { before: Some(0.31), after: Some(0.0183), floor: Some(0.017) },
         findings: vec![finding()],
-        next_test: Some(NextTest { describe: "drive c1.x at 0.2 Hz, 0.1 mm".into(), frequency: 0.2, amplitude: 1e-4, separation: 7.3 }),
+        next_test: Some(NextTest {
+            describe: "drive c1.x at 0.2 Hz, 0.1 mm".into(),
+            frequency: 0.2,
+            amplitude: 1e-4,
+            unit: "m".into(),
+            separation: 7.3,
+        }),
         ended: "nothing earns its place".into(),
+        interrupted: false,
         wall_s: 12.3,
         result_study: Some("runs/1/study".into()),
     }

@@ -8,7 +8,9 @@ use crate::engine::EngineError;
 use crate::engine::march::{Loads, Probe};
 use crate::engine::periodic::periodic;
 use crate::model::{Bound, Model};
+use crate::units::Unit;
 
+use super::settling::Beginning;
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel, site};
 
 /// Steps per cycle at least, before [`Plan::refined`] looks whether they are enough.
@@ -34,8 +36,12 @@ pub struct CyclePlan {
 #[derive(Clone, Debug)]
 struct Drive {
     input: FourierInput,
+    /// Unit of the recorded drive.
+    unit: Unit,
     phase: f64,
     frequency: f64,
+    /// How the record comes to its kept cycles.
+    beginning: Beginning,
     control: Control,
     dof: usize,
     sign: f64,
@@ -61,8 +67,10 @@ impl CyclePlan {
         let stride = STEPS.div_ceil(n).max(1);
         let drive = Drive {
             input: settled.input.clone(),
+            unit: controlled.unit.clone(),
             phase: settled.phase[0],
             frequency: settled.frequency,
+            beginning: Beginning::of(record, &settled),
             control,
             dof,
             sign,
@@ -96,6 +104,7 @@ impl CyclePlan {
             plan.add_block(block, c.mean.clone(), vec![c.sigma_mean; n]);
             let _ = k;
         }
+        plan.unsettled.extend(settled.unsettled.iter().cloned());
         plan.notes.extend(settled.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
         Ok(Self::sampled(drive, probes, n, stride))
     }
@@ -119,8 +128,39 @@ impl CyclePlan {
             .then(|| Self::sampled(self.drive.clone(), self.probes.clone(), self.points, 2 * self.stride))
     }
 
+    /// The same test with fewer steps per cycle where it has more than `steps`, though never fewer than it began with.
+    pub(super) fn coarser(&self, steps: usize) -> Self {
+        let least = STEPS.div_ceil(self.points).max(1);
+        let stride = (steps / self.points).clamp(least, self.stride.max(least));
+        Self::sampled(self.drive.clone(), self.probes.clone(), self.points, stride)
+    }
+
+    /// How the record comes to its kept cycles.
+    pub(super) fn beginning(&self) -> &Beginning {
+        &self.drive.beginning
+    }
+    pub(super) fn loads(&self) -> &Loads {
+        &self.loads
+    }
+    pub(super) fn probes(&self) -> &[(Probe, f64)] {
+        &self.probes
+    }
+    /// Steps per cycle.
+    pub(super) fn steps(&self) -> usize {
+        self.points * self.stride
+    }
+    /// The point of the loop that the end of step `k` (from 1) is.
+    pub(super) fn point_at(&self, k: usize) -> Option<usize> {
+        k.is_multiple_of(self.stride).then(|| k / self.stride % self.points)
+    }
+
     pub(super) fn period(&self) -> f64 {
         self.loads.dt * (self.points * self.stride) as f64
+    }
+
+    /// Unit the drive was recorded in.
+    pub(super) fn drive_unit(&self) -> &Unit {
+        &self.drive.unit
     }
 
     pub(super) fn varied(&self, frequency: f64, amplitude: f64) -> (Self, f64, f64) {

@@ -12,7 +12,7 @@ use crate::engine::periodic::{Cycle, periodic};
 use crate::model::{Bound, FreeParam, Model, System};
 
 use super::cycle::place_amplitudes;
-use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, site};
+use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, TableForm, site};
 
 /// Steps per cycle.
 const STEPS: usize = 400;
@@ -186,6 +186,7 @@ impl EnergyPlan {
         free: &[FreeParam],
         plan: &Plan,
         sensitivities: bool,
+        form: TableForm,
     ) -> Result<Computed, ResponseError> {
         let n_free = if sensitivities { free.len() } else { 0 };
         let (mut wd, mut ws): (Vec<(f64, Vec<f64>)>, Vec<(f64, Vec<f64>)>) = (vec![], vec![]);
@@ -204,22 +205,37 @@ impl EnergyPlan {
                     (0..STEPS).map(|s| Dual64::new(cycle.values[0][s], k.map_or(0.0, |k| cycle.slopes[0][s * n_free + k]))).collect();
                 let drive: Vec<Dual64> = driven.iter().map(|d| Dual64::from_re(*d)).collect();
                 let e = if force_driven { energies(&out, &drive) } else { energies(&drive, &out) };
-                e.map(|e| (e.dissipated, e.stored(reading))).ok_or_else(|| {
+                e.map(|e| (e.dissipated, e.stored(reading), e.force_range.re * e.travel.re)).ok_or_else(|| {
                     ResponseError::invalid(&plan.id, "the computed cycle has no travel", "a model that moves under the load")
                 })
             };
             let base = run(None)?;
             let (mut d_wd, mut d_ws) = (Vec::with_capacity(n_free), Vec::with_capacity(n_free));
             for k in 0..n_free {
-                let (a, b) = run(Some(k))?;
+                let (a, b, _) = run(Some(k))?;
                 d_wd.push(a.eps);
                 d_ws.push(b.eps);
             }
+            let lost = if base.0.re.abs() <= ROUNDING * base.2 { 0.0 } else { base.0.re };
+            let (dissipated, stored) = match form {
+                TableForm::Plain => {
+                    // So is what such a part of a parameter would change.
+                    for (d, f) in d_wd.iter_mut().zip(free) {
+                        let value = system.instances[f.instance].params[f.param].value;
+                        let part = if f.log { 1.0 } else { value.abs() };
+                        if value != 0.0 && d.abs() * part <= ROUNDING * base.2 {
+                            *d = 0.0;
+                        }
+                    }
+                    ((lost, d_wd), (base.1.re, d_ws))
+                }
+                TableForm::Logarithms => (logarithm(base.0.re, d_wd), logarithm(base.1.re, d_ws)),
+            };
             if row.dissipated {
-                wd.push(logarithm(base.0.re, d_wd));
+                wd.push(dissipated);
             }
             if row.stored {
-                ws.push(logarithm(base.1.re, d_ws));
+                ws.push(stored);
             }
         }
         let mut out = Computed::default();
@@ -250,6 +266,9 @@ fn logarithm(value: f64, mut slopes: Vec<f64>) -> (f64, Vec<f64>) {
     slopes.iter_mut().for_each(|d| *d = if value > LEAST { *d / energy } else { 0.0 });
     (energy.ln(), slopes)
 }
+
+/// Part of dF dx below which a dissipated energy is rounding, and what the tolerance of the steady cycle leaves.
+const ROUNDING: f64 = 1e-9;
 
 /// Energy below which none is told from none [J].
 const LEAST: f64 = 1e-12;

@@ -9,19 +9,22 @@ mod energy;
 mod error;
 mod frf;
 mod modal;
+mod settling;
 mod site;
 mod transient;
 
 use std::collections::BTreeMap;
 
-use crate::data::{Record, Test, TestKind};
+use crate::data::{Record, Test, TestKind, Unsettled};
 use crate::model::{Bound, FreeParam, Model, System};
+use crate::units::Unit;
 
 pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
 pub use frf::FrfPlan;
 pub use modal::ModalPlan;
+pub use settling::Transient;
 pub use transient::TransientPlan;
 
 /// Integration error that is allowed, in units of sigma: its square is a hundredth of the noise's.
@@ -78,6 +81,8 @@ pub struct Plan {
     pub blocks: Vec<Block>,
     /// What was done to the data.
     pub notes: Vec<String>,
+    /// Channels of a cycle test whose kept cycles still change.
+    pub unsettled: Vec<Unsettled>,
     work: Work,
 }
 
@@ -88,6 +93,15 @@ enum Work {
     Transient(TransientPlan),
     Energy(EnergyPlan),
     Modal(ModalPlan),
+}
+
+/// How the rows of a table are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TableForm {
+    /// As they are compared.
+    Logarithms,
+    /// As they are printed.
+    Plain,
 }
 
 /// Computed values and their derivatives, `slopes[row * n_free + k]`.
@@ -122,6 +136,7 @@ impl Plan {
             sigma: vec![],
             blocks: vec![],
             notes: vec![],
+            unsettled: vec![],
             work: Work::Energy(EnergyPlan::default()),
         };
         plan.work = match &test.record {
@@ -164,8 +179,18 @@ impl Plan {
             Work::Cycle(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
             Work::Frf(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
             Work::Transient(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
-            Work::Energy(w) => w.evaluate(system, free, self, sensitivities),
-            Work::Modal(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities),
+            Work::Energy(w) => w.evaluate(system, free, self, sensitivities, TableForm::Logarithms),
+            Work::Modal(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities, TableForm::Logarithms),
+        }
+    }
+
+    /// As [`Plan::evaluate`] with sensitivities, but the rows of a table as they are, not as logarithms: a model without losses
+    /// dissipates 0 J and has modes of damping 0.
+    pub fn evaluate_plain(&self, system: &System, free: &[FreeParam]) -> Result<Computed, ResponseError> {
+        match &self.work {
+            Work::Energy(w) => w.evaluate(system, free, self, true, TableForm::Plain),
+            Work::Modal(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, true, TableForm::Plain),
+            _ => self.evaluate(system, free, true),
         }
     }
 
@@ -188,6 +213,22 @@ impl Plan {
         let Work::Cycle(cycle) = &self.work else { return None };
         let (cycle, f, a) = cycle.varied(frequency, amplitude);
         Some((Plan { work: Work::Cycle(cycle), ..self.clone() }, f, a))
+    }
+
+    /// What is left of the model's own transient in the kept cycles of a cycle test; none where it is long gone, or the test no cycle.
+    /// `enough`: what may be left, in units of sigma.
+    pub fn transient(&self, system: &System, enough: f64) -> Result<Option<Transient>, ResponseError> {
+        let Work::Cycle(cycle) = &self.work else { return Ok(None) };
+        let named = |source| ResponseError::Engine { test: self.id.clone(), source };
+        settling::transient(cycle, &system.model, &self.bind(system, &[])?, self, enough).map_err(named)
+    }
+
+    /// Unit in which the drive of a cycle test was recorded, for printing.
+    pub fn drive_unit(&self) -> Option<&Unit> {
+        match &self.work {
+            Work::Cycle(cycle) => Some(cycle.drive_unit()),
+            _ => None,
+        }
     }
 
     /// The plan with as many steps as its noise asks for at the system's present values: they are doubled until the computed response

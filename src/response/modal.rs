@@ -5,7 +5,7 @@ use crate::engine::EngineError;
 use crate::engine::modal::{Range, modes};
 use crate::model::{Bound, Model};
 
-use super::{Block, BlockKind, Computed, Plan, ResponseError};
+use super::{Block, BlockKind, Computed, Plan, ResponseError, TableForm};
 
 /// A modal table made ready: the mode of each row by its order from the lowest, and whether its damping is compared.
 #[derive(Clone, Debug)]
@@ -60,7 +60,15 @@ impl ModalPlan {
         Ok(ModalPlan { rows })
     }
 
-    pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, ResponseError> {
+    pub(super) fn evaluate(
+        &self,
+        model: &Model,
+        bound: &Bound,
+        plan: &Plan,
+        sensitivities: bool,
+        form: TableForm,
+    ) -> Result<Computed, ResponseError> {
+        let plain = form == TableForm::Plain;
         let count = self.rows.iter().map(|r| r.0 + 1).max().unwrap_or(0);
         let named = |source: EngineError| ResponseError::Engine { test: plan.id.clone(), source };
         let found = modes(model, bound, Range::Lowest(count), sensitivities).map_err(named)?;
@@ -71,11 +79,17 @@ impl ModalPlan {
         let mut out = Computed::default();
         for &(mode, _) in &self.rows {
             let m = &found[mode];
-            out.values.push(m.frequency_hz.ln());
-            out.slopes.extend((0..n_free).map(|k| m.frequency_slope(k) / m.frequency_hz));
+            let f = m.frequency_hz;
+            out.values.push(if plain { f } else { f.ln() });
+            out.slopes.extend((0..n_free).map(|k| if plain { m.frequency_slope(k) } else { m.frequency_slope(k) / f }));
         }
         for &(mode, _) in self.rows.iter().filter(|r| r.1) {
             let m = &found[mode];
+            if plain {
+                out.values.push(m.damping);
+                out.slopes.extend((0..n_free).map(|k| m.damping_slope(k)));
+                continue;
+            }
             // A mode without damping counts as immeasurably lightly damped.
             let damping = m.damping.max(LEAST);
             out.values.push(damping.ln());

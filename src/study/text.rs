@@ -1,7 +1,7 @@
 //! A study as text: one effect, or the whole file.
 
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 use crate::data::{Conditions, Control, Dataset, StoredEnergy};
 use crate::effect::{Effect, Kind};
@@ -9,6 +9,7 @@ use crate::identify::Loss;
 use crate::model::{Instance, System};
 use crate::units::{Dimension, Quantity, Unit};
 
+use super::load::folder_of;
 use super::{ConnectorSpec, CycleQuantity, Ends, Predicted, PredictionSpec, Study};
 use super::{effects, engineering, unit_of};
 
@@ -19,6 +20,21 @@ fn quoted(text: &str) -> String {
 
 fn list<S: AsRef<str>>(items: &[S]) -> String {
     format!("[{}]", items.iter().map(|i| quoted(i.as_ref())).collect::<Vec<_>>().join(", "))
+}
+
+/// `to` as seen from the folder `from`; as it is, but absolute, where they have no folder in common but the root.
+fn relative(from: &Path, to: &Path) -> PathBuf {
+    let whole = |p: &Path| p.canonicalize().or_else(|_| std::path::absolute(p)).unwrap_or_else(|_| p.to_path_buf());
+    let (from, to) = (whole(from), whole(to));
+    let (a, b): (Vec<_>, Vec<_>) = (from.components().collect(), to.components().collect());
+    let common = a.iter().zip(&b).take_while(|(x, y)| x == y).count();
+    let rooted = a.iter().take(common).filter(|c| matches!(c, Component::Normal(_))).count();
+    if rooted == 0 {
+        return to;
+    }
+    let up = a.iter().skip(common).map(|_| Component::ParentDir);
+    let path: PathBuf = up.chain(b.iter().skip(common).copied()).collect();
+    if path.as_os_str().is_empty() { PathBuf::from(".") } else { path }
 }
 
 /// The `[[effect]]` block of an instance of `system` (or of one that is about to join it).
@@ -76,13 +92,16 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
 impl Study {
     /// A whole study.toml with the values and the effects of `system` (the study's own model, effects added and removed as they may be):
     /// starts are its values; graph, split, orders, settings, assumptions and predictions are the study's. Orders on parameters that
-    /// `system` does not free are left out. Comments of the original are not kept. Paths are absolute, so the text serves in any folder.
-    pub fn with_values(&self, system: &System) -> String {
-        let absolute = |path: &Path| quoted(&path.canonicalize().unwrap_or_else(|_| path.to_path_buf()).to_string_lossy());
+    /// `system` does not free are left out. Comments of the original are not kept. The text is for a file in `folder`: paths are
+    /// relative to it where the two have a folder in common, so that a study may be moved with its runs.
+    pub fn with_values(&self, system: &System, folder: &Path) -> String {
+        let path = |path: &Path| quoted(&relative(folder, path).to_string_lossy());
         let mut text = String::from("schema = 1\n");
-        let _ = writeln!(text, "title = {}\ndataset = {}", quoted(&self.title), absolute(&self.dataset.file));
+        let file = &self.dataset.file;
+        let beside = if file.file_name().is_some_and(|n| n == "dataset.toml") { folder_of(file) } else { file.clone() };
+        let _ = writeln!(text, "title = {}\ndataset = {}", quoted(&self.title), path(&beside));
         if let Some(data) = &self.data {
-            let _ = writeln!(text, "folder = {}", absolute(data));
+            let _ = writeln!(text, "folder = {}", path(data));
         }
         if !self.assumptions.is_empty() {
             let _ = writeln!(text, "assumptions = {}", list(&self.assumptions));

@@ -45,7 +45,7 @@ impl Study {
             let reason = "it is the study's own file".into();
             return Err(StudyError::Write { file, reason, accepted: "another folder".into() });
         }
-        let whole = self.with_values(system);
+        let whole = self.with_values(system, folder);
         self.reread(&file, whole.clone())?;
         replace(&file, &whole)?;
         Ok(file)

@@ -238,3 +238,65 @@ fn a_mechanism() {
     let [stage, place, message, _] = rig.run("fit", &["--json"]).error();
     assert!(stage == "study" && message.contains("loose.x"), "{place} {message}");
 }
+
+/// A spring that softens, F = k x - k3 x^3, loaded to nine tenths of the force at which it snaps through. From the stiffness that fits best
+/// without k3, the k3 that the score asks for has no equilibrium at that force: the refit cannot even start.
+#[test]
+fn a_refit_that_diverges_is_logged_and_ranked_last() {
+    use std::fmt::Write;
+    let rig = Rig::new();
+    let (k, k3) = (20.0, 20.0 / 3.0);
+    // Below the snap at 1 mm the force rises with x: bisection.
+    let at = |f: f64| {
+        let (mut low, mut high) = (-1.0, 1.0);
+        for _ in 0..60 {
+            let x = 0.5 * (low + high);
+            if k * x - k3 * x * x * x < f { low = x } else { high = x }
+        }
+        0.5 * (low + high)
+    };
+    let mut csv = String::from("t,F,x\n");
+    let mut state = 1u64;
+    for j in 0..=800 {
+        let t = f64::from(j) / 100.0;
+        let force = 12.0 * (std::f64::consts::TAU * t).sin();
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let noise = (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
+        writeln!(csv, "{t:.6},{force:.9},{:.9}", at(force) + 1e-3 * noise).unwrap();
+    }
+    rig.write("data/loop1.csv", &csv);
+    rig.write(
+        "data/dataset.toml",
+        "schema = 1\n[[test]]\nid = \"pull\"\nkind = \"cycle\"\nfile = \"loop1.csv\"\ncontrol = \"force\"\ndiscard_cycles = 2\n\
+         conditions = { frequency = \"1 Hz\" }\nchannels = [\n { role=\"time\", column=\"t\", unit=\"s\" },\n \
+         { role=\"force\", at=\"c1.x\", column=\"F\", unit=\"N\" },\n { role=\"displacement\", at=\"c1.x\", column=\"x\", unit=\"mm\" }]\n",
+    );
+    rig.change("study.toml", "split = { select = [\"loop-2Hz\"], held_out = [\"loop-5Hz\"] }\n", "search = { max_added = 1 }\n");
+    let ran = rig.run("ladder", &["--json"]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let json = ran.json();
+    let weighed = json["rungs"][0]["candidates"].as_array().unwrap();
+    let remark = |c: &serde_json::Value| c["remark"].as_str().unwrap().to_string();
+    let refitted: Vec<&serde_json::Value> = weighed.iter().filter(|c| !remark(c).starts_with("not refitted")).collect();
+    let failed = |c: &serde_json::Value| remark(c).starts_with("the refit failed: ");
+    let first = refitted.iter().position(|c| failed(c)).unwrap_or_else(|| panic!("none failed: {weighed:#?}"));
+    assert!(first > 0 && refitted[first..].iter().all(|c| failed(c)), "{weighed:#?}");
+    let cubic = refitted.iter().find(|c| c["effect"] == "cubic_stiffness").unwrap();
+    assert!(failed(cubic) && cubic["error_after"].is_null() && cubic["accepted"] == false, "{cubic}");
+    assert!(ran.stderr.contains("refit cubic_stiffness at c1.x failed: "), "{}", ran.stderr);
+    assert!(json["rungs"].as_array().unwrap().len() <= 2 && !json["ended"].as_str().unwrap().is_empty());
+}
+
+/// Modes of a model without any mass: there are none, and that is said.
+#[test]
+fn modes_without_mass() {
+    let rig = Rig::new();
+    rig.write(
+        "data/dataset.toml",
+        "schema = 1\n[[test]]\nid = \"modes\"\nkind = \"modal\"\nrows = [{ mode = 1, frequency = \"290 Hz\" }]\n",
+    );
+    rig.change("study.toml", "split = { select = [\"loop-2Hz\"], held_out = [\"loop-5Hz\"] }\n", "");
+    let [stage, place, message, accepted] = rig.run("fit", &["--json"]).error();
+    let whole = format!("{stage} | {place} | {message} | {accepted}");
+    assert!(whole.contains("modes") && whole.contains("has 0 modes"), "{whole}");
+}

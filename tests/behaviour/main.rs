@@ -6,6 +6,7 @@ mod formula;
 mod house;
 mod rig;
 mod round_trip;
+mod settling;
 mod shapes;
 mod slopes;
 mod stopping;

@@ -55,6 +55,21 @@ fn out_of_time_saves_the_best_state_and_resumes() {
     assert_eq!(rig.runs().len(), 1, "a run that came to nothing leaves no folder");
 }
 
+#[test]
+fn a_ladder_that_was_stopped_says_so() {
+    let rig = Rig::hiding(|_, v| 1.5 * v.signum());
+    let ran = rig.run("ladder", &["--json", "--max-seconds", "1e-9"]);
+    assert_eq!(ran.code, 130, "{}", ran.stderr);
+    let json = ran.json();
+    assert_eq!((&json["verdict"], &json["interrupted"]), (&"interrupted".into(), &true.into()));
+    assert!(json["ended"].as_str().unwrap().contains("interrupted") && json["missing"].as_array().unwrap().is_empty());
+    let ran = rig.run("ladder", &["--max-seconds", "1e-9"]);
+    assert!(ran.stdout.contains("interrupted before it had found anything") && !ran.stdout.contains("library"), "{}", ran.stdout);
+    let ran = rig.run("diagnose", &["--json", "--max-seconds", "1e-9"]);
+    assert_eq!((ran.code, &ran.json()["verdict"]), (130, &"interrupted".into()));
+    assert_eq!(rig.json("ladder", &[])["interrupted"], false);
+}
+
 /// A long fit: many starts of a law with memory.
 #[cfg(unix)]
 #[test]
@@ -80,4 +95,14 @@ fn ctrl_c_keeps_the_best_state() {
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["termination"], "interrupted");
     assert!(out.join("study.toml").is_file() && out.join("result.json").is_file());
+    // The best of all starts is kept, and gone on from with one.
+    let kept: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("checkpoint.json")).unwrap()).unwrap();
+    let cost = |v: &serde_json::Value| v["cost"].as_f64().unwrap();
+    assert!(cost(&kept) <= cost(&json) * (1.0 + 1e-12), "{kept} {json}");
+    let ran = rig.run("fit", &["--json", "--resume", &out.display().to_string()]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let resumed = ran.json();
+    // Finer time steps may move the cost a little.
+    assert!(cost(&resumed) <= cost(&kept) * 1.01, "{resumed}");
+    assert!(resumed["notes"].to_string().contains("starts not tried"), "{}", resumed["notes"]);
 }

@@ -76,6 +76,44 @@ fn a_comparison_leaves_a_whole_run() {
 }
 
 #[test]
+fn a_report_leaves_a_whole_run_with_the_fitted_study() {
+    let rig = Rig::new();
+    let json = rig.json("report", &[]);
+    let run = std::path::PathBuf::from(json["run"].as_str().unwrap());
+    for file in ["report.html", "residuals.parquet", "result.json", "study.toml"] {
+        assert!(run.join(file).is_file(), "{file}");
+    }
+    let kept: serde_json::Value = serde_json::from_slice(&std::fs::read(run.join("result.json")).unwrap()).unwrap();
+    let again = misfit(&["compare", &run.display().to_string(), "--json"]).json();
+    let errors = |v: &serde_json::Value| v["tests"].as_array().unwrap().iter().map(|t| t["error"].as_f64().unwrap()).collect::<Vec<_>>();
+    for (a, b) in errors(&kept["fit"]).iter().zip(errors(&again)) {
+        assert!((a - b).abs() < 1e-9 * a, "{a} {b}");
+    }
+    // The page speaks of parameters in the engineer's units and names a whole command.
+    let page = std::fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("--to json"));
+    let interval = kept["fit"]["parameters"][0]["printed_interval"].as_str().unwrap();
+    assert!(interval.ends_with(" N/mm") && page.contains(interval), "{interval}");
+    let (low, high) = interval.trim_end_matches(" N/mm").split_once(" to ").unwrap();
+    for (printed, si) in [low, high].iter().zip(kept["fit"]["parameters"][0]["interval"].as_array().unwrap()) {
+        assert!((printed.parse::<f64>().unwrap() * 1e3 / si.as_f64().unwrap() - 1.0).abs() < 1e-3, "{interval}");
+    }
+}
+
+#[test]
+fn a_run_can_be_moved_with_its_study() {
+    let rig = Rig::new();
+    let run = std::path::PathBuf::from(rig.json("fit", &[])["run"].as_str().unwrap());
+    assert!(std::fs::read_to_string(run.join("study.toml")).unwrap().contains("dataset = \"../../data\""));
+    let elsewhere = tempfile::tempdir().unwrap();
+    let moved = elsewhere.path().join("study");
+    std::fs::rename(rig.folder(), &moved).unwrap();
+    let again = misfit(&["compare", &moved.join("runs").join(run.file_name().unwrap()).display().to_string(), "--json"]);
+    std::fs::rename(&moved, rig.folder()).unwrap();
+    assert_eq!(again.code, 0, "{}", again.stderr);
+}
+
+#[test]
 fn out_is_taken_exactly_and_a_study_is_not_written_over() {
     let rig = Rig::new();
     let out = rig.path("here");
@@ -166,6 +204,19 @@ fn predictions_against_the_closed_form() {
         assert!(std > 0.0 && std < 0.02 * wanted, "{p}");
     }
     assert!(p[0]["relative_error"].as_f64().unwrap().abs() < 0.01 && p[1]["reference"].is_null());
+}
+
+#[test]
+fn a_model_without_losses_dissipates_nothing() {
+    let rig = Rig::new();
+    let study = rig.read("study.toml");
+    let (springs, _) = study.split_once("[[effect]]\neffect = \"viscous\"").unwrap();
+    rig.write("study.toml", springs);
+    let json = with_predictions(&rig).json("predict", &[]);
+    assert_eq!((&json["predictions"][0]["quantity"], json["predictions"][0]["value"].as_f64()), (&"W_D".into(), Some(0.0)));
+    let said = rig.run("predict", &[]).stdout;
+    let row = said.lines().find(|l| l.contains("W_D")).unwrap();
+    assert!(row.split_whitespace().any(|w| w == "0") && !row.contains("e-"), "{row}");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use num_complex::Complex64;
 
 use crate::data::{EnergyRow, EnergyTable, Frf, FrfQuantity, ModalTable, ModeRow, Record, StoredEnergy, TableValue, Test};
 use crate::model::{FreeParam, Site, System};
-use crate::response::{BlockKind, Plan};
+use crate::response::Plan;
 use crate::study::{CycleQuantity, Predicted, PredictionSpec};
 use crate::units::{Dimension, Unit};
 
@@ -104,14 +104,9 @@ pub(super) fn deviation(found: &Found, covariance: &DMatrix<f64>, p: &[f64]) -> 
 fn compute(spec: &PredictionSpec, record: Record, system: &System, free: &[FreeParam]) -> Result<Vec<Found>, Failure> {
     let test = Test { id: spec.case.clone(), description: None, conditions: spec.conditions.clone(), record, line: spec.line };
     let plan = Plan::new(&test, &system.model)?;
-    let computed = plan.evaluate(system, free, true)?;
+    let computed = plan.evaluate_plain(system, free)?;
     let n = free.len();
-    // Tables are computed as logarithms.
-    let logarithm = |row: usize| plan.blocks.iter().any(|b| b.kind == BlockKind::Table && b.range.contains(&row));
-    let one = |(row, v): (usize, &f64)| {
-        let (value, factor) = if logarithm(row) { (v.exp(), v.exp()) } else { (*v, 1.0) };
-        Found { value, slopes: computed.slopes[row * n..(row + 1) * n].iter().map(|d| d * factor).collect() }
-    };
+    let one = |(row, v): (usize, &f64)| Found { value: *v, slopes: computed.slopes[row * n..(row + 1) * n].to_vec() };
     let all: Vec<Found> = computed.values.iter().enumerate().map(one).collect();
     if all.is_empty() { Err(refused(spec, "nothing was computed")) } else { Ok(all) }
 }

@@ -82,3 +82,10 @@ pub(crate) fn nearest<'a>(found: &str, accepted: impl IntoIterator<Item = &'a st
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, _, a)| a.to_string())
 }
+
+/// Whether `found` can only be meant to be `key`: one slip of the finger away, two in a long word. Two letters are too few to tell.
+pub(crate) fn misspelt(found: &str, key: &str) -> bool {
+    let slips = if key.len() >= 7 { 2 } else { 1 };
+    let apart = strsim::damerau_levenshtein(&found.to_lowercase(), key);
+    key.len() >= 2 && found.len() >= 3 && (1..=slips).contains(&apart)
+}

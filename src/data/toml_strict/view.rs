@@ -1,6 +1,6 @@
 //! Typed access to the tree.
 
-use super::error::{TomlError, TomlProblem, nearest};
+use super::error::{TomlError, TomlProblem, misspelt, nearest};
 use super::tree::{Node, Table, TomlFile, Value};
 use crate::units::{self, Dimension, Quantity, Spread, Unit};
 
@@ -78,8 +78,17 @@ impl<'a> TableView<'a> {
     }
 
     /// The value of a required key; `accepted` says what should stand there, for the error.
+    /// A key that was meant to be it and is misspelt is named as such, not as missing.
     pub fn require(&self, key: &str, accepted: &str) -> Result<ValueView<'a>, TomlError> {
-        self.get(key).ok_or_else(|| self.error(TomlProblem::MissingKey { key: key.to_string(), accepted: format!("{key} = {accepted}") }))
+        let missing = || {
+            if let Some((found, line, _)) = self.table.entries.iter().find(|e| misspelt(&e.0, key)) {
+                let problem =
+                    TomlProblem::UnknownKey { key: found.clone(), nearest: Some(key.to_string()), accepted: vec![key.to_string()] };
+                return error(self.file, *line, &self.key_path(found), problem);
+            }
+            self.error(TomlProblem::MissingKey { key: key.to_string(), accepted: format!("{key} = {accepted}") })
+        };
+        self.get(key).ok_or_else(missing)
     }
 
     /// A required string.

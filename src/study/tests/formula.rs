@@ -24,7 +24,7 @@ fn a_formula_is_read_and_written_back() {
     assert_eq!(values, [(20e3, true, 1e5), (5.0, true, 50.0), (1e-4, false, f64::INFINITY)]);
     let names: Vec<String> = study.system.free().into_iter().map(|f| f.name).collect();
     assert!(names.contains(&"c1.x.formula.k".to_string()), "{names:?}");
-    let again = read(&study.with_values(&study.system), &folder.dataset()).unwrap();
+    let again = read(&study.with_values(&study.system, std::path::Path::new(".")), &folder.dataset()).unwrap();
     assert_eq!(essence(&again), essence(&study));
     // The same law, not only the same numbers: a second reading finds what the first compiled.
     assert!(std::ptr::eq(again.system.instances[2].effect, instance.effect));
@@ -77,6 +77,6 @@ fn bounds_of_a_law_hold_in_the_study() {
     refused(read(&spring("1.5"), &dataset), "`alpha` is 1.5", "key effect[2].alpha");
     refused(read(&spring("{ start = 0.5, max = 2 }"), &dataset), "max 2 lets `alpha` exceed 0.99", "key effect[2].alpha.max");
     refused(read(&spring("{ start = 0.5, min = 0 }"), &dataset), "min 0 lets `alpha` fall below 0.01", "key effect[2].alpha.min");
-    let again = read(&study.with_values(&study.system), &dataset).unwrap();
+    let again = read(&study.with_values(&study.system, std::path::Path::new(".")), &dataset).unwrap();
     assert_eq!(essence(&again), essence(&study));
 }

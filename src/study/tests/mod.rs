@@ -10,6 +10,7 @@ use crate::explain::Explain;
 use super::{Study, StudyError};
 
 mod formula;
+mod every_field;
 mod property;
 mod read;
 mod refuse;

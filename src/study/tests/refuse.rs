@@ -104,6 +104,11 @@ fn effects_that_cannot_act_there() {
         "key effect[2].at[1]",
     );
     add("effect = \"coulomb\"\nat = \"loop-1Hz.force\"\nf = \"1 N\"\n", "there is no axis `force`", "key effect[2].at");
+    add(
+        "effect = \"moving_mass\"\nat = \"loop-1Hz.displacement\"\nm = \"1 kg\"\n",
+        "acts on what a load cell reads, and `loop-1Hz.displacement` is a displacement",
+        "line 24, key effect[2].at",
+    );
     add("effect = \"offset\"\nat = \"loop-1Hz.force\"\nb = \"1 mm\"\n", "where a force is expected", "key effect[2].b");
     let law =
         "effect = \"interference_law\"\nat = \"c1.x\"\nof = \"viscous.c\"\ncondition = \"i\"\nreference = \"0.3 mm\"\na = \"0.2 1/mm\"\n";
@@ -233,4 +238,58 @@ fn orders() {
     refused(read(&(tight + &order(&all) + "gap = \"2 N s/mm\"\n"), &dataset), "no point satisfies", "key order[0].order");
     let fixed = two.replacen("min = \"0 N s/mm\" }", "fixed = true }", 1) + &order("\"c1.x.viscous.c\", \"c1.x.viscous#2.c\"");
     refused(read(&fixed, &dataset), "unknown free parameter `c1.x.viscous.c`", "key order[0].order[0]");
+}
+
+#[test]
+fn predictions() {
+    let dataset = Folder::one(ONE).dataset();
+    let cycle = "[[prediction]]\ncase = \"a\"\nquantity = \"W_D\"\nat = \"c1.x\"\ncontrol = \"force\"\nforce_min = \"1 N\"\nforce_max = \"9 N\"\n\
+                 conditions = { frequency = \"1 Hz\" }\n";
+    let case = |from: &str, to: &str, message: &str, place: &str| {
+        assert!(cycle.contains(from), "{from}");
+        refused(read(&format!("{ONE}{}", cycle.replacen(from, to, 1)), &dataset), message, place);
+    };
+    case("\"W_D\"", "\"W_d\"", "unknown quantity `W_d`, nearest is `W_D`", "line 24, key prediction[0].quantity");
+    case("c1.x", "c2.x", "there is no place `c2.x`; the nearest is `c1.x`", "key prediction[0].at");
+    case("\"force\"", "\"forse\"", "nearest is `force`", "key prediction[0].control");
+    case("9 N", "0.9 N", "crossed", "key prediction[0]");
+    case("force_max = \"9 N\"\n", "", "not complete", "key prediction[0]");
+    case("force_max = \"9 N\"", "displacement_max = \"9 mm\"", "not a limit under force control", "key prediction[0].displacement_max");
+    case("9 N", "9 mm", "where a force is expected", "key prediction[0].force_max");
+    case("conditions = { frequency = \"1 Hz\" }\n", "", "required key `frequency` is missing", "line 22, key prediction[0]");
+    case("1 Hz", "-1 Hz", "a frequency of -1 Hz", "key prediction[0].conditions.frequency");
+    case("case = \"a\"\n", "case = \"a\"\nreference = \"1 N\"\n", "where an energy is expected", "key prediction[0].reference");
+    case("case = \"a\"\n", "case = \"a\"\nmode = 1\n", "unknown key `mode`", "key prediction[0].mode");
+    let other = |text: &str, message: &str, place: &str| {
+        refused(read(&format!("{ONE}[[prediction]]\ncase = \"b\"\n{text}"), &dataset), message, place)
+    };
+    other("quantity = \"natural_frequency\"\nmode = 0\n", "0 is out of range", "key prediction[0].mode");
+    other(
+        "quantity = \"receptance\"\nexcite = \"end.y\"\nrespond = \"end.x\"\nfrequency = \"1 Hz\"\n",
+        "there is no place `end.y`",
+        "key prediction[0].excite",
+    );
+    other(
+        "quantity = \"receptance\"\nexcite = \"end.x\"\nrespond = \"end.x\"\nfrequency = \"0 Hz\"\n",
+        "0 Hz is not above 0",
+        "key prediction[0].frequency",
+    );
+}
+
+#[test]
+fn fit_and_search() {
+    let dataset = Folder::one(ONE).dataset();
+    let case = |text: &str, message: &str, place: &str| {
+        refused(read(&ONE.replacen("[[body]]", &format!("{text}\n[[body]]"), 1), &dataset), message, &format!("line 4, key {place}"));
+    };
+    case("fit = { loss = \"hubr\" }", "unknown loss `hubr`, nearest is `huber`", "fit.loss");
+    case("fit = { loss = \"huber\", width = 0 }", "a width of 0", "fit.width");
+    case("fit = { width = 1.5 }", "squares have no width", "fit");
+    case("fit = { starts = 0 }", "0 is out of range", "fit.starts");
+    case("fit = { max_iterations = 1.5 }", "found the number 1.5", "fit.max_iterations");
+    case("search = { effects = [\"colomb\"] }", "unknown effect `colomb`, nearest is `coulomb`", "search.effects[0]");
+    case("search = { places = [\"c2.x\"] }", "there is no place `c2.x`; the nearest is `c1.x`", "search.places[0]");
+    case("search = { places = [\"loop-1Hz.forse\"] }", "nearest is `loop-1Hz.force`", "search.places[0]");
+    case("search = { max_added = -1 }", "-1 is out of range", "search.max_added");
+    case("search = { max_add = 1 }", "unknown key `max_add`, nearest is `max_added`", "search.max_add");
 }

@@ -132,11 +132,19 @@ fn a_whole_study_reads_back_as_it_was() {
     let out = folder.path().join("runs/a/result");
     let file = study.save(&study.system, &out).unwrap();
     let again = Study::load(&out, None).unwrap();
-    assert_eq!(essence(&study), essence(&again), "{}", std::fs::read_to_string(&file).unwrap());
+    let written = std::fs::read_to_string(&file).unwrap();
+    assert_eq!(essence(&study), essence(&again), "{written}");
+    assert!(written.contains("\ndataset = \"../../../data\"\n"), "{written}");
+    // The study with its runs may be moved.
+    let elsewhere = tempfile::tempdir().unwrap();
+    let moved = elsewhere.path().join("moved");
+    std::fs::rename(folder.path(), &moved).unwrap();
+    assert_eq!(essence(&study), essence(&Study::load(&moved.join("runs/a/result"), None).unwrap()));
+    std::fs::rename(&moved, folder.path()).unwrap();
     let e = study.save(&study.system, folder.path()).unwrap_err();
     assert!(e.to_string().contains("the study's own file"), "{e}");
     let chain = Folder::chain(CHAIN).load().unwrap();
-    let text = chain.with_values(&chain.system);
+    let text = chain.with_values(&chain.system, &chain.folder);
     assert_eq!(essence(&chain), essence(&read(&text, &chain.dataset).unwrap()), "{text}");
 }
 

@@ -1,0 +1,109 @@
+//! How far the energies of a table are off, as factors, and how far they must be where one strength carries the whole loss.
+
+use argmin::core::{CostFunction, Error, Executor};
+use argmin::solver::goldensectionsearch::GoldenSectionSearch;
+
+use crate::data::TestKind;
+use crate::effect::Role;
+use crate::model::{FreeParam, System};
+use crate::response::{Block, Computed, Plan};
+
+use super::results::{Factor, OneStrength};
+
+/// The strength is searched from this part of its value to its inverse.
+const REACH: f64 = 1e3;
+/// Values tried over that range before the best is narrowed down.
+const TRIED: usize = 49;
+/// Iterations that narrow it down, and the relative change of the strength at which they end.
+const ITERATIONS: u64 = 60;
+const NARROW: f64 = 1e-6;
+
+/// The factors of every channel of an energy table, given its computed values; none for other tests.
+pub fn factors(plan: &Plan, system: &System, computed: &Computed) -> Vec<Factor> {
+    if plan.kind != TestKind::Energy {
+        return vec![];
+    }
+    let of = |block: &Block| {
+        let logarithms = block.range.clone().map(|k| computed.values[k] - plan.measured[k]);
+        let strength = if block.role == "dissipated" { one_strength(plan, system, block) } else { None };
+        Factor { channel: block.label.clone(), largest: logarithms.fold(0.0, |m: f64, r| m.max(r.abs())).exp(), strength }
+    };
+    plan.blocks.iter().map(of).collect()
+}
+
+/// The one free strength without which nothing is dissipated, with the least largest factor that it can reach while all else stays.
+fn one_strength(plan: &Plan, system: &System, block: &Block) -> Option<OneStrength> {
+    let free = system.free();
+    let strengths = free.iter().filter(|f| f.param == 0 && system.instances[f.instance].effect.info().role == Role::Force);
+    strengths.into_iter().find_map(|f| {
+        let none = at(system, f, system.instances[f.instance].effect.info().params[0].default);
+        let without = plan.evaluate_plain(&none, std::slice::from_ref(f)).ok()?;
+        let rows = block.range.clone();
+        if without.values.get(rows.clone())?.iter().any(|w| *w != 0.0) {
+            return None;
+        }
+        // In the limit of a weak strength the column is its slopes times the strength.
+        let ratios: Option<Vec<f64>> =
+            rows.map(|k| without.slopes.get(k).filter(|s| **s > 0.0).map(|s| s.ln() - plan.measured[k])).collect();
+        let search = Search { plan, system, strength: f, block };
+        let (value, best) = search.best()?;
+        Some(OneStrength { parameter: f.name.clone(), value, best: best.exp(), weak: ratios.map(|r| half_range(&r).exp()) })
+    })
+}
+
+fn half_range(values: &[f64]) -> f64 {
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    0.5 * (high - low)
+}
+
+/// The system with one strength at another value.
+fn at(system: &System, f: &FreeParam, value: f64) -> System {
+    let mut system = system.clone();
+    system.instances[f.instance].params[f.param].value = value;
+    system
+}
+
+/// Largest |ln(computed / measured)| of a block against the logarithm of a strength.
+struct Search<'a> {
+    plan: &'a Plan,
+    system: &'a System,
+    strength: &'a FreeParam,
+    block: &'a Block,
+}
+
+impl Search<'_> {
+    /// Infinite where the model cannot be computed.
+    fn largest(&self, logarithm: f64) -> f64 {
+        let Ok(c) = self.plan.evaluate(&at(self.system, self.strength, logarithm.exp()), &[], false) else { return f64::INFINITY };
+        self.block.range.clone().map(|k| (c.values[k] - self.plan.measured[k]).abs()).fold(0.0, f64::max)
+    }
+
+    /// The value that serves best, and what it leaves: a scan, then golden sections between the neighbours of its best point.
+    fn best(&self) -> Option<(f64, f64)> {
+        let p = &self.system.instances[self.strength.instance].params[self.strength.param];
+        if p.value <= 0.0 {
+            return None;
+        }
+        let low = (p.value / REACH).max(p.min).max(f64::MIN_POSITIVE).ln();
+        let high = (p.value * REACH).min(p.max).ln();
+        let step = (high - low) / (TRIED - 1) as f64;
+        let tried: Vec<(f64, f64)> = (0..TRIED).map(|k| low + step * k as f64).map(|u| (u, self.largest(u))).collect();
+        let scan = *tried.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (from, to) = ((scan.0 - step).max(low), (scan.0 + step).min(high));
+        let narrowed = || -> Result<(f64, f64), Error> {
+            let solver = GoldenSectionSearch::new(from, to)?.with_tolerance(NARROW)?;
+            let run = Executor::new(self, solver).configure(|s| s.param(scan.0).max_iters(ITERATIONS)).timer(false).run()?;
+            Ok((run.state.best_param.unwrap_or(scan.0), run.state.best_cost))
+        };
+        let best = narrowed().ok().filter(|n| n.1 < scan.1).unwrap_or(scan);
+        best.1.is_finite().then(|| (best.0.exp(), best.1))
+    }
+}
+
+impl CostFunction for &Search<'_> {
+    type Param = f64;
+    type Output = f64;
+    fn cost(&self, logarithm: &f64) -> Result<f64, Error> {
+        Ok(self.largest(*logarithm))
+    }
+}
