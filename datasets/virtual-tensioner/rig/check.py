@@ -1,0 +1,104 @@
+"""Is the rig right, and is it converged below its noise? Prints; writes nothing."""
+from dataclasses import replace
+
+import numpy as np
+
+from . import measure
+from .linear import Linear
+from .quasistatic import QuasiStatic
+
+
+def compliance(rig):
+    """Displacement of P under a small force there: the rig against Castigliano's integral over the unloaded arcs (friction and film gone)."""
+    bare = replace(rig, friction=0.0, shelf=1e12)
+    load = 1e-3
+    rest = QuasiStatic(bare, rig.design_interference)
+    rest.load(load, 1)
+    found = rest.q[rest.mesh.dof("P", "x")] / load
+    # Pin takes x and y, shelf takes x: M = (1 - yP/yT) y up to P, linear to zero at the tip; shear and normal parts likewise.
+    bounds = np.unique(np.concatenate([np.cumsum((0,) + rig.parts), [rig.drive, rig.zone, rig.zone_start, rig.count - rig.zone, rig.count - rig.zone_start]]))
+    node, weight = np.polynomial.legendre.leggauss(12)
+    (_, tip), _ = [a[..., 0] for a in rig.curve([rig.length])]
+    (_, drive), _ = [a[..., 0] for a in rig.curve([rig.drive * rig.part_length])]
+    total = 0.0
+    for a, b in zip(bounds[:-1], bounds[1:]):
+        s = rig.part_length * (0.5 * (a + b) + 0.5 * (b - a) * node)
+        (_, y), turn = rig.curve(s)
+        before = s < rig.drive * rig.part_length
+        moment = np.where(before, (1 - drive / tip) * y, drive / tip * (tip - y))
+        across = np.where(before, 1 - drive / tip, -drive / tip)
+        inside = rig.zone <= 0.5 * (a + b) <= rig.count - rig.zone
+        covered = rig.zone_start <= 0.5 * (a + b) <= rig.count - rig.zone_start
+        ei = (rig.ei_middle if inside else rig.ei_end) + (rig.leaf_ei if covered else 0.0)
+        ga = rig.ga + (rig.leaf_ga if covered else 0.0)
+        part = moment**2 / ei + (across * np.cos(turn)) ** 2 / ga + (across * np.sin(turn)) ** 2 / rig.ea
+        total += 0.5 * (b - a) * rig.part_length * (weight * part).sum()
+    print(f"compliance at P: rig {1e6 * found:.4f} um/N, Castigliano {1e6 * total:.4f} um/N, difference {found / total - 1:+.1e}")
+
+
+def straight(rig):
+    """First two free bending modes of a straight uniform blade against Euler-Bernoulli (shear and rotary inertia made small)."""
+    ei = 0.5
+    bare = replace(rig, radius=(1e4,) * 3, ei_middle=ei, ei_end=ei, ga=1e8, ea=1e8, line_inertia=1e-12, leaf_ei=1e-9, leaf_mass=1e-9, leaf_ea=1e-3,
+                   leaf_ga=1e-3, leaf_inertia=1e-18, loss=0.0, film_force=0.0, friction=0.0)
+    found = [m[0] for m in Linear(free=bare, interference=rig.design_interference).modes(2)]
+    for f, root in zip(found, (4.730040745, 7.853204624)):
+        exact = root**2 / (2 * np.pi * rig.length**2) * np.sqrt(ei / rig.line_mass)
+        print(f"straight free beam: {f:.3f} Hz, closed form {exact:.3f} Hz, difference {f / exact - 1:+.1e}")
+
+
+def elements(rig):
+    """FRFs and loops with 2, 4 and 8 elements a part, against the noise of one sample."""
+    i0 = rig.design_interference
+    places = [("P", "x"), ("Q1", "x"), ("Q2", "x")]
+    fine = measure.loaded(rig, 80.0, i0, 8).accelerance(measure.LINES, places)
+    for per_part in (2, 4):
+        h = measure.loaded(rig, 80.0, i0, per_part).accelerance(measure.LINES, places)
+        for (name, _), a, b in zip(places, h, fine):
+            sigma = np.hypot(measure.FRF_NOISE * np.abs(b), measure.FRF_FLOOR * np.sqrt(np.mean(np.abs(b) ** 2)))
+            e = np.abs(a - b) / np.sqrt(2.0)            # sigma is that of one part, real or imaginary
+            print(f"FRF 80 N, {name}: {per_part} elements a part against 8: rms {np.sqrt(np.mean((e / sigma) ** 2)):.3f} sigma, most {np.max(e / sigma):.3f} sigma")
+    for frequency in (0.01, 5.0):
+        loops = [QuasiStatic(rig, i0, n).cycles(measure.FORCE_LOW, measure.FORCE_HIGH, frequency, 4)[0] for n in (2, 4, 8)]
+        for n, loop in zip((2, 4), loops):
+            for k, name in ((1, "D_t"), (2, "D_l")):
+                e = 1e3 * np.abs(loop[k] - loops[2][k])
+                print(f"loop {frequency:g} Hz, {name}: {n} elements a part against 8: rms {1e3 * np.sqrt(np.mean(e**2)):.2f} um = "
+                      f"{np.sqrt(np.mean(e**2)) / measure.LOOP_NOISE:.3f} sigma, most {e.max() / measure.LOOP_NOISE:.3f} sigma")
+
+
+def steps(rig):
+    """Loops with 200 and 400 steps a cycle against 1600."""
+    for i, frequency in ((0.1e-3, 0.01), (0.6e-3, 0.33), (0.6e-3, 5.0)):
+        run = {n: QuasiStatic(rig, i).cycles(measure.FORCE_LOW, measure.FORCE_HIGH, frequency, 4, fine=n)[0] for n in (200, 400, 1600)}
+        for n in (200, 400):
+            for k, name in ((1, "D_t"), (2, "D_l")):
+                e = 1e3 * np.abs(run[n][k] - run[1600][k])
+                print(f"loop i {1e3 * i:g} mm {frequency:g} Hz, {name}: {n} steps a cycle against 1600: rms {np.sqrt(np.mean(e**2)) / measure.LOOP_NOISE:.4f} "
+                      f"sigma, most {e.max() / measure.LOOP_NOISE:.4f} sigma")
+        area = {n: abs(np.trapezoid(np.append(l[0], l[0][0]), np.append(l[1], l[1][0]))) for n, l in run.items()}
+        print(f"   W_D {1e3 * area[200]:.3f}, {1e3 * area[400]:.3f}, {1e3 * area[1600]:.3f} mJ")
+
+
+def energies(rig):
+    """W_D, and W_s by both readings, beside the paper's Table 3."""
+    paper = {0.01: (1.04, 249.07), 0.33: (16.43, 248.95), 1.0: (38.77, 248.57), 5.0: (73.77, 248.39)}
+    for frequency, (wd, ws) in paper.items():
+        (force, x, _), _ = QuasiStatic(rig, rig.design_interference).cycles(measure.FORCE_LOW, measure.FORCE_HIGH, frequency, 4)
+        work = abs(np.trapezoid(np.append(force, force[0]), np.append(x, x[0])))
+        bottom, top = np.argmin(x), np.argmax(x)
+        up, down = np.roll(np.arange(len(x)), -bottom), np.roll(np.arange(len(x)), -top)
+        rise, fall = up[: (top - bottom) % len(x) + 1], down[: (bottom - top) % len(x) + 1][::-1]
+        grid = x.min() + np.ptp(x) * np.linspace(0.2, 0.8, 121)
+        mean = 0.5 * (np.interp(grid, x[rise], force[rise]) + np.interp(grid, x[fall], force[fall]))
+        slope = np.polyfit(grid, mean, 1)[0]
+        print(f"{frequency:5g} Hz: W_D {1e3 * work:6.2f} mJ (paper {wd}), W_s slope {1e3 * np.ptp(force)**2 / 2 / slope:.2f}, "
+              f"product {0.5e3 * np.ptp(force) * np.ptp(x):.2f} mJ (paper {ws})")
+
+
+def run(rig):
+    compliance(rig)
+    straight(rig)
+    energies(rig)
+    elements(rig)
+    steps(rig)
