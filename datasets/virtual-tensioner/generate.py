@@ -49,7 +49,7 @@ def main():
     for i in INTERFERENCES:
         for f in FREQUENCIES:
             tests.append(measure.loop(HERE, rig, i, f, next(rng)))
-    tables.append(measure.modal("free", Linear(free=rig, interference=i0), None, i0, next(rng)))
+    tables.append(measure.modal("free", Linear(free=rig, interference=i0, per_part=measure.FRF_ELEMENTS), None, i0, next(rng)))
     for load in LOADS:
         tables.append(measure.modal(f"{load:g}N", measure.loaded(rig, load, i0), load, i0, next(rng)))
     measure.write_toml(HERE / "dataset.toml", "Virtual tensioner: FRFs at three loads, loops at four interferences", "generate.py", ASSUMPTIONS, tests)

@@ -8,15 +8,15 @@ from .linear import Linear
 from .quasistatic import QuasiStatic
 
 
-def compliance(rig):
-    """Displacement of P under a small force there: the rig against Castigliano's integral over the unloaded arcs (friction and film gone)."""
-    bare = replace(rig, friction=0.0, shelf=1e12)
+def compliance(rig, per_part=2):
+    """Displacement of P under a small force there: the blade without leaves against Castigliano's integral over the unloaded arcs."""
+    bare = replace(rig, friction=0.0, shelf=1e12, leaf_ei=1e-9, leaf_ga=1e-3)
     load = 1e-3
-    rest = QuasiStatic(bare, rig.design_interference)
+    rest = QuasiStatic(bare, rig.design_interference, per_part)
     rest.load(load, 1)
     found = rest.q[rest.mesh.dof("P", "x")] / load
     # Pin takes x and y, shelf takes x: M = (1 - yP/yT) y up to P, linear to zero at the tip; shear and normal parts likewise.
-    bounds = np.unique(np.concatenate([np.cumsum((0,) + rig.parts), [rig.drive, rig.zone, rig.zone_start, rig.count - rig.zone, rig.count - rig.zone_start]]))
+    bounds = np.unique(np.concatenate([np.cumsum((0,) + rig.parts), [rig.drive, rig.zone, rig.count - rig.zone]]))
     node, weight = np.polynomial.legendre.leggauss(12)
     (_, tip), _ = [a[..., 0] for a in rig.curve([rig.length])]
     (_, drive), _ = [a[..., 0] for a in rig.curve([rig.drive * rig.part_length])]
@@ -28,42 +28,40 @@ def compliance(rig):
         moment = np.where(before, (1 - drive / tip) * y, drive / tip * (tip - y))
         across = np.where(before, 1 - drive / tip, -drive / tip)
         inside = rig.zone <= 0.5 * (a + b) <= rig.count - rig.zone
-        covered = rig.zone_start <= 0.5 * (a + b) <= rig.count - rig.zone_start
-        ei = (rig.ei_middle if inside else rig.ei_end) + (rig.leaf_ei if covered else 0.0)
-        ga = rig.ga + (rig.leaf_ga if covered else 0.0)
-        part = moment**2 / ei + (across * np.cos(turn)) ** 2 / ga + (across * np.sin(turn)) ** 2 / rig.ea
+        ei = rig.ei_middle if inside else rig.ei_end
+        part = moment**2 / ei + (across * np.cos(turn)) ** 2 / rig.ga + (across * np.sin(turn)) ** 2 / rig.ea
         total += 0.5 * (b - a) * rig.part_length * (weight * part).sum()
-    print(f"compliance at P: rig {1e6 * found:.4f} um/N, Castigliano {1e6 * total:.4f} um/N, difference {found / total - 1:+.1e}")
+    print(f"compliance at P, {per_part} elements a part: rig {1e6 * found:.4f} um/N, Castigliano {1e6 * total:.4f} um/N, difference {found / total - 1:+.1e}")
 
 
-def straight(rig):
+def straight(rig, per_part):
     """First two free bending modes of a straight uniform blade against Euler-Bernoulli (shear and rotary inertia made small)."""
     ei = 0.5
     bare = replace(rig, radius=(1e4,) * 3, ei_middle=ei, ei_end=ei, ga=1e8, ea=1e8, line_inertia=1e-12, leaf_ei=1e-9, leaf_mass=1e-9, leaf_ea=1e-3,
                    leaf_ga=1e-3, leaf_inertia=1e-18, loss=0.0, film_force=0.0, friction=0.0)
-    found = [m[0] for m in Linear(free=bare, interference=rig.design_interference).modes(2)]
+    found = [m[0] for m in Linear(free=bare, interference=rig.design_interference, per_part=per_part).modes(2)]
     for f, root in zip(found, (4.730040745, 7.853204624)):
         exact = root**2 / (2 * np.pi * rig.length**2) * np.sqrt(ei / rig.line_mass)
-        print(f"straight free beam: {f:.3f} Hz, closed form {exact:.3f} Hz, difference {f / exact - 1:+.1e}")
+        print(f"straight free beam, {per_part} elements a part: {f:.3f} Hz, closed form {exact:.3f} Hz, difference {f / exact - 1:+.1e}")
 
 
 def elements(rig):
-    """FRFs and loops with 2, 4 and 8 elements a part, against the noise of one sample."""
+    """FRFs and loops against meshes that are finer, in units of the noise of one sample."""
     i0 = rig.design_interference
     places = [("P", "x"), ("Q1", "x"), ("Q2", "x")]
-    fine = measure.loaded(rig, 80.0, i0, 8).accelerance(measure.LINES, places)
-    for per_part in (2, 4):
+    fine = measure.loaded(rig, 80.0, i0, 16).accelerance(measure.LINES, places)
+    for per_part in (4, measure.FRF_ELEMENTS):
         h = measure.loaded(rig, 80.0, i0, per_part).accelerance(measure.LINES, places)
         for (name, _), a, b in zip(places, h, fine):
             sigma = np.hypot(measure.FRF_NOISE * np.abs(b), measure.FRF_FLOOR * np.sqrt(np.mean(np.abs(b) ** 2)))
             e = np.abs(a - b) / np.sqrt(2.0)            # sigma is that of one part, real or imaginary
-            print(f"FRF 80 N, {name}: {per_part} elements a part against 8: rms {np.sqrt(np.mean((e / sigma) ** 2)):.3f} sigma, most {np.max(e / sigma):.3f} sigma")
+            print(f"FRF 80 N, {name}: {per_part} elements a part against 16: rms {np.sqrt(np.mean((e / sigma) ** 2)):.3f} sigma, most {np.max(e / sigma):.3f} sigma")
     for frequency in (0.01, 5.0):
-        loops = [QuasiStatic(rig, i0, n).cycles(measure.FORCE_LOW, measure.FORCE_HIGH, frequency, 4)[0] for n in (2, 4, 8)]
-        for n, loop in zip((2, 4), loops):
+        loops = [QuasiStatic(rig, i0, n).cycles(measure.FORCE_LOW, measure.FORCE_HIGH, frequency, 4)[0] for n in (2, measure.LOOP_ELEMENTS, 12)]
+        for n, loop in zip((2, measure.LOOP_ELEMENTS), loops):
             for k, name in ((1, "D_t"), (2, "D_l")):
                 e = 1e3 * np.abs(loop[k] - loops[2][k])
-                print(f"loop {frequency:g} Hz, {name}: {n} elements a part against 8: rms {1e3 * np.sqrt(np.mean(e**2)):.2f} um = "
+                print(f"loop {frequency:g} Hz, {name}: {n} elements a part against 12: rms {1e3 * np.sqrt(np.mean(e**2)):.2f} um = "
                       f"{np.sqrt(np.mean(e**2)) / measure.LOOP_NOISE:.3f} sigma, most {e.max() / measure.LOOP_NOISE:.3f} sigma")
 
 
@@ -97,8 +95,9 @@ def energies(rig):
 
 
 def run(rig):
-    compliance(rig)
-    straight(rig)
+    for per_part in (2, 4, 8):
+        compliance(rig, per_part)
+        straight(rig, per_part)
     energies(rig)
     elements(rig)
     steps(rig)

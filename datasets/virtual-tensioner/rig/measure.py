@@ -10,10 +10,11 @@ LOOP_NOISE = 0.015                                  # mm, white, on D_t and D_l
 FRF_NOISE, FRF_FLOOR, AVERAGES = 0.01, 0.001, 20    # of |H|, of the rms of |H| over the band
 LINES = np.arange(5.0, 2500.0 + 1e-9, 5.0)          # Hz
 MODAL_NOISE = (0.002, 0.03)                         # of the frequency, of the damping ratio
+LOOP_ELEMENTS, FRF_ELEMENTS = 4, 8                  # a part of the chain; check.py shows what they cost
 FAMILY = {"plane": "xy bending", "torsion": "torsion", "yz bending": "yz bending"}
 
 
-def loaded(rig, load, interference, per_part=2):
+def loaded(rig, load, interference, per_part=FRF_ELEMENTS):
     """The rig at rest under `load` at P, reached from zero by load alone."""
     rest = QuasiStatic(rig, interference, per_part)
     rest.load(load)
@@ -33,7 +34,7 @@ def mm(i):
 
 def loop(folder, rig, interference, frequency, rng):
     name = f"loop-i{mm(interference)}-{frequency:g}Hz"
-    (force, across, along), drift = QuasiStatic(rig, interference).cycles(FORCE_LOW, FORCE_HIGH, frequency, SETTLE, samples=SAMPLES)
+    (force, across, along), drift = QuasiStatic(rig, interference, LOOP_ELEMENTS).cycles(FORCE_LOW, FORCE_HIGH, frequency, SETTLE, samples=SAMPLES)
     work = abs(np.trapezoid(np.append(force, force[0]), np.append(across, across[0])))
     print(f"{name}: W_D {1e3 * work:.2f} mJ, range D_t {1e3 * np.ptp(across):.3f} mm, D_l {1e3 * np.ptp(along):.3f} mm, "
           f"cycle {SETTLE + 1} differs from {SETTLE} by {drift.max():.0e} of the range", flush=True)

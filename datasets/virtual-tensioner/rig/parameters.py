@@ -124,6 +124,6 @@ def variant():
     base = Rig()
     return replace(
         base, radius=(110e-3, 200e-3, 130e-3), parts=(8, 12, 10), part_length=4.6e-3, zone=4.5, drive=15.5, transfer=(7.5, 22.5),
-        ei_middle=0.95, ei_end=0.36, line_mass=0.41, line_inertia=0.41 * 3e-6, loss=0.12, film_force=11.0, film_speed=0.9e-3,
-        clamp=300.0, clamp_rate=1.2e6, ends=(0.0, 1.0), stiffness_exponent=240.0, damping_exponent=800.0, device_stiffness=350e3,
+        ei_middle=1.50, ei_end=0.30, line_mass=0.62, line_inertia=0.62 * 3e-6, loss=0.12, film_force=20.0, film_speed=0.9e-3,
+        clamp=90.0, clamp_rate=0.4e6, ends=(0.0, 1.0), stiffness_exponent=240.0, damping_exponent=800.0, device_stiffness=350e3,
         device_mass=0.12)
