@@ -2,6 +2,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import least_squares, root
 
 from . import measure
 from .linear import Linear
@@ -43,6 +44,43 @@ def straight(rig, per_part):
     for f, root in zip(found, (4.730040745, 7.853204624)):
         exact = root**2 / (2 * np.pi * rig.length**2) * np.sqrt(ei / rig.line_mass)
         print(f"straight free beam, {per_part} elements a part: {f:.3f} Hz, closed form {exact:.3f} Hz, difference {f / exact - 1:+.1e}")
+
+
+def chain(rig):
+    """Slow deflections without friction and film against rigid parts on rotational springs, large rotations: what a chain can reach at best.
+
+    Two stiffnesses (end zones, middle) are fitted; printed are their ratios to EI / part length and the largest remaining difference.
+    """
+    n, l = rig.count, rig.part_length
+    d = np.diff(rig.curve(np.arange(n + 1) * l)[0], axis=1)
+    rest, length = np.arctan2(*d), np.hypot(*d)                 # angle to y
+    before = np.clip(rig.drive - np.arange(n), 0.0, 1.0)        # share of each part between pin and P
+
+    def deflect(k, force):
+        def balance(u):
+            moment, a = k * np.diff(u[:n]), rest + u[:n]
+            g = (u[n] - force * before) * length * np.cos(a)
+            g[:-1] -= moment
+            g[1:] += moment
+            return np.append(g, (length * np.sin(a)).sum())
+        a = rest + root(balance, np.zeros(n + 1), tol=1e-12).x[:n]
+        return (before * length * (np.sin(a) - np.sin(rest))).sum(), (length * (np.cos(a) - np.cos(rest))).sum()
+
+    loads = np.linspace(measure.FORCE_LOW, measure.FORCE_HIGH, 6)
+    state = QuasiStatic(replace(rig, friction=0.0, film_force=1e-12), rig.design_interference, measure.LOOP_ELEMENTS)
+    found = []
+    for force in loads:
+        state.load(force, 6)
+        found.append([state.q[state.mesh.dof("P", "x")], state.q[state.mesh.dof("tip", "y")]])
+    nominal = np.array([rig.ei_end + rig.leaf_ei, rig.ei_middle + rig.leaf_ei]) / l
+    low = int(rig.zone - 0.5)
+    where = np.r_[[0] * low, [1] * (n - 1 - 2 * low), [0] * low]
+
+    def difference(p):
+        return 1e6 * (np.array([deflect((np.exp(p) * nominal)[where], f) for f in loads]) - found).ravel()
+    fit = least_squares(difference, np.zeros(2))
+    print(f"chain of {n} rigid parts: stiffness ends {np.exp(fit.x[0]):.4f}, middle {np.exp(fit.x[1]):.4f} of EI / part length, "
+          f"D_t and D_l within {np.abs(fit.fun).max():.2f} um (with the nominal stiffness {np.abs(difference([0, 0])).max():.1f} um)")
 
 
 def elements(rig):
@@ -98,6 +136,7 @@ def run(rig):
     for per_part in (2, 4, 8):
         compliance(rig, per_part)
         straight(rig, per_part)
+    chain(rig)
     energies(rig)
     elements(rig)
     steps(rig)

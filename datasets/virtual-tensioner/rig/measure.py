@@ -6,7 +6,7 @@ from .quasistatic import QuasiStatic
 
 FORCE_LOW, FORCE_HIGH = 21.6, 138.3                 # N, cyclic tests
 SETTLE, KEPT, SAMPLES = 20, 4, 200                  # cycles before the record, cycles in it, samples a cycle
-LOOP_NOISE = 0.015                                  # mm, white, on D_t and D_l
+LOOP_NOISE = 0.010                                  # mm, white, on D_t and D_l
 FRF_NOISE, FRF_FLOOR, AVERAGES = 0.01, 0.001, 20    # of |H|, of the rms of |H| over the band
 LINES = np.arange(5.0, 2500.0 + 1e-9, 5.0)          # Hz
 MODAL_NOISE = (0.002, 0.03)                         # of the frequency, of the damping ratio

@@ -110,10 +110,10 @@ class QuasiStatic:
         self.anchor, self.creep, self.z = self.solve(force(t + dt), GAMMA * dt, creep, z, guess)
         self.before = last
 
-    def cycles(self, low, high, frequency, settle=20, coarse=50, fine=200, samples=200):
+    def cycles(self, low, high, frequency, settle=20, coarse=24, fine=200, samples=200):
         """Force between low and high, starting at low (loaded slowly). The cycle after `settle` at `samples` phases: F, D_t, D_l (N, m).
 
-        The first settle - 2 cycles take `coarse` steps, the rest `fine` ones. Returns also the change from the cycle before, relative to the range.
+        The last three cycles take `fine` steps, those before `coarse` ones. Returns also the change from the cycle before, relative to the range.
         """
         def force(t):
             return 0.5 * (low + high) - 0.5 * (high - low) * np.cos(2 * np.pi * frequency * t)
