@@ -1,0 +1,1 @@
+"""A chain tensioner in small finite elements: the virtual rig. Shares no code and no formulation with the product's engines."""
