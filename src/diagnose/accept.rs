@@ -33,9 +33,11 @@ pub fn earns_its_place(before: &Whitened, after: &Whitened) -> bool {
     mean > 0.0 && mean > STANDARD_ERRORS * error
 }
 
-/// What a candidate costs on all tests it may be judged on: half the sum of squares on fit and select, plus one per added parameter.
+/// What a candidate costs on all tests it may be judged on: half the sum of squares on fit and select, and for each free parameter half
+/// the logarithm of the number of points (Schwarz, Ann. Statist. 6, 1978).
 pub fn verdict_cost(proof: &Proof) -> f64 {
-    cost(&proof.fit) + cost(&proof.select) + proof.fitted.free.len() as f64
+    let points: usize = proof.fit.iter().chain(&proof.select).map(Vec::len).sum();
+    cost(&proof.fit) + cost(&proof.select) + 0.5 * (points.max(1) as f64).ln() * proof.fitted.free.len() as f64
 }
 
 /// Cost difference up to which responses that agree within the noise on every test are not told apart; beyond it the many points

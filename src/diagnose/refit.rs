@@ -15,6 +15,10 @@ use super::score::Score;
 
 /// Iterations of a refit: what is far from the floor after these is no explanation.
 const REFIT_ITERATIONS: u64 = 40;
+/// Iterations that every picked candidate gets.
+const FIRST_LOOK: u64 = 8;
+/// A candidate is refitted in full when its cost is within this factor of the best after the first look, or among the best three.
+const HOPEFUL: f64 = 10.0;
 
 /// Folds of a cross-validation.
 const FOLDS: usize = 4;
@@ -80,7 +84,8 @@ pub fn whitened(plans: &[&Plan], system: &System) -> Result<Whitened, String> {
         .collect()
 }
 
-/// Refits candidates in full, in parallel; the order of the list is kept.
+/// Refits candidates, in parallel; the order of the list is kept. All get a first look of a few iterations; those that then stand far
+/// behind are shown as they are, the others are refitted in full.
 pub fn refit_all(
     case: &Case,
     base: &System,
@@ -90,32 +95,64 @@ pub fn refit_all(
     monitor: &Monitor,
     watch: &(dyn Fn(&str) + Sync),
 ) -> Vec<Refit> {
+    let looks: Vec<Result<Fitted, String>> =
+        picked.par_iter().map(|score| first_look(case, base, &trials[score.trial], score, monitor)).collect();
+    let mut costs: Vec<f64> = looks.iter().flatten().map(|f| f.outcome.cost).collect();
+    costs.sort_by(f64::total_cmp);
+    let (best, third) = (costs.first().copied().unwrap_or(0.0), costs.get(2).or(costs.last()).copied().unwrap_or(0.0));
     picked
         .par_iter()
-        .map(|score| {
-            let trial = &trials[score.trial];
-            let name = &names[trial.candidate];
-            let mut system = base.clone();
-            system.instances.push(started(trial, score.strength));
-            let result = prove(case, &system, monitor);
+        .zip(looks)
+        .map(|(score, look)| {
+            let name = &names[trials[score.trial].candidate];
+            let result = look.and_then(|fitted| {
+                let hopeful = fitted.outcome.cost <= (HOPEFUL * best).max(third);
+                if hopeful && fitted.outcome.termination == Termination::MaxIterations {
+                    prove(case, &fitted.system, monitor)
+                } else {
+                    proof(case, fitted)
+                }
+            });
             match &result {
                 Ok(p) => watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, p.fitted.outcome.cost)),
                 Err(e) => watch(&format!("  refit {} at {} failed: {e}", name.effect, name.at)),
             }
-            Refit { candidate: trial.candidate, score: *score, result }
+            Refit { candidate: trials[score.trial].candidate, score: *score, result }
         })
         .collect()
 }
 
-/// Fits a system and holds it against the select tests.
-pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, String> {
+/// The first iterations of a refit. Where the model cannot be computed at the strength the score expects, it starts with less.
+fn first_look(case: &Case, base: &System, trial: &Trial, score: &Score, monitor: &Monitor) -> Result<Fitted, String> {
+    let mut failed = String::new();
+    for part in [1.0, 0.3, 0.1] {
+        let mut system = base.clone();
+        system.instances.push(started(trial, part * score.strength));
+        match fit_some(case, &system, FIRST_LOOK, monitor) {
+            Ok(fitted) => return Ok(fitted),
+            Err(reason) => failed = reason,
+        }
+    }
+    Err(failed)
+}
+
+fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
     let mut single = case.clone();
     single.starts = 1;
-    single.max_iterations = single.max_iterations.min(REFIT_ITERATIONS);
+    single.max_iterations = single.max_iterations.min(iterations);
     let fitted = single.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
-    if let Termination::Failed(reason) = &fitted.outcome.termination {
-        return Err(reason.clone());
+    match &fitted.outcome.termination {
+        Termination::Failed(reason) => Err(reason.clone()),
+        _ => Ok(fitted),
     }
+}
+
+/// Fits a system and holds it against the select tests.
+pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, String> {
+    proof(case, fit_some(case, system, REFIT_ITERATIONS, monitor)?)
+}
+
+fn proof(case: &Case, fitted: Fitted) -> Result<Proof, String> {
     let fit = whitened(&case.plans_of(SplitName::Fit), &fitted.system)?;
     let select = whitened(&case.plans_of(SplitName::Select), &fitted.system)?;
     Ok(Proof { fitted, fit, select })

@@ -110,7 +110,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         }
     };
     let mut weighed = vec![String::new(); refits.len()];
-    let winner = refits.iter().zip(&mut weighed).position(|(r, weighed)| {
+    let mut winner = refits.iter().zip(&mut weighed).position(|(r, weighed)| {
         let Ok(proof) = &r.result else { return false };
         let (earned, text) = earned(proof);
         *weighed = text;
@@ -122,6 +122,18 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         && let Ok(best) = &refits[w].result
     {
         ties = (0..refits.len()).filter(|k| *k != w && refits[*k].result.as_ref().is_ok_and(|p| tied(best, p))).take(3).collect();
+        // Of what cannot be told apart, the one with the fewest parameters.
+        let size = |k: usize| refits[k].result.as_ref().map_or(usize::MAX, |p| p.fitted.free.len());
+        let simpler = (0..ties.len()).filter(|t| size(ties[*t]) < size(w)).find(|t| {
+            let k = ties[*t];
+            let Ok(proof) = &refits[k].result else { return false };
+            let (earned, text) = earned(proof);
+            weighed[k] = text;
+            earned
+        });
+        if let Some(t) = simpler {
+            winner = Some(std::mem::replace(&mut ties[t], w));
+        }
     }
     let label = |k: usize| {
         let name = &names[refits[k].candidate];
