@@ -39,7 +39,7 @@ pub(super) fn tests(tests: &[TestResult]) -> String {
         text += &format!("{}, {}: off by a factor of {} at most", t.id, f.channel, significant(f.largest, 4));
         if let Some(s) = &f.strength {
             text += &format!("; {} at best over all values of {}, which carries the whole loss", significant(s.best, 4), s.parameter);
-            text += &s.weak.map_or(String::new(), |w| format!(" ({} where it is weak and the loss proportional to it)", significant(w, 4)));
+            text += &format!(" ({} where it is weak and the loss proportional to it)", significant(s.weak, 4));
         }
         text += "\n";
     }

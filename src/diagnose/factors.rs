@@ -12,6 +12,9 @@ use super::results::{Factor, OneStrength};
 
 /// The strength is searched from this part of its value to its inverse.
 const REACH: f64 = 1e3;
+/// Part of its value at which a strength counts as weak, and what is left of every loss there where it carries them all.
+const WEAK: f64 = 1e-3;
+const FALLS: f64 = 0.1;
 /// Values tried over that range before the best is narrowed down.
 const TRIED: usize = 49;
 /// Iterations that narrow it down, and the relative change of the strength at which they end.
@@ -36,18 +39,16 @@ fn one_strength(plan: &Plan, system: &System, block: &Block) -> Option<OneStreng
     let free = system.free();
     let strengths = free.iter().filter(|f| f.param == 0 && system.instances[f.instance].effect.info().role == Role::Force);
     strengths.into_iter().find_map(|f| {
-        let none = at(system, f, system.instances[f.instance].effect.info().params[0].default);
-        let without = plan.evaluate_plain(&none, std::slice::from_ref(f)).ok()?;
-        let rows = block.range.clone();
-        if without.values.get(rows.clone())?.iter().any(|w| *w != 0.0) {
+        let value = system.instances[f.instance].params[f.param].value;
+        let (rows, values) = (block.range.clone(), |s: f64| plan.evaluate(&at(system, f, s), &[], false).ok().map(|c| c.values));
+        let (strong, weak) = (values(value)?, values(WEAK * value)?);
+        // With the strength nearly gone, so is every loss.
+        if rows.clone().any(|k| weak[k] - strong[k] > FALLS.ln()) {
             return None;
         }
-        // In the limit of a weak strength the column is its slopes times the strength.
-        let ratios: Option<Vec<f64>> =
-            rows.map(|k| without.slopes.get(k).filter(|s| **s > 0.0).map(|s| s.ln() - plan.measured[k])).collect();
-        let search = Search { plan, system, strength: f, block };
-        let (value, best) = search.best()?;
-        Some(OneStrength { parameter: f.name.clone(), value, best: best.exp(), weak: ratios.map(|r| half_range(&r).exp()) })
+        let ratios: Vec<f64> = rows.map(|k| weak[k] - plan.measured[k]).collect();
+        let (value, best) = Search { plan, system, strength: f, block }.best()?;
+        Some(OneStrength { parameter: f.name.clone(), value, best: best.exp(), weak: half_range(&ratios).exp() })
     })
 }
 

@@ -70,9 +70,9 @@ pub struct OneStrength {
     pub value: f64,
     /// The least largest factor.
     pub best: f64,
-    /// The same in the limit of a weak strength, where the losses are proportional to it and the motion is that of the model without:
-    /// exp of half the range of ln(computed / measured). None where the strength has no slope at zero.
-    pub weak: Option<f64>,
+    /// The same where the strength is weak (a thousandth of its value), the losses are proportional to it and the motion is that of the
+    /// model without: exp of half the range of ln(computed / measured).
+    pub weak: f64,
 }
 
 /// One test against the model.

@@ -124,7 +124,7 @@ fn table_curve() -> Curve {
 }
 
 fn factor(channel: &str) -> Factor {
-    let strength = OneStrength { parameter: "c1.x.viscous.c".into(), value: 500.0, best: 2.297, weak: Some(2.655) };
+    let strength = OneStrength { parameter: "c1.x.viscous.c".into(), value: 500.0, best: 2.297, weak: 2.655 };
     Factor { channel: channel.into(), largest: 2.458, strength: Some(strength) }
 }
 

@@ -42,7 +42,7 @@ fn rig(discarded: usize, last: usize) -> Rig {
         &format!(
             "schema = 1\n[[test]]\nid = \"shaken\"\nkind = \"cycle\"\nfile = \"loop1.csv\"\ncontrol = \"force\"\ndiscard_cycles = {discarded}\n\
              conditions = {{ frequency = \"5 Hz\" }}\nchannels = [\n {{ role=\"time\", column=\"t\", unit=\"s\" }},\n \
-             {{ role=\"force\", at=\"c1.x\", column=\"F\", unit=\"N\" }},\n {{ role=\"displacement\", at=\"c1.x\", column=\"x\", unit=\"mm\" }}]\n"
+             {{ role=\"force\", at=\"c1.x\", column=\"F\", unit=\"N\" }},\n {{ role=\"displacement\", at=\"c1.x\", column=\"x\", unit=\"mm\", sigma=\"0.001 mm\" }}]\n"
         ),
     );
     rig.change("study.toml", "split = { select = [\"loop-2Hz\"], held_out = [\"loop-5Hz\"] }\n", "search = { effects = [\"coulomb\"] }\n");

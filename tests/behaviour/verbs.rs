@@ -91,7 +91,7 @@ fn a_report_leaves_a_whole_run_with_the_fitted_study() {
     }
     // The page speaks of parameters in the engineer's units and names a whole command.
     let page = std::fs::read_to_string(run.join("report.html")).unwrap();
-    assert!(page.contains("--to json"));
+    assert_eq!(page.matches("misfit export").count(), page.matches("--to json").count());
     let interval = kept["fit"]["parameters"][0]["printed_interval"].as_str().unwrap();
     assert!(interval.ends_with(" N/mm") && page.contains(interval), "{interval}");
     let (low, high) = interval.trim_end_matches(" N/mm").split_once(" to ").unwrap();

@@ -98,7 +98,7 @@ pub(super) fn deviation(found: &Found, covariance: &DMatrix<f64>, p: &[f64]) -> 
         .flat_map(|a| known.iter().map(move |b| (a, b)))
         .map(|(a, b)| found.slopes[*a] * covariance[(*a, *b)] * found.slopes[*b])
         .sum();
-    (variance.is_finite() && variance >= 0.0).then(|| variance.sqrt())
+    (variance.is_finite() && variance >= 0.0).then(|| variance.sqrt() + 0.0)
 }
 
 fn compute(spec: &PredictionSpec, record: Record, system: &System, free: &[FreeParam]) -> Result<Vec<Found>, Failure> {
