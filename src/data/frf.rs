@@ -109,7 +109,14 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
         return Err(no_channel(table, what).into());
     }
     let file = source.file(table, id)?;
-    let mut rows = columns(&file, &specs)?;
+    let mut rows = columns(table, id, &file, &specs)?;
+    if let Some(found) = rows.quantity.filter(|q| *q != quantity)
+        && let Some(spec) = specs.iter().find(|s| matches!(s.role, Role::Real | Role::Amplitude))
+    {
+        let message = format!("the file says {}, and {} is declared", found.word(), quantity.word());
+        let accepted = format!("quantity = \"{}\", or header_units = \"ignore\" where the file is wrong", found.word());
+        return Err(content(&file, None, id, spec, &message, &accepted));
+    }
     let mut values = Vec::with_capacity(specs.len());
     for (column, spec) in std::mem::take(&mut rows.columns).into_iter().zip(&specs) {
         let Column::Numbers(mut column) = column else { continue };

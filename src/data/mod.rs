@@ -17,6 +17,7 @@ pub mod readers;
 mod record;
 mod tables;
 pub mod toml_strict;
+pub mod uff;
 
 pub use channel::{ChannelSpec, Role, Sigma};
 pub use condition::{Condition, Conditions};
@@ -32,3 +33,5 @@ pub use tables::{EnergyRow, EnergyTable, ModalTable, ModeRow, StoredEnergy, Tabl
 
 #[cfg(test)]
 mod friction_damper_check;
+#[cfg(test)]
+mod tests;

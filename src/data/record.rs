@@ -135,7 +135,7 @@ fn record(table: &TableView<'_>, id: &str, control: Option<Control>, source: &So
         return Err(no_channel(table, "role = \"time\"").into());
     }
     let file = source.file(table, id)?;
-    let mut rows = columns(&file, &specs)?;
+    let mut rows = columns(table, id, &file, &specs)?;
     let (mut time, mut all) = (Vec::new(), Vec::new());
     for (spec, column) in specs.iter().zip(std::mem::take(&mut rows.columns)) {
         let Column::Numbers(mut values) = column else { continue };
