@@ -4,6 +4,11 @@
 //! on equal phases and averaged. sigma of a sample is declared, or the pooled scatter between cycles; sigma of the mean is that over the
 //! root of the number of cycles. Nothing is taken from a misfit.
 
+mod energy;
+mod findings;
+
+pub use energy::{Estimate, LoopEnergy};
+
 use super::frequency;
 use super::{Channel, FourierInput, Role, TimeRecord};
 use crate::units::Unit;
@@ -123,6 +128,16 @@ struct Grid {
 enum Points {
     Samples { first: usize, per_cycle: usize, step: usize },
     Times { start: f64 },
+}
+
+/// What a record shows of the rig beside its loop: gaps, clipping, control, signs, delays.
+pub(super) fn findings(record: &TimeRecord, settled: &SettledLoop) -> Vec<Note> {
+    findings::findings(record, settled)
+}
+
+/// The control recognised at a place; none where neither channel is clearly nearer to a sine.
+pub fn recognised_control(settled: &SettledLoop, at: &str) -> Option<super::Control> {
+    findings::recognised(settled, at)
 }
 
 pub(super) fn settle(record: &TimeRecord) -> Result<SettledLoop, LoopError> {

@@ -5,7 +5,7 @@ use super::condition::Conditions;
 use super::dataset::{Source, columns, no_channel, only};
 use super::readers::{Column, Columns};
 use super::toml_strict::TableView;
-use super::{Content, DataError, History, LoopError, SettledLoop};
+use super::{Content, DataError, History, LoopError, Note, SettledLoop};
 use std::path::{Path, PathBuf};
 
 /// What the machine controls.
@@ -77,6 +77,12 @@ impl TimeRecord {
     /// The settled loop of a cycle test; see [`super::loops`].
     pub fn settled(&self) -> Result<SettledLoop, DataError> {
         super::loops::settle(self).map_err(|e| self.explain(e))
+    }
+
+    /// What the record shows of the rig: gaps, clipping, control, swapped signs, delays. Nothing is repaired.
+    pub fn findings(&self) -> Result<Vec<Note>, DataError> {
+        let settled = self.settled()?;
+        Ok(super::loops::findings(self, &settled))
     }
 
     /// The whole record, for time integration; see [`History`].
