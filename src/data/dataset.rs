@@ -228,3 +228,5 @@ pub(super) fn columns(
 
 #[cfg(test)]
 pub(super) mod tests;
+#[cfg(test)]
+mod files_tests;

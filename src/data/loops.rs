@@ -386,3 +386,5 @@ fn drift(folded: &[f64], n: usize, cycles: usize, floor: f64) -> Option<Drift> {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod energy_tests;

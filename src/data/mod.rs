@@ -13,6 +13,7 @@ mod frequency;
 mod frf;
 pub mod frf_estimate;
 mod history;
+pub mod inspect;
 mod loops;
 pub mod modal_fit;
 pub mod readers;

@@ -3,6 +3,7 @@
 mod bad_input;
 mod damage;
 mod house;
+mod new;
 mod rig;
 mod round_trip;
 mod shapes;

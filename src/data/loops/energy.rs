@@ -57,9 +57,29 @@ pub(super) fn series(l: &SettledLoop, c: &LoopChannel) -> (f64, Vec<[f64; 4]>) {
     (fit.mean, kept.map(|(k, (a, b))| [(k + 1) as f64, *a, *b, variance(k + 1)]).collect())
 }
 
-fn sample(series: &[[f64; 4]]) -> Vec<f64> {
-    let at = |p: f64| series.iter().map(|[m, a, b, _]| a * (m * p).cos() + b * (m * p).sin()).sum::<f64>();
-    (0..GRID).map(|k| at(TAU * k as f64 / GRID as f64)).collect()
+/// cos and sin of the phases of the grid; a harmonic steps through them.
+struct Waves {
+    cos: Vec<f64>,
+    sin: Vec<f64>,
+}
+
+impl Waves {
+    fn new() -> Self {
+        let angle = |k: usize| TAU * k as f64 / GRID as f64;
+        Self { cos: (0..GRID).map(|k| angle(k).cos()).collect(), sin: (0..GRID).map(|k| angle(k).sin()).collect() }
+    }
+
+    /// Adds a cos m p + b sin m p to the samples.
+    fn add(&self, out: &mut [f64], m: f64, a: f64, b: f64) {
+        let m = m as usize;
+        out.iter_mut().enumerate().for_each(|(k, v)| *v += a * self.cos[m * k % GRID] + b * self.sin[m * k % GRID]);
+    }
+
+    fn sample(&self, series: &[[f64; 4]]) -> Vec<f64> {
+        let mut out = vec![0.0; GRID];
+        series.iter().for_each(|[m, a, b, _]| self.add(&mut out, *m, *a, *b));
+        out
+    }
 }
 
 fn dissipated(x: &[[f64; 4]], f: &[[f64; 4]]) -> f64 {
@@ -100,11 +120,9 @@ fn slope(x: &[f64], f: &[f64]) -> Option<f64> {
 }
 
 /// W_D, W_s by slope, W_s by product, D, travel, force range.
-fn all(x: &[[f64; 4]], f: &[[f64; 4]]) -> [Option<f64>; 6] {
-    let (xs, fs) = (sample(x), sample(f));
-    let (travel, force) = (range(&xs).0, range(&fs).0);
-    let w = dissipated(x, f);
-    let stored = slope(&xs, &fs).filter(|k| *k > 0.0).map(|k| force * force / (2.0 * k));
+fn all(w: f64, xs: &[f64], fs: &[f64]) -> [Option<f64>; 6] {
+    let (travel, force) = (range(xs).0, range(fs).0);
+    let stored = slope(xs, fs).filter(|k| *k > 0.0).map(|k| force * force / (2.0 * k));
     let product = 0.5 * force * travel;
     [Some(w), stored, Some(product), Some(w / stored.unwrap_or(product)), Some(travel), Some(force)]
 }
@@ -115,24 +133,24 @@ impl SettledLoop {
     pub fn energy(&self, at: Option<&str>) -> Option<LoopEnergy> {
         let at = at.unwrap_or(self.channels.get(self.controlled)?.at.as_str());
         let channel = |role: Role| self.channels.iter().find(|c| c.role == role && c.at == at);
-        let (mut x, mut f) = (series(self, channel(Role::Displacement)?).1, series(self, channel(Role::Force)?).1);
-        let base = all(&x, &f);
+        let (x, f) = (series(self, channel(Role::Displacement)?).1, series(self, channel(Role::Force)?).1);
+        let waves = Waves::new();
+        let (xs, fs) = (waves.sample(&x), waves.sample(&f));
+        let base = all(dissipated(&x, &f), &xs, &fs);
         // Slopes by central differences over each coefficient, one deviation to each side.
         let mut variance = [0.0f64; 6];
-        for which in 0..2 {
-            let count = if which == 0 { x.len() } else { f.len() };
-            for k in 0..count {
-                for part in 1..3 {
-                    let series = if which == 0 { &mut x } else { &mut f };
-                    let (kept, step) = (series[k][part], series[k][3].sqrt());
-                    series[k][part] = kept + step;
-                    let above = all(&x, &f);
-                    let series = if which == 0 { &mut x } else { &mut f };
-                    series[k][part] = kept - step;
-                    let below = all(&x, &f);
-                    let series = if which == 0 { &mut x } else { &mut f };
-                    series[k][part] = kept;
-                    for (v, (a, b)) in variance.iter_mut().zip(above.iter().zip(&below)) {
+        for (which, series) in [&x, &f].into_iter().enumerate() {
+            for [m, _, _, v] in series.iter().copied() {
+                for (a, b) in [(v.sqrt(), 0.0), (0.0, v.sqrt())] {
+                    let moved = |sign: f64| {
+                        let change = [[m, sign * a, sign * b, 0.0]];
+                        let (mut xs, mut fs) = (xs.clone(), fs.clone());
+                        waves.add(if which == 0 { &mut xs } else { &mut fs }, m, sign * a, sign * b);
+                        // W_D is linear in either channel.
+                        let w = if which == 0 { dissipated(&change, &f) } else { dissipated(&x, &change) };
+                        all(dissipated(&x, &f) + w, &xs, &fs)
+                    };
+                    for (v, (a, b)) in variance.iter_mut().zip(moved(1.0).iter().zip(&moved(-1.0))) {
                         if let (Some(a), Some(b)) = (a, b) {
                             *v += (0.5 * (a - b)).powi(2);
                         }

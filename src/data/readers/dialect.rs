@@ -205,7 +205,7 @@ fn strip(text: &str) -> &str {
 }
 
 /// The unit in the brackets at the end of a name: `N` of `Force [N]`.
-fn bracket(name: &str) -> Option<String> {
+pub(super) fn bracket(name: &str) -> Option<String> {
     let open = match name.trim_end().chars().last()? {
         ']' => '[',
         ')' => '(',

@@ -103,6 +103,28 @@ pub fn read(path: &Path, wanted: &[Wanted], record: Option<&str>) -> Result<Colu
     }
 }
 
+/// The columns of a table, with the units its header gives.
+pub(crate) fn names(path: &Path) -> Result<Vec<(String, Option<String>)>, DataError> {
+    let kind = FileKind::of(path)?;
+    let bytes = bytes(path)?;
+    match kind {
+        FileKind::Text => {
+            let d = dialect::find(path, &bytes)?;
+            Ok(d.names.into_iter().zip(d.units).collect())
+        }
+        FileKind::Parquet => Ok(parquet::names(path, bytes)?.into_iter().map(|n| (n.clone(), dialect::bracket(&n))).collect()),
+        FileKind::Universal => Err(DataError::Format { file: path.to_path_buf(), reason: "a universal file has functions, not columns".into() }),
+        FileKind::Matlab => {
+            let vectors = mat::list(path, &bytes)?.into_iter().filter(|l| l.numeric && l.rows * l.columns > 1);
+            let each = |l: mat::Listed| match (l.rows, l.columns) {
+                (1, _) | (_, 1) => vec![l.name],
+                (_, columns) => (1..=columns.min(64)).map(|k| format!("{}(:,{k})", l.name)).collect(),
+            };
+            Ok(vectors.flat_map(each).map(|n| (n, None)).collect())
+        }
+    }
+}
+
 /// The index of each wanted column in the file's header.
 fn locate(path: &Path, header: &[String], wanted: &[Wanted]) -> Result<Vec<usize>, DataError> {
     wanted

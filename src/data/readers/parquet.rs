@@ -16,11 +16,24 @@ const MAX_ROWS: usize = 200_000_000;
 const MAX_CHUNK: i64 = 1 << 31;
 
 pub(super) fn read(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
+    guarded(path, || decode(path, bytes, wanted))
+}
+
+/// Names of the columns.
+pub(super) fn names(path: &Path, bytes: Vec<u8>) -> Result<Vec<String>, DataError> {
+    guarded(path, || {
+        let broken = |e: PolarsError| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {e}") };
+        let mut reader = ParquetReader::new(Cursor::new(bytes.as_slice()));
+        Ok(reader.schema().map_err(broken)?.iter_names().map(|n| n.to_string()).collect())
+    })
+}
+
+/// The decoder checks less than it should and panics on some damaged files; what it panics on is an unreadable file, nothing more.
+fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, DataError>) -> Result<T, DataError> {
     let broken = |reason: String| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {reason}") };
-    // The decoder checks less than it should and panics on some damaged files; what it panics on is an unreadable file, nothing more.
     quiet_while_decoding();
     DECODING.set(true);
-    let outcome = catch_unwind(AssertUnwindSafe(|| decode(path, bytes, wanted)));
+    let outcome = catch_unwind(AssertUnwindSafe(work));
     DECODING.set(false);
     outcome.unwrap_or_else(|_| Err(broken("the decoder gave up on damaged bytes".to_string())))
 }
