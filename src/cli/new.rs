@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::data::inspect::{FoundFile, FoundFrf, FoundHistory, FoundItem, inspect};
+use crate::data::inspect::{Cyclic, FoundFile, FoundFrf, FoundHistory, FoundItem, inspect};
 use crate::data::modal_fit::{self, FrfSet, ModalFit};
-use crate::data::{Dataset, Record};
+use crate::data::{Dataset, Estimate, Record, Role};
 
 use super::Outcome;
 use super::failure::Failure;
@@ -130,7 +130,7 @@ fn item(file: &FoundFile, item: &FoundItem) -> Value {
             json!({ "file": path, "what": if cyclic.is_some() { "cycle" } else { "transient" }, "channels": h.columns.iter().map(channel).collect::<Vec<_>>(),
                     "samples": h.samples, "rate_hz": h.rate, "seconds": h.seconds, "frequency_hz": cyclic.map(|c| c.frequency), "cycles": cyclic.map(|c| c.cycles),
                     "start_up_cycles": cyclic.map(|c| c.start_up), "control": cyclic.map(|c| c.control.role().word()),
-                    "control_recognised": cyclic.map(|c| c.recognised),
+                    "control_recognised": cyclic.map(|c| c.recognised), "loop": cyclic.and_then(measured),
                     "findings": h.findings.iter().map(|n| format!("{}: {}", n.about, n.text)).collect::<Vec<_>>() })
         }
         FoundItem::Frf(f) => {
@@ -141,6 +141,16 @@ fn item(file: &FoundFile, item: &FoundItem) -> Value {
         }
         FoundItem::Other(text) => json!({ "file": path, "what": "other", "text": text }),
     }
+}
+
+/// The settled loop in SI: amplitudes, energies with their deviations.
+fn measured(c: &Cyclic) -> Option<Value> {
+    let e = c.settled.energy(None)?;
+    let pair = |e: Estimate| json!({ "value": e.value, "std": e.sigma });
+    let noise = |role: Role| c.settled.channels.iter().find(|c| c.role == role).map(|c| c.sigma_sample);
+    Some(json!({ "cycles_averaged": c.settled.cycles, "points": c.settled.n, "displacement_amplitude": 0.5 * e.travel.value, "force_amplitude": 0.5 * e.force_range.value,
+                 "displacement_noise": noise(Role::Displacement), "force_noise": noise(Role::Force), "W_D": pair(e.dissipated),
+                 "W_s_slope": e.stored_slope.map(pair), "W_s_product": pair(e.stored_product), "D": pair(e.loss_ratio) }))
 }
 
 fn told(found: &[FoundFile], scaffold: &scaffold::Scaffold, problem: Option<&Failure>, modes: Option<&ModalFit>, args: &Args) -> String {
@@ -191,6 +201,10 @@ fn history(h: &FoundHistory) -> String {
             c.start_up,
             c.control.role().word()
         );
+        if let Some(e) = c.settled.energy(None) {
+            let pair = |e: Estimate| format!("{} +- {}", significant(e.value, 4), significant(e.sigma, 2));
+            text += &format!("    settled loop: W_D {} J, D {}, over {} cycles\n", pair(e.dissipated), pair(e.loss_ratio), c.settled.cycles);
+        }
     }
     h.findings.iter().for_each(|n| text += &format!("    finding: {}: {}\n", n.about, n.text));
     text

@@ -90,7 +90,6 @@ impl Writer {
         let axis = if turning { "psi" } else { "x" };
         let at = format!("c1.{axis}");
         let mut text = format!("\n[[test]]\nid = {}\nkind = \"{}\"\nfile = {}\n", quoted(&id), if h.cyclic.is_some() { "cycle" } else { "transient" }, quoted(&name));
-        let mut driven = None;
         if let Some(c) = &h.cyclic {
             let remark = if c.recognised { "recognised by its shape" } else { "assumed: confirm it" };
             text += &format!("control = \"{}\"   # {remark}\n", c.control.role().word());
@@ -104,8 +103,7 @@ impl Writer {
             let control = if has(Role::Displacement) { Control::Displacement } else { Control::Force };
             text += &format!("control = \"{}\"   # assumed: confirm it\n", control.role().word());
             self.to_confirm.push(format!("{id}: what drives this history"));
-            driven = has(control.role()).then_some(control.role());
-            if driven.is_none() {
+            if !has(control.role()) {
                 self.to_confirm.push(format!("{id}: no channel that drives"));
             }
         }

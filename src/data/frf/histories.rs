@@ -53,7 +53,8 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>, excited
     }
     let t = &values[time];
     let dt = (t[t.len() - 1] - t[0]) / (t.len().max(2) - 1) as f64;
-    if let Some(k) = t.iter().enumerate().position(|(i, v)| (v - t[0] - i as f64 * dt).abs() > 0.05 * dt.abs()).filter(|_| true).or((dt <= 0.0).then_some(0)) {
+    let off = t.iter().enumerate().position(|(i, v)| (v - t[0] - i as f64 * dt).abs() > 0.05 * dt.abs());
+    if let Some(k) = off.or((dt <= 0.0).then_some(0)) {
         let message = "the samples do not stand at equal times";
         return Err(content(&file, Some(rows.place(k)), id, &specs[time], message, "a record sampled uniformly"));
     }

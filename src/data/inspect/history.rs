@@ -7,7 +7,7 @@ use crate::units::{Dimension, Unit, parse_unit};
 use std::path::PathBuf;
 
 /// A cycle is settled when its size is within this part of the last ones.
-const SETTLED: f64 = 0.02;
+const SETTLED: f64 = 0.005;
 /// Part of the power the fundamental and its next two harmonics have in a cyclic test.
 const CYCLIC: f64 = 0.9;
 
@@ -119,7 +119,7 @@ fn cyclic(time: &[f64], channels: &[Channel], findings: &mut Vec<Note>) -> Optio
     Some(Cyclic { frequency, cycles, start_up, control, recognised: found.is_some(), settled })
 }
 
-/// Cycles before the size of every channel stays within 2 % of its median over the last half of the record (or what it varies by there).
+/// Cycles before the size of every channel stays within half a percent of its median over the last half of the record (or what it varies by there).
 fn start_up(time: &[f64], channels: &[Channel], frequency: f64, cycles: usize) -> u32 {
     let start = |c: usize| time.partition_point(|t| (t - time[0]) * frequency < c as f64 - 1e-6);
     let mut most = 0;

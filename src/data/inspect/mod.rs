@@ -7,7 +7,7 @@ mod history;
 mod universal;
 
 pub use guess::guess_role;
-pub use history::FoundHistory;
+pub use history::{Cyclic, FoundHistory};
 
 use super::readers::{self, Column, FileKind, Wanted};
 use super::uff::UffFile;

@@ -149,3 +149,30 @@ proptest! {
         }
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(crate::data::tests::cases(3000)))]
+    #[test]
+    fn damaged_text_does_not_panic(which in 0usize..5, flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), any::<bool>()), 1..8), cut in any::<prop::sample::Index>(), truncate: bool) {
+        let samples: [&[u8]; 5] = [
+            b"t;F [N]\n0;-0,003\n1,5;4\n2,5;4,5\n",
+            b"t\tF [N]\r\n0\t-3e-3\r\n1.5\t4\r\n",
+            b"# rig\nTest 12, run 3\n\nt;F [N]\ns;kN\n0,0;-0,003\n1,5;4,0\n",
+            b"t   F [N]\n0   -3e-3\n1.5   4\n",
+            b"\xef\xbb\xbft,\"F [N]\"\n0,\"1\"\n1.5,4\n",
+        ];
+        let mut bytes = samples[which].to_vec();
+        for (at, byte, insert) in &flips {
+            let i = at.index(bytes.len());
+            if *insert { bytes.insert(i, *byte) } else { bytes[i] = *byte }
+        }
+        if truncate {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        let path = Path::new("a.txt");
+        if !bytes.is_empty() {
+            let _ = csv::read(path, bytes.clone(), &[number("t"), number("F")]);
+            let _ = dialect::find(path, &bytes);
+        }
+    }
+}

@@ -111,7 +111,7 @@ impl Array<'_> {
     /// Rows, and columns with all further dimensions.
     pub fn shape(&self) -> (usize, usize) {
         let rows = self.dims.first().copied().unwrap_or(0);
-        (rows, self.dims.iter().skip(1).product())
+        (rows, self.dims.iter().skip(1).fold(1, |n: usize, d| n.saturating_mul(*d)))
     }
 
     pub fn class_word(&self) -> &'static str {
