@@ -12,6 +12,7 @@ mod export;
 mod failure;
 mod fit;
 mod ladder;
+mod new;
 mod predict;
 mod progress;
 mod report;
@@ -37,6 +38,8 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
+    /// Makes a study from files of a test bench, and says what is in them
+    New(new::Args),
     /// Validates data, units and model: the gate before a fit
     Check(check::Args),
     /// Virtual rig: writes the dataset the study's model would have given
@@ -64,6 +67,7 @@ enum Verb {
 impl Verb {
     fn run(&self) -> Result<Outcome, Failure> {
         match self {
+            Verb::New(a) => new::run(a),
             Verb::Check(a) => check::run(a),
             Verb::Simulate(a) => simulate::run(a),
             Verb::Fit(a) => fit::run(a),
@@ -80,6 +84,7 @@ impl Verb {
 
     fn json(&self) -> bool {
         match self {
+            Verb::New(a) => a.json,
             Verb::Check(a) => a.common.json,
             Verb::Simulate(a) => a.common.json,
             Verb::Fit(a) => a.common.json,

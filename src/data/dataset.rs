@@ -156,7 +156,7 @@ pub(super) struct Source<'a> {
 impl Source<'_> {
     /// The path of a test's file, which must be there.
     pub fn file(&self, test: &TableView<'_>, id: &str) -> Result<PathBuf, DataError> {
-        let value = test.require("file", "the name of a .csv or .parquet file")?;
+        let value = test.require("file", "the name of a .csv, .parquet, .uff, .unv or .mat file")?;
         let name = value.string()?;
         let tried = self.folder.join(name);
         if tried.is_file() { Ok(tried) } else { Err(DataError::MissingFile { test: id.to_string(), tried, overridden: self.overridden }) }
@@ -168,7 +168,7 @@ impl Source<'_> {
 }
 
 /// Keys every test may have.
-pub(super) const COMMON: [&str; 4] = ["id", "kind", "description", "conditions"];
+pub(super) const COMMON: [&str; 6] = ["id", "kind", "description", "conditions", "record", "header_units"];
 
 /// Refuses keys that the kind of test does not know; names the kinds that do.
 pub(super) fn only(table: &TableView<'_>, keys: &[&str]) -> Result<(), TomlError> {
@@ -194,11 +194,39 @@ pub(super) fn no_channel(table: &TableView<'_>, what: &str) -> TomlError {
     table.error(TomlProblem::Value { message: format!("no channel {what}"), accepted: format!("a channel with {what}") })
 }
 
-/// Reads the columns the channels name.
-pub(super) fn columns(path: &Path, channels: &[super::ChannelSpec]) -> Result<readers::Columns, DataError> {
+/// Reads the columns the channels name, and holds what the file says of their units against what is declared. `header_units = "ignore"` lets
+/// the declaration win; `record` names a function of a universal file.
+pub(super) fn columns(
+    table: &TableView<'_>,
+    id: &str,
+    path: &Path,
+    channels: &[super::ChannelSpec],
+) -> Result<readers::Columns, DataError> {
+    let record = table.optional("record", |v| v.string())?;
+    let ignore = table.optional("header_units", |v| v.word("header_units", &[("ignore", true), ("check", false)]))?.unwrap_or(false);
     let wanted: Vec<_> = channels.iter().map(|c| readers::Wanted { name: c.column.clone(), text: c.role.is_text() }).collect();
-    readers::read(path, &wanted)
+    let mut rows = readers::read(path, &wanted, record)?;
+    if ignore {
+        rows.quantity = None;
+        return Ok(rows);
+    }
+    for (spec, text) in channels.iter().zip(&rows.units) {
+        let Some(text) = text else { continue };
+        let message = match crate::units::parse_unit(text, spec.unit.dimension) {
+            Ok(unit) if (unit.factor / spec.unit.factor - 1.0).abs() > 1e-9 => {
+                format!("the file says `{text}`, and `{}` is declared", spec.unit.symbol)
+            }
+            Err(e @ crate::units::UnitError::WrongDimension { .. }) => format!("the file says `{text}`: {e}"),
+            // What is no unit in the file says nothing.
+            _ => continue,
+        };
+        let accepted = format!("unit = \"{text}\", or header_units = \"ignore\" where the file is wrong");
+        return Err(super::record::content(path, None, id, spec, &message, &accepted));
+    }
+    Ok(rows)
 }
 
 #[cfg(test)]
 pub(super) mod tests;
+#[cfg(test)]
+mod files_tests;

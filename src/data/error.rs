@@ -36,6 +36,30 @@ pub enum DataError {
     Format { file: PathBuf, reason: String },
     #[error("{0}")]
     Content(Box<Content>),
+    #[error("{0}")]
+    File(Box<FileError>),
+}
+
+/// What is wrong inside a file of a format with places of its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileError {
+    pub file: PathBuf,
+    /// `line 14, set 58 (the 2nd of the file)`.
+    pub place: String,
+    pub message: String,
+    pub accepted: String,
+}
+
+impl fmt::Display for FileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl From<FileError> for DataError {
+    fn from(e: FileError) -> Self {
+        Self::File(Box::new(e))
+    }
 }
 
 /// What was read contradicts itself or its declaration.
@@ -98,6 +122,8 @@ impl Explain for DataError {
                 let channel = c.channel.as_ref().map_or(String::new(), |c| format!(", channel {c}"));
                 format!("{}{row}, test {}{channel}", c.file.display(), c.test)
             }
+            Self::File(e) if e.place.is_empty() => e.file.display().to_string(),
+            Self::File(e) => format!("{}, {}", e.file.display(), e.place),
         }
     }
 
@@ -107,16 +133,19 @@ impl Explain for DataError {
             Self::MissingFile { overridden: true, .. } => "the file in the folder given by --data".into(),
             Self::MissingFile { .. } => "the file beside dataset.toml, in its `folder`, or in the folder given by --data".into(),
             Self::Unreadable { .. } => "a readable file".into(),
-            Self::NoReader { .. } => "a file that ends in .csv or .parquet".into(),
+            Self::NoReader { .. } => "a file that ends in .csv, .txt, .tsv, .dat, .asc, .parquet, .uff, .unv or .mat".into(),
             Self::NotText { .. } => "UTF-8 text".into(),
             Self::Empty { .. } | Self::NoRows { .. } => "one header row, then rows of numbers".into(),
             Self::MissingColumn { columns, .. } => format!("one of {}", list(columns)),
             Self::DoubleColumn { .. } => "a different name for each column".into(),
-            Self::Ragged { wanted, .. } => format!("{wanted} cells in every row, separated by commas"),
+            Self::Ragged { wanted, .. } => {
+                format!("{wanted} cells in every row; decimal commas only where the separator is a semicolon or a tab")
+            }
             Self::BlankLine { .. } => "rows without blank lines between them".into(),
-            Self::Cell { .. } => "a finite number with a decimal point".into(),
-            Self::Format { .. } => "CSV with one header row, comma and decimal point, or Parquet".into(),
+            Self::Cell { .. } => "a finite number".into(),
+            Self::Format { .. } => "text with one header row over columns of numbers, or Parquet".into(),
             Self::Content(c) => c.accepted.clone(),
+            Self::File(e) => e.accepted.clone(),
         }
     }
 }

@@ -24,6 +24,73 @@ pub fn estimate(t: &[f64], x: &[f64]) -> Option<SineFit> {
     if n < 8 {
         return None;
     }
+    if n > LONG { long(&t[..n], &x[..n]) } else { short(&t[..n], &x[..n]) }
+}
+
+/// Samples beyond which the phase is followed piece by piece instead.
+const LONG: usize = 1 << 17;
+/// Samples of the part that gives a first estimate.
+const PART: usize = 1 << 15;
+
+/// Long records: a first estimate from a part (or from the record thinned by averaging, where a part holds too few cycles), then the phase of the
+/// fundamental over pieces of whole cycles, whose slope is the rest. Cost linear in the samples.
+fn long(t: &[f64], x: &[f64]) -> Option<SineFit> {
+    let n = t.len();
+    let middle = n / 2 - PART / 2;
+    let part = short(&t[middle..middle + PART], &x[middle..middle + PART]);
+    let enough = |f: &SineFit| f.frequency * (t[middle + PART - 1] - t[middle]) > 8.0;
+    let first = match part.filter(enough) {
+        Some(fit) => fit,
+        None => {
+            let by = n.div_ceil(PART);
+            let mean = |v: &[f64]| v.chunks_exact(by).map(|c| c.iter().sum::<f64>() / by as f64).collect::<Vec<f64>>();
+            short(&mean(t), &mean(x))?
+        }
+    };
+    let span = t[n - 1] - t[0];
+    let cycles = first.frequency * span;
+    // Pieces of whole cycles, at most 256 of them: mean and drift fall out of whole cycles.
+    let per_piece = (cycles / 256.0).ceil().max(1.0) / first.frequency;
+    let pieces = (span / per_piece).floor() as usize;
+    if pieces < 3 {
+        return Some(first);
+    }
+    let (mut phases, mut amplitude, mut from) = (Vec::with_capacity(pieces), 0.0f64, 0);
+    for k in 0..pieces {
+        let end = t[0] + (k + 1) as f64 * per_piece;
+        let to = from + t[from..].partition_point(|t| *t < end);
+        let (mut a, mut b, mut m) = (0.0, 0.0, 0.0);
+        for i in from..to {
+            m += x[i];
+        }
+        m /= (to - from).max(1) as f64;
+        for i in from..to {
+            let (s, c) = (TAU * first.frequency * (t[i] - t[0])).sin_cos();
+            a += (x[i] - m) * c;
+            b += (x[i] - m) * s;
+        }
+        let size = 2.0 * a.hypot(b) / (to - from).max(1) as f64;
+        amplitude = amplitude.max(size);
+        phases.push((k as f64, a.atan2(b), size));
+        from = to;
+    }
+    // Only pieces at full amplitude: run-up and run-down have a phase of their own.
+    phases.retain(|p| p.2 > 0.9 * amplitude);
+    let mut turns = 0.0;
+    for k in 1..phases.len() {
+        let step = phases[k].1 + turns - phases[k - 1].1;
+        turns -= TAU * (step / TAU).round();
+        phases[k].1 += turns;
+    }
+    let count = phases.len() as f64;
+    let (mk, mp) = (phases.iter().map(|p| p.0).sum::<f64>() / count, phases.iter().map(|p| p.1).sum::<f64>() / count);
+    let (above, below) = phases.iter().fold((0.0, 0.0), |(a, b), p| (a + (p.0 - mk) * (p.1 - mp), b + (p.0 - mk).powi(2)));
+    let slope = if below > 0.0 { above / below } else { 0.0 };
+    Some(SineFit { frequency: first.frequency + slope / per_piece / TAU, amplitude })
+}
+
+fn short(t: &[f64], x: &[f64]) -> Option<SineFit> {
+    let n = t.len();
     let span = t[n - 1] - t[0];
     let guess = spectral_peak(t, x, span)?;
     // The cost is one valley within half a line of the peak: golden section.

@@ -1,5 +1,7 @@
 //! Frequency response functions, with the noise of each line.
 
+mod histories;
+
 use super::channel::{ChannelSpec, Role, Sigma, along_axis, channels, place, sigma};
 use super::dataset::{Source, columns, no_channel, only};
 use super::readers::{Column, Columns};
@@ -78,7 +80,7 @@ pub struct Frf {
 const ROLES: [Role; 6] = [Role::Frequency, Role::Real, Role::Imag, Role::Amplitude, Role::Phase, Role::Coherence];
 
 pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<Frf, DataError> {
-    only(table, &["file", "excite", "respond", "quantity", "excitation", "noise", "channels"])?;
+    only(table, &["file", "excite", "respond", "quantity", "excitation", "noise", "channels", "estimate", "load_cell_mass"])?;
     let excite = place(&table.require("excite", "the place of the force, such as \"m1.x\"")?)?;
     let respond = place(&table.require("respond", "the place of the response, such as \"m8.x\"")?)?;
     let quantity = table.require("quantity", "\"accelerance\", \"mobility\" or \"receptance\"")?.word("quantity", &FrfQuantity::WORDS)?;
@@ -91,6 +93,17 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
             Err(v.refuse(format!("an excitation of {q}"), "a peak force above 0, or no key for small signal"))
         }
     })?;
+    let mass = table.optional("load_cell_mass", |v| v.quantity(Dimension::MASS))?.map(|q| q.value);
+    if let (Some(_), Some(v)) = (mass, table.get("load_cell_mass"))
+        && excite != respond
+    {
+        let accepted = "excite and respond at one place; elsewhere the mass is an effect of the model, added_mass";
+        return Err(v.refuse("the mass of a load cell can be taken off a driving-point FRF only", accepted).into());
+    }
+    let excited = Excited { excite: excite.clone(), respond: respond.clone(), quantity, excitation, mass };
+    if table.has("estimate") {
+        return histories::read(table, id, source, excited);
+    }
     let noise = table.optional("noise", |v| sigma(&v, &Unit::si(Dimension::DIMENSIONLESS)))?.map(|s| match s {
         Sigma::Absolute(f) | Sigma::Relative(f) => f,
     });
@@ -109,12 +122,29 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
         return Err(no_channel(table, what).into());
     }
     let file = source.file(table, id)?;
-    let mut rows = columns(&file, &specs)?;
+    let mut rows = columns(table, id, &file, &specs)?;
+    if let Some(found) = rows.quantity.filter(|q| *q != quantity)
+        && let Some(spec) = specs.iter().find(|s| matches!(s.role, Role::Real | Role::Amplitude))
+    {
+        let message = format!("the file says {}, and {} is declared", found.word(), quantity.word());
+        let accepted = format!("quantity = \"{}\", or header_units = \"ignore\" where the file is wrong", found.word());
+        return Err(content(&file, None, id, spec, &message, &accepted));
+    }
     let mut values = Vec::with_capacity(specs.len());
     for (column, spec) in std::mem::take(&mut rows.columns).into_iter().zip(&specs) {
         let Column::Numbers(mut column) = column else { continue };
         to_si(&file, &rows, id, spec, &mut column)?;
         values.push(column);
+    }
+    let mut notes = Vec::new();
+    // Analysers write their lines from 0 Hz on, where neither mobility nor accelerance says anything of the receptance.
+    let at = specs.iter().position(|s| s.role == Role::Frequency).unwrap_or(0);
+    let from_zero = values.get(at).is_some_and(|f| f.first() == Some(&0.0)) && quantity != FrfQuantity::Receptance;
+    if from_zero && super::readers::FileKind::of(&file) == Ok(super::readers::FileKind::Universal) {
+        values.iter_mut().for_each(|v| {
+            v.remove(0);
+        });
+        notes.push(Note::new("frequency", "the line at 0 Hz has no receptance and is left out"));
     }
     let column = |role: Role| specs.iter().zip(&values).find(|(s, _)| s.role == role);
     let lines = Lines { file: &file, rows: &rows, id };
@@ -132,7 +162,6 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
         lines.coherence(spec, values)?;
     }
     let declared = declared(&measured, first_spec, second_spec, cartesian).or_else(|| noise.map(|f| relative(&measured, f)));
-    let mut notes = Vec::new();
     let mut sigma = match (declared, coherence) {
         (Some(sigma), _) => sigma,
         (None, Some((spec, values))) => from_coherence(&measured, values, spec.averages.unwrap_or(1)),
@@ -154,23 +183,61 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
         }
     };
     floor(&measured, &mut sigma, &mut notes);
-    let factor = |f: &f64| quantity.from_receptance(TAU * f);
-    Ok(Frf {
-        test: id.to_string(),
-        file: file.clone(),
-        excite,
-        respond,
-        quantity,
-        unit: first_spec.unit.clone(),
-        excitation,
-        receptance: frequency.iter().zip(&measured).map(|(f, h)| h / factor(f)).collect(),
-        receptance_sigma: frequency.iter().zip(&sigma).map(|(f, s)| s / factor(f).norm()).collect(),
-        frequency: frequency.clone(),
-        coherence: coherence.map(|(_, v)| v.clone()),
-        measured,
-        sigma,
-        notes,
-    })
+    let (unit, frequency) = (first_spec.unit.clone(), frequency.clone());
+    let coherence = coherence.map(|(_, v)| v.clone());
+    Ok(excited.frf(id, file.clone(), unit, frequency, measured, sigma, coherence, notes))
+}
+
+/// Where and how a structure is excited.
+struct Excited {
+    excite: String,
+    respond: String,
+    quantity: FrfQuantity,
+    excitation: Option<f64>,
+    /// Mass between the force gauge and the structure, kg.
+    mass: Option<f64>,
+}
+
+impl Excited {
+    #[allow(clippy::too_many_arguments)]
+    fn frf(
+        self,
+        id: &str,
+        file: PathBuf,
+        unit: Unit,
+        frequency: Vec<f64>,
+        mut measured: Vec<Complex64>,
+        mut sigma: Vec<f64>,
+        coherence: Option<Vec<f64>>,
+        mut notes: Vec<Note>,
+    ) -> Frf {
+        let factor = |f: &f64| self.quantity.from_receptance(TAU * f);
+        if let Some(mass) = self.mass {
+            // H = H_m / (1 - m A), A the measured accelerance; dH / dH_m = (H / H_m)^2.
+            let accelerance: Vec<Complex64> =
+                frequency.iter().zip(&measured).map(|(f, h)| h / factor(f) * FrfQuantity::Accelerance.from_receptance(TAU * f)).collect();
+            let without = super::frf_estimate::without_driven_mass(&measured, &accelerance, mass);
+            sigma.iter_mut().zip(measured.iter().zip(&without)).for_each(|(s, (a, b))| *s *= (b / a).norm_sqr());
+            measured = without;
+            notes.push(Note::new("load cell", format!("a mass of {mass} kg between force gauge and structure is taken off")));
+        }
+        Frf {
+            test: id.to_string(),
+            file,
+            unit,
+            receptance: frequency.iter().zip(&measured).map(|(f, h)| h / factor(f)).collect(),
+            receptance_sigma: frequency.iter().zip(&sigma).map(|(f, s)| s / factor(f).norm()).collect(),
+            excite: self.excite,
+            respond: self.respond,
+            quantity: self.quantity,
+            excitation: self.excitation,
+            frequency,
+            measured,
+            sigma,
+            coherence,
+            notes,
+        }
+    }
 }
 
 struct Lines<'a> {

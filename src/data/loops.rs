@@ -4,7 +4,11 @@
 //! on equal phases and averaged. sigma of a sample is declared, or the pooled scatter between cycles; sigma of the mean is that over the
 //! root of the number of cycles. Nothing is taken from a misfit.
 
+mod energy;
+mod findings;
 mod settling;
+
+pub use energy::{Estimate, LoopEnergy};
 
 use super::frequency;
 use super::{Channel, FourierInput, Role, TimeRecord};
@@ -131,6 +135,16 @@ struct Grid {
 enum Points {
     Samples { first: usize, per_cycle: usize, step: usize },
     Times { start: f64 },
+}
+
+/// What a record shows of the rig beside its loop: gaps, clipping, control, signs, delays.
+pub(super) fn findings(record: &TimeRecord, settled: &SettledLoop) -> Vec<Note> {
+    findings::findings(record, settled)
+}
+
+/// The control recognised at a place; none where neither channel is clearly nearer to a sine.
+pub fn recognised_control(settled: &SettledLoop, at: &str) -> Option<super::Control> {
+    findings::recognised(settled, at)
 }
 
 pub(super) fn settle(record: &TimeRecord) -> Result<SettledLoop, LoopError> {
@@ -398,3 +412,5 @@ fn drift(folded: &[f64], n: usize, cycles: usize, floor: f64) -> Option<Drift> {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod energy_tests;

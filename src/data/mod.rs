@@ -11,12 +11,16 @@ mod error;
 mod fourier;
 mod frequency;
 mod frf;
+pub mod frf_estimate;
 mod history;
+pub mod inspect;
 mod loops;
+pub mod modal_fit;
 pub mod readers;
 mod record;
 mod tables;
 pub mod toml_strict;
+pub mod uff;
 
 pub use channel::{ChannelSpec, Role, Sigma};
 pub use condition::{Condition, Conditions};
@@ -26,9 +30,11 @@ pub use fourier::FourierInput;
 pub use frequency::{SineFit, estimate as estimate_frequency};
 pub use frf::{Frf, FrfQuantity};
 pub use history::{Derivatives, History, HistoryError, Motion, derivatives};
-pub use loops::{LoopChannel, LoopError, Note, SettledLoop, Unsettled};
+pub use loops::{Estimate, LoopChannel, LoopEnergy, LoopError, Note, SettledLoop, Unsettled, recognised_control};
 pub use record::{Channel, Control, TimeRecord};
 pub use tables::{EnergyRow, EnergyTable, ModalTable, ModeRow, StoredEnergy, TableValue};
 
 #[cfg(test)]
 mod friction_damper_check;
+#[cfg(test)]
+mod tests;

@@ -5,7 +5,7 @@ use super::condition::Conditions;
 use super::dataset::{Source, columns, no_channel, only};
 use super::readers::{Column, Columns};
 use super::toml_strict::TableView;
-use super::{Content, DataError, History, LoopError, SettledLoop};
+use super::{Content, DataError, History, LoopError, Note, SettledLoop};
 use std::path::{Path, PathBuf};
 
 /// What the machine controls.
@@ -79,6 +79,12 @@ impl TimeRecord {
         super::loops::settle(self).map_err(|e| self.explain(e))
     }
 
+    /// What the record shows of the rig: gaps, clipping, control, swapped signs, delays. Nothing is repaired.
+    pub fn findings(&self) -> Result<Vec<Note>, DataError> {
+        let settled = self.settled()?;
+        Ok(super::loops::findings(self, &settled))
+    }
+
     /// The whole record, for time integration; see [`History`].
     pub fn history(&self) -> History {
         History { time: self.time.clone(), channels: self.channels.clone() }
@@ -135,7 +141,7 @@ fn record(table: &TableView<'_>, id: &str, control: Option<Control>, source: &So
         return Err(no_channel(table, "role = \"time\"").into());
     }
     let file = source.file(table, id)?;
-    let mut rows = columns(&file, &specs)?;
+    let mut rows = columns(table, id, &file, &specs)?;
     let (mut time, mut all) = (Vec::new(), Vec::new());
     for (spec, column) in specs.iter().zip(std::mem::take(&mut rows.columns)) {
         let Column::Numbers(mut values) = column else { continue };

@@ -300,7 +300,7 @@ fn from_file(table: &TableView<'_>, id: &str, source: &Source<'_>, roles: &[Role
     if specs.is_empty() {
         return Err(no_channel(table, &format!("role = \"{}\"", roles[0].word())).into());
     }
-    let read: Columns = columns(&file, &all)?;
+    let read: Columns = columns(table, id, &file, &all)?;
     let mut rows: Vec<Row> =
         (0..read.len()).map(|i| Row { place: format!("{}, {}", file.display(), read.place(i)), ..Row::default() }).collect();
     for (k, (spec, column)) in specs.iter().zip(&read.columns).enumerate() {

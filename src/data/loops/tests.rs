@@ -4,13 +4,13 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::PathBuf;
 
-fn noise(rng: &mut ChaCha8Rng) -> f64 {
+pub(super) fn noise(rng: &mut ChaCha8Rng) -> f64 {
     // Sum of 12 uniforms: standard normal to the second moment.
     (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
 }
 
 /// A record: x(t) under displacement control, a force as a function of the phase.
-fn record(fs: f64, seconds: f64, frequency: Option<f64>, x: impl Fn(f64) -> f64, force: impl Fn(f64) -> f64) -> TimeRecord {
+pub(super) fn record(fs: f64, seconds: f64, frequency: Option<f64>, x: impl Fn(f64) -> f64, force: impl Fn(f64) -> f64) -> TimeRecord {
     let time: Vec<f64> = (0..(seconds * fs).round() as usize).map(|i| i as f64 / fs).collect();
     let channel = |role: Role, unit: &str, d: Dimension, input: bool, f: &dyn Fn(f64) -> f64| Channel {
         role,

@@ -1,6 +1,7 @@
-//! CSV: one header row, comma, decimal point. polars parses the numbers; the structure is checked first, line by line, because polars
-//! fills a short row with nulls and does not say in which line a cell cannot be read.
+//! Text with columns: comma, semicolon, tab or spaces. polars parses the numbers; the structure is checked first, because polars fills a
+//! short row with nulls and does not say in which line a cell cannot be read.
 
+use super::dialect::{self, Dialect, cells, unclosed};
 use super::{Column, Columns, DataError, Wanted};
 use polars::prelude::*;
 use std::io::Cursor;
@@ -8,26 +9,22 @@ use std::path::Path;
 
 pub(super) fn read(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
     let file = || path.to_path_buf();
-    let text = std::str::from_utf8(&bytes).map_err(|e| {
-        let line = 1 + bytes.iter().take(e.valid_up_to()).filter(|b| **b == b'\n').count();
-        DataError::NotText { file: file(), line }
-    })?;
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    if text.trim().is_empty() {
+    if bytes.trim_ascii().is_empty() || bytes == b"\xef\xbb\xbf" {
         return Err(DataError::Empty { file: file() });
     }
-    let (head, body) = text.split_once('\n').unwrap_or((text, ""));
-    let header: Vec<String> = cells(head).ok_or_else(|| unclosed(path, 1))?;
+    let dialect = dialect::find(path, &bytes)?;
+    let body = bytes.get(dialect.body..).unwrap_or(&[]);
+    let body = std::str::from_utf8(body).map_err(|e| {
+        let before = body.iter().take(e.valid_up_to()).filter(|b| **b == b'\n').count();
+        DataError::NotText { file: file(), line: dialect.first_line + before }
+    })?;
     // Blank lines at the end are no rows; a blank line between rows is refused below.
     let body = body.trim_end_matches(['\n', '\r']);
     if body.trim().is_empty() {
         return Err(DataError::NoRows { file: file() });
     }
-    let at = match super::locate(path, &header, wanted) {
-        Err(DataError::MissingColumn { .. }) if header.len() == 1 && head.contains([';', '\t']) => {
-            return Err(DataError::Format { file: file(), reason: "the header is not separated by commas".to_string() });
-        }
-        Err(DataError::MissingColumn { .. }) if header.iter().all(|h| h.parse::<f64>().is_ok()) => {
+    let at = match super::locate(path, &dialect.names, wanted) {
+        Err(DataError::MissingColumn { .. }) if dialect.names.iter().all(|h| h.parse::<f64>().is_ok()) => {
             return Err(DataError::Format {
                 file: file(),
                 reason: "the first line holds numbers, where the header row is expected".to_string(),
@@ -35,63 +32,94 @@ pub(super) fn read(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Col
         }
         other => other?,
     };
-    structure(path, body, header.len())?;
-    let columns = match frame(body, &header, &at, wanted, false) {
-        Ok(frame) => numbers(path, &frame, &at, wanted)?,
+    let spaced;
+    let body = if dialect.separator == b' ' {
+        // Runs of spaces become one separator; the lines stay where they are.
+        spaced = body.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect::<Vec<_>>().join("\n");
+        spaced.as_str()
+    } else {
+        body
+    };
+    structure(path, body, &dialect)?;
+    if dialect.decimal_comma {
+        no_points(path, body, &dialect, &at, wanted)?;
+    }
+    let mut columns = match frame(body, &dialect, &at, wanted, false) {
+        Ok(frame) => numbers(path, &frame, &dialect, &at, wanted)?,
         // polars could not read some cell as a number: read the cells as text and name the first bad one.
         Err(_) => {
             let frame =
-                frame(body, &header, &at, wanted, true).map_err(|e| DataError::Format { file: file(), reason: clip(&e.to_string()) })?;
-            numbers(path, &frame, &at, wanted)?
+                frame(body, &dialect, &at, wanted, true).map_err(|e| DataError::Format { file: file(), reason: clip(&e.to_string()) })?;
+            numbers(path, &frame, &dialect, &at, wanted)?
         }
     };
     super::finite(path, &columns, wanted)?;
+    columns.units = at.iter().map(|i| dialect.units.get(*i).cloned().flatten()).collect();
     Ok(columns)
 }
 
-/// The cells of a line, trimmed, quotes taken off; none when a quote is not closed on the line.
-fn cells(line: &str) -> Option<Vec<String>> {
-    let line = line.strip_suffix('\r').unwrap_or(line);
-    let (mut all, mut cell, mut quoted) = (Vec::new(), String::new(), false);
-    for c in line.chars() {
-        match c {
-            '"' => quoted = !quoted,
-            ',' if !quoted => all.push(std::mem::take(&mut cell).trim().to_string()),
-            _ => cell.push(c),
-        }
-    }
-    all.push(cell.trim().to_string());
-    (!quoted).then_some(all)
-}
-
-fn unclosed(path: &Path, line: usize) -> DataError {
-    DataError::Format { file: path.to_path_buf(), reason: format!("line {line}: a quote is not closed") }
-}
-
 /// Every line has as many cells as the header.
-fn structure(path: &Path, body: &str, wanted: usize) -> Result<(), DataError> {
-    let mut lines = body.split('\n').enumerate().peekable();
-    while let Some((i, line)) = lines.next() {
-        let number = i + 2;
+fn structure(path: &Path, body: &str, dialect: &Dialect) -> Result<(), DataError> {
+    let wanted = dialect.names.len();
+    let separator = dialect.separator;
+    let check = |number: usize, line: &str, found: usize, last: bool| {
         if line.trim().is_empty() {
             return Err(DataError::BlankLine { file: path.to_path_buf(), line: number });
         }
-        let found = if line.contains('"') {
-            cells(line).ok_or_else(|| unclosed(path, number))?.len()
-        } else {
-            1 + line.bytes().filter(|b| *b == b',').count()
-        };
         if found != wanted {
-            let last = lines.peek().is_none() && found < wanted;
-            return Err(DataError::Ragged { file: path.to_path_buf(), line: number, found, wanted, last });
+            return Err(DataError::Ragged { file: path.to_path_buf(), line: number, found, wanted, last: last && found < wanted });
+        }
+        Ok(())
+    };
+    if memchr::memchr(b'"', body.as_bytes()).is_some() {
+        let mut lines = body.split('\n').enumerate().peekable();
+        while let Some((i, line)) = lines.next() {
+            let number = i + dialect.first_line;
+            let found = cells(line, separator).ok_or_else(|| unclosed(path, number))?.len();
+            check(number, line, found, lines.peek().is_none())?;
+        }
+        return Ok(());
+    }
+    // One pass over separators and line ends: this runs over every byte of long records.
+    let (mut line, mut start, mut found) = (dialect.first_line, 0, 1);
+    for at in memchr::memchr2_iter(separator, b'\n', body.as_bytes()) {
+        if body.as_bytes()[at] == separator {
+            found += 1;
+            continue;
+        }
+        if found != wanted || at - start < wanted {
+            check(line, &body[start..at], found, false)?;
+        }
+        (line, start, found) = (line + 1, at + 1, 1);
+    }
+    check(line, &body[start..], found, true)
+}
+
+/// Beside decimal commas a point can only be a mark of thousands, or a mistake.
+fn no_points(path: &Path, body: &str, dialect: &Dialect, at: &[usize], wanted: &[Wanted]) -> Result<(), DataError> {
+    if memchr::memchr(b'.', body.as_bytes()).is_none() {
+        return Ok(());
+    }
+    for (i, line) in body.lines().enumerate().filter(|(_, l)| l.contains('.')) {
+        let cells = cells(line, dialect.separator).unwrap_or_default();
+        for (k, w) in at.iter().zip(wanted).filter(|(_, w)| !w.text) {
+            if let Some(cell) = cells.get(*k).filter(|c| c.contains('.')) {
+                let what = format!("`{}` has a decimal point, and the file is written with decimal commas", clip(cell));
+                return Err(DataError::Cell {
+                    file: path.to_path_buf(),
+                    row: format!("line {}", dialect.first_line + i),
+                    column: w.name.clone(),
+                    what,
+                });
+            }
         }
     }
     Ok(())
 }
 
 /// Reads the body through polars; columns get the names of their positions, so that doubled headers elsewhere do no harm.
-fn frame(body: &str, header: &[String], at: &[usize], wanted: &[Wanted], as_text: bool) -> PolarsResult<DataFrame> {
-    let mut types = vec![DataType::String; header.len()];
+fn frame(body: &str, dialect: &Dialect, at: &[usize], wanted: &[Wanted], as_text: bool) -> PolarsResult<DataFrame> {
+    let mut types = vec![DataType::String; dialect.names.len()];
     if !as_text {
         for (i, _) in at.iter().zip(wanted).filter(|(_, w)| !w.text) {
             types[*i] = DataType::Float64;
@@ -107,18 +135,20 @@ fn frame(body: &str, header: &[String], at: &[usize], wanted: &[Wanted], as_text
         .with_schema(Some(Arc::new(schema)))
         .with_columns(Some(names.into()))
         .with_rechunk(true)
+        .map_parse_options(|o| o.with_separator(dialect.separator).with_decimal_comma(dialect.decimal_comma))
         .into_reader_with_file_handle(Cursor::new(body.as_bytes()))
         .finish()
 }
 
-fn numbers(path: &Path, frame: &DataFrame, at: &[usize], wanted: &[Wanted]) -> Result<Columns, DataError> {
+fn numbers(path: &Path, frame: &DataFrame, dialect: &Dialect, at: &[usize], wanted: &[Wanted]) -> Result<Columns, DataError> {
     let format = |e: PolarsError| DataError::Format { file: path.to_path_buf(), reason: clip(&e.to_string()) };
+    let number = |cell: &str| if dialect.decimal_comma { cell.replace(',', ".").parse::<f64>() } else { cell.parse::<f64>() };
     let mut columns = Vec::with_capacity(at.len());
     for (i, w) in at.iter().zip(wanted) {
         let series = frame.column(&i.to_string()).map_err(format)?;
         let bad = |row: usize, what: String| DataError::Cell {
             file: path.to_path_buf(),
-            row: format!("line {}", row + 2),
+            row: format!("line {}", row + dialect.first_line),
             column: w.name.clone(),
             what,
         };
@@ -130,12 +160,12 @@ fn numbers(path: &Path, frame: &DataFrame, at: &[usize], wanted: &[Wanted]) -> R
         } else {
             let cell = |(row, c): (usize, Option<&str>)| match c.map(str::trim).unwrap_or("") {
                 "" => Err(bad(row, "an empty cell".to_string())),
-                c => c.parse::<f64>().map_err(|_| bad(row, format!("`{}` is not a number", clip(c)))),
+                c => number(c).map_err(|_| bad(row, format!("`{}` is not a number", clip(c)))),
             };
             Column::Numbers(series.str().map_err(format)?.iter().enumerate().map(cell).collect::<Result<_, _>>()?)
         });
     }
-    Ok(Columns { columns, row_name: "line", first_row: 2 })
+    Ok(Columns::new(columns, "line", dialect.first_line))
 }
 
 fn clip(text: &str) -> String {

@@ -1,11 +1,14 @@
 //! Readers of measurement files, one per file: columns by name, as numbers or text.
 
 mod csv;
+pub(crate) mod dialect;
+mod mat;
 mod parquet;
 mod parquet_pages;
+mod universal;
 
-use super::DataError;
 use super::toml_strict::nearest;
+use super::{DataError, FrfQuantity};
 use std::path::Path;
 
 /// A column that is asked for.
@@ -23,6 +26,10 @@ pub struct Columns {
     /// What a row is called in errors: `line` (CSV, the header is line 1) or `row` (Parquet, from 1).
     row_name: &'static str,
     first_row: usize,
+    /// What the file says of the unit of each column.
+    pub units: Vec<Option<String>>,
+    /// What the file says an FRF in it is.
+    pub quantity: Option<FrfQuantity>,
 }
 
 /// The cells of a column. Numbers are finite; a missing cell is an error, in text it is empty.
@@ -33,6 +40,10 @@ pub enum Column {
 }
 
 impl Columns {
+    fn new(columns: Vec<Column>, row_name: &'static str, first_row: usize) -> Self {
+        Self { columns, row_name, first_row, units: Vec::new(), quantity: None }
+    }
+
     /// Rows.
     pub fn len(&self) -> usize {
         self.columns.first().map_or(0, |c| match c {
@@ -51,19 +62,69 @@ impl Columns {
     }
 }
 
-/// Reads the columns `wanted` of `path`; the reader is chosen by the file's extension.
-pub fn read(path: &Path, wanted: &[Wanted]) -> Result<Columns, DataError> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let reader = match extension.as_str() {
-        "csv" => csv::read,
-        "parquet" | "pq" => parquet::read,
-        _ => return Err(DataError::NoReader { file: path.to_path_buf(), extension }),
-    };
-    let bytes = std::fs::read(path).map_err(|e| DataError::Unreadable { file: path.to_path_buf(), reason: e.to_string() })?;
-    if bytes.is_empty() {
-        return Err(DataError::Empty { file: path.to_path_buf() });
+/// Kinds of file by the extension of their name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    Text,
+    Parquet,
+    Universal,
+    Matlab,
+}
+
+impl FileKind {
+    /// The kind a file name stands for.
+    pub fn of(path: &Path) -> Result<Self, DataError> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        match extension.as_str() {
+            "csv" | "txt" | "tsv" | "dat" | "asc" => Ok(Self::Text),
+            "parquet" | "pq" => Ok(Self::Parquet),
+            "uff" | "unv" | "uf" | "ufb" | "bunv" => Ok(Self::Universal),
+            "mat" => Ok(Self::Matlab),
+            _ => Err(DataError::NoReader { file: path.to_path_buf(), extension }),
+        }
     }
-    reader(path, bytes, wanted)
+}
+
+/// The whole file; an empty one is an error.
+pub fn bytes(path: &Path) -> Result<Vec<u8>, DataError> {
+    let bytes = std::fs::read(path).map_err(|e| DataError::Unreadable { file: path.to_path_buf(), reason: e.to_string() })?;
+    if bytes.is_empty() { Err(DataError::Empty { file: path.to_path_buf() }) } else { Ok(bytes) }
+}
+
+/// Reads the columns `wanted` of `path`; the reader is chosen by the file's extension. `record` names a function of a universal file.
+pub fn read(path: &Path, wanted: &[Wanted], record: Option<&str>) -> Result<Columns, DataError> {
+    let kind = FileKind::of(path)?;
+    let bytes = bytes(path)?;
+    match kind {
+        FileKind::Text => csv::read(path, bytes, wanted),
+        FileKind::Parquet => parquet::read(path, bytes, wanted),
+        FileKind::Universal => universal::read(path, bytes, wanted, record),
+        FileKind::Matlab => mat::read(path, &bytes, wanted),
+    }
+}
+
+/// The columns of a table, with the units its header gives.
+pub(crate) fn names(path: &Path) -> Result<Vec<(String, Option<String>)>, DataError> {
+    let kind = FileKind::of(path)?;
+    let bytes = bytes(path)?;
+    match kind {
+        FileKind::Text => {
+            let d = dialect::find(path, &bytes)?;
+            Ok(d.names.into_iter().zip(d.units).collect())
+        }
+        FileKind::Parquet => Ok(parquet::names(path, bytes)?.into_iter().map(|n| (n.clone(), dialect::bracket(&n))).collect()),
+        FileKind::Universal => {
+            Err(DataError::Format { file: path.to_path_buf(), reason: "a universal file has functions, not columns".into() })
+        }
+        FileKind::Matlab => {
+            let vectors = mat::list(path, &bytes)?.into_iter().filter(|l| l.numeric && l.rows * l.columns > 1);
+            let each = |l: mat::Listed| match (l.rows, l.columns) {
+                (1, _) | (_, 1) => vec![l.name],
+                (_, columns) => (1..=columns.min(64)).map(|k| format!("{}(:,{k})", l.name)).collect(),
+            };
+            Ok(vectors.flat_map(each).map(|n| (n, None)).collect())
+        }
+    }
 }
 
 /// The index of each wanted column in the file's header.
@@ -71,7 +132,10 @@ fn locate(path: &Path, header: &[String], wanted: &[Wanted]) -> Result<Vec<usize
     wanted
         .iter()
         .map(|w| {
-            let mut found = header.iter().enumerate().filter(|(_, h)| **h == w.name).map(|(i, _)| i);
+            // `Force` finds `Force [N]` where no column has the very name.
+            let exact = header.iter().any(|h| *h == w.name);
+            let same = |h: &&String| if exact { **h == w.name } else { dialect::bare(h) == w.name };
+            let mut found = header.iter().enumerate().filter(|(_, h)| same(h)).map(|(i, _)| i);
             let (first, second) = (found.next(), found.next());
             match (first, second) {
                 (Some(i), None) => Ok(i),

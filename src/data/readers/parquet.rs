@@ -16,11 +16,24 @@ const MAX_ROWS: usize = 200_000_000;
 const MAX_CHUNK: i64 = 1 << 31;
 
 pub(super) fn read(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
+    guarded(path, || decode(path, bytes, wanted))
+}
+
+/// Names of the columns.
+pub(super) fn names(path: &Path, bytes: Vec<u8>) -> Result<Vec<String>, DataError> {
+    guarded(path, || {
+        let broken = |e: PolarsError| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {e}") };
+        let mut reader = ParquetReader::new(Cursor::new(bytes.as_slice()));
+        Ok(reader.schema().map_err(broken)?.iter_names().map(|n| n.to_string()).collect())
+    })
+}
+
+/// The decoder checks less than it should and panics on some damaged files; what it panics on is an unreadable file, nothing more.
+fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, DataError>) -> Result<T, DataError> {
     let broken = |reason: String| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {reason}") };
-    // The decoder checks less than it should and panics on some damaged files; what it panics on is an unreadable file, nothing more.
     quiet_while_decoding();
     DECODING.set(true);
-    let outcome = catch_unwind(AssertUnwindSafe(|| decode(path, bytes, wanted)));
+    let outcome = catch_unwind(AssertUnwindSafe(work));
     DECODING.set(false);
     outcome.unwrap_or_else(|_| Err(broken("the decoder gave up on damaged bytes".to_string())))
 }
@@ -60,15 +73,15 @@ fn decode(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, Dat
     }
     let at = super::locate(path, &header, wanted)?;
     let metadata = reader.get_metadata().map_err(broken)?.clone();
-    pages(&bytes, &metadata, wanted)
+    pages(&bytes, &metadata, at.iter().filter_map(|i| header.get(*i)))
         .map_err(|e| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {e}") })?;
     let mut projection = at.clone();
     projection.sort_unstable();
     projection.dedup();
     let frame = reader.with_projection(Some(projection)).finish().map_err(broken)?;
     let mut columns = Vec::with_capacity(at.len());
-    for w in wanted {
-        let column = frame.column(&w.name).map_err(broken)?;
+    for (w, i) in wanted.iter().zip(&at) {
+        let column = frame.column(&header[*i]).map_err(broken)?;
         let bad = |row: usize, what: &str| DataError::Cell {
             file: path.to_path_buf(),
             row: format!("row {}", row + 1),
@@ -87,19 +100,19 @@ fn decode(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, Dat
             return Err(bad(0, &format!("holds {kind}, not numbers")));
         });
     }
-    let columns = Columns { columns, row_name: "row", first_row: 1 };
+    let columns = Columns::new(columns, "row", 1);
     super::finite(path, &columns, wanted)?;
     Ok(columns)
 }
 
 /// Holds the claims of the footer and of the page headers of the wanted columns against each other.
-fn pages(bytes: &[u8], metadata: &FileMetadata, wanted: &[Wanted]) -> Result<(), &'static str> {
+fn pages<'a>(bytes: &[u8], metadata: &FileMetadata, wanted: impl Iterator<Item = &'a String> + Clone) -> Result<(), &'static str> {
     let size = |v: i64| usize::try_from(v).map_err(|_| "a column has a negative offset or size");
     let mut rows = 0usize;
     for group in &metadata.row_groups {
         rows = rows.checked_add(group.num_rows()).ok_or("too many rows")?;
-        for w in wanted {
-            for column in group.columns_under_root_iter(&w.name).ok_or("a row group lacks a column")? {
+        for name in wanted.clone() {
+            for column in group.columns_under_root_iter(name).ok_or("a row group lacks a column")? {
                 let chunk = Chunk {
                     start: size(column.dictionary_page_offset().unwrap_or(column.data_page_offset()))?,
                     length: size(column.compressed_size())?,

@@ -11,7 +11,7 @@ fn read_bytes(name: &str, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, Da
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);
     std::fs::write(&path, bytes).unwrap();
-    read(&path, wanted)
+    read(&path, wanted, None)
 }
 
 fn csv(text: &str) -> Result<Columns, DataError> {
@@ -36,6 +36,32 @@ fn csv_forms_that_are_legal() {
 }
 
 #[test]
+fn text_of_other_programs() {
+    let expected = vec![Column::Numbers(vec![0.0, 1.5]), Column::Numbers(vec![-3e-3, 4.0])];
+    for text in [
+        "t;F [N]\n0;-0,003\n1,5;4\n",
+        "t\tF [N]\r\n0\t-3e-3\r\n1.5\t4\r\n",
+        "# written by the rig\n# 12.3.2024\nt,F [N]\n0,-3e-3\n1.5,4\n",
+        "Test 12, run 3\nOperator: N.N.\n\nt;F [N]\n0,0;-0,003\n1,5;4,0\n",
+        "t,F [N]\ns,N\n0,-3e-3\n1.5,4\n",
+        "t   F [N]\n0   -3e-3\n1.5   4\n",
+        "% t F\nF [N]   t\n  -3e-3   0\n  4     1.5\n",
+        "t [s],F\n0,-3e-3\n1.5,4\n",
+    ] {
+        let wanted = [number("t"), number(if text.contains("t [s],F\n") { "F" } else { "F [N]" })];
+        let c = read_bytes("a.txt", text.as_bytes(), &wanted).unwrap_or_else(|e| panic!("{text:?}: {e} at {}", e.place()));
+        assert_eq!(c.columns, expected, "{text:?}");
+    }
+    let c = read_bytes("a.csv", "Zeit (s);Kraft (kN);Weg (\u{b5}m)\n0;1;2\n".as_bytes(), &[number("Kraft"), number("Weg")]).unwrap();
+    assert_eq!(c.units, [Some("kN".to_string()), Some("\u{b5}m".to_string())]);
+    let c = read_bytes("a.csv", b"t;x\ns;\xb5m\n0;1\n", &[number("x")]).unwrap();
+    assert_eq!(c.units, [Some("\u{b5}m".to_string())]);
+    // The errors keep the lines of the file.
+    let e = read_bytes("a.txt", b"# one\n# two\nt;x\ns;mm\n0;1\n1;x\n", &[number("x")]).unwrap_err();
+    assert!(e.place().ends_with("line 6, column `x`"), "{}", e.place());
+}
+
+#[test]
 fn csv_errors_name_the_place() {
     let case = |text: &str, message: &str, place: &str| {
         let e = csv(text).unwrap_err();
@@ -49,7 +75,10 @@ fn csv_errors_name_the_place() {
     case("t,F [N]", "no rows", "a.csv");
     case("t,F[N]\n0,1\n", "no column `F [N]`, nearest is `F[N]`; the file has `t`, `F[N]`", "a.csv");
     case("t,F [N],t\n0,1,2\n", "`t` stands twice", "a.csv");
-    case("t;F [N]\n0;1\n", "not separated by commas", "a.csv");
+    case("t;F [N]\n0,5;1.5\n", "decimal commas and decimal points", "a.csv");
+    case("t;F [N]\n0,5;1,5\n0,5;1,5\n0,5;1,5\n0,5;1,5\n0,5;1,5\n0,7;1.234\n", "`1.234` has a decimal point", "line 7, column `F [N]`");
+    case("t,F [N]\n0,5,1,5\n", "4 cells, where the header has 2", "line 2");
+    case("a;t,F [N];b\n1;2,3;4\n", "no column `t`", "a.csv");
     case("0.0,1.0\n0.1,1.0\n", "the first line holds numbers", "a.csv");
     case("t,F [N]\n0,1\n1,x7\n", "`x7` is not a number", "line 3, column `F [N]`");
     case("t,F [N]\n0,1\n1,\n", "an empty cell", "line 3, column `F [N]`");
@@ -90,7 +119,9 @@ fn parquet() {
     assert_eq!(t[299], 2.99);
     let e = read_bytes("a.parquet", &bytes, &[number("n")]).unwrap_err();
     assert!(e.place().ends_with("row 8, column `n`"), "{}", e.place());
-    let e = read_bytes("a.parquet", &bytes, &[number("F")]).unwrap_err();
+    let c = read_bytes("a.parquet", &bytes, &[number("F")]).unwrap();
+    assert_eq!(c.len(), 300);
+    let e = read_bytes("a.parquet", &bytes, &[number("G")]).unwrap_err();
     assert!(matches!(e, DataError::MissingColumn { .. }), "{e:?}");
     let e = read_bytes("a.parquet", &bytes, &[number("s")]).unwrap_err();
     assert!(e.to_string().contains("not numbers"), "{e}");
@@ -100,7 +131,7 @@ fn parquet() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig::with_cases(crate::data::tests::cases(300)))]
     #[test]
     fn damaged_files_do_not_panic(flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), cut in any::<prop::sample::Index>(), truncate: bool) {
         let text = "t,x,F [N]\r\n0,a,-3e-3\r\n1.5,b,4\r\n2.5,\"b\",4\r\n";
@@ -115,6 +146,33 @@ proptest! {
             }
             let _ = read_bytes(name, &bytes, &[number("t"), number("F [N]"), Wanted { name: "n".into(), text: true }]);
             let _ = read_bytes(name, &bytes, &[number("t"), number("F [N]")]);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(crate::data::tests::cases(3000)))]
+    #[test]
+    fn damaged_text_does_not_panic(which in 0usize..5, flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), any::<bool>()), 1..8), cut in any::<prop::sample::Index>(), truncate: bool) {
+        let samples: [&[u8]; 5] = [
+            b"t;F [N]\n0;-0,003\n1,5;4\n2,5;4,5\n",
+            b"t\tF [N]\r\n0\t-3e-3\r\n1.5\t4\r\n",
+            b"# rig\nTest 12, run 3\n\nt;F [N]\ns;kN\n0,0;-0,003\n1,5;4,0\n",
+            b"t   F [N]\n0   -3e-3\n1.5   4\n",
+            b"\xef\xbb\xbft,\"F [N]\"\n0,\"1\"\n1.5,4\n",
+        ];
+        let mut bytes = samples[which].to_vec();
+        for (at, byte, insert) in &flips {
+            let i = at.index(bytes.len());
+            if *insert { bytes.insert(i, *byte) } else { bytes[i] = *byte }
+        }
+        if truncate {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        let path = Path::new("a.txt");
+        if !bytes.is_empty() {
+            let _ = csv::read(path, bytes.clone(), &[number("t"), number("F")]);
+            let _ = dialect::find(path, &bytes);
         }
     }
 }

@@ -1,0 +1,123 @@
+//! What a file from a test bench holds, before anything is declared: histories, FRFs, their channels, units, sampling, cycles and bands.
+//!
+//! Nothing is decided for the engineer: a unit the file does not give stays empty, and what a column is has to be confirmed.
+
+mod guess;
+mod history;
+mod universal;
+
+pub use guess::guess_role;
+pub use history::{Cyclic, FoundHistory};
+
+use super::readers::{self, Column, FileKind, Wanted};
+use super::uff::UffFile;
+use super::{DataError, FrfQuantity, Role};
+use std::path::{Path, PathBuf};
+
+/// A column of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundColumn {
+    /// As dataset.toml names it.
+    pub column: String,
+    /// What it seems to be.
+    pub role: Option<Role>,
+    /// The unit the file gives.
+    pub unit: Option<String>,
+    pub values: Vec<f64>,
+}
+
+/// A file and what is in it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundFile {
+    pub path: PathBuf,
+    pub items: Vec<FoundItem>,
+}
+
+/// One thing in a file that can be a test, or is only said.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FoundItem {
+    History(Box<FoundHistory>),
+    Frf(FoundFrf),
+    /// Something that is no measurement, or none this version makes a test of.
+    Other(String),
+}
+
+/// An FRF.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundFrf {
+    /// Function of a universal file.
+    pub record: Option<String>,
+    /// Node and axis where the file gives them: `(12, "z", against the axis)`.
+    pub respond: Option<(i64, &'static str, bool)>,
+    pub excite: Option<(i64, &'static str, bool)>,
+    pub quantity: Option<FrfQuantity>,
+    /// Frequency, real and imaginary part (or amplitude and phase), coherence.
+    pub columns: Vec<(Role, String, Option<String>)>,
+    pub lines: usize,
+    /// Hz
+    pub band: (f64, f64),
+    pub findings: Vec<String>,
+}
+
+/// Looks into a file.
+pub fn inspect(path: &Path) -> Result<FoundFile, DataError> {
+    let items = match FileKind::of(path)? {
+        FileKind::Universal => universal::items(&UffFile::from_bytes(path, readers::bytes(path)?)?)?,
+        _ => tabular(path, columns(path)?)?,
+    };
+    Ok(FoundFile { path: path.to_path_buf(), items })
+}
+
+/// The columns of numbers in a table.
+fn columns(path: &Path) -> Result<Vec<FoundColumn>, DataError> {
+    let names = readers::names(path)?;
+    let wanted = |name: &String| Wanted { name: name.clone(), text: false };
+    // Most files hold numbers only; where one column does not, each is tried alone.
+    let read = match readers::read(path, &names.iter().map(|n| wanted(&n.0)).collect::<Vec<_>>(), None) {
+        Ok(all) => all.columns.into_iter().map(Some).collect(),
+        Err(first) => {
+            let each: Vec<_> =
+                names.iter().map(|n| readers::read(path, &[wanted(&n.0)], None).ok().and_then(|mut c| c.columns.pop())).collect();
+            if each.iter().all(Option::is_none) {
+                return Err(first);
+            }
+            each
+        }
+    };
+    let column = |((name, unit), values): ((String, Option<String>), Option<Column>)| match values {
+        Some(Column::Numbers(values)) => Some(FoundColumn { role: guess_role(&name, unit.as_deref()), column: name, unit, values }),
+        _ => None,
+    };
+    Ok(names.into_iter().zip(read).filter_map(column).collect())
+}
+
+fn tabular(path: &Path, columns: Vec<FoundColumn>) -> Result<Vec<FoundItem>, DataError> {
+    let has = |role: Role| columns.iter().find(|c| c.role == Some(role));
+    if has(Role::Time).is_some() {
+        return Ok(vec![FoundItem::History(Box::new(history::found(columns, None)))]);
+    }
+    let parts = [[Role::Real, Role::Imag], [Role::Amplitude, Role::Phase]].into_iter().find(|p| p.iter().all(|r| has(*r).is_some()));
+    if let (Some(f), Some(parts)) = (has(Role::Frequency), parts) {
+        let band = f.values.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        let roles = [Role::Frequency].into_iter().chain(parts).chain(has(Role::Coherence).map(|_| Role::Coherence));
+        let named = roles.filter_map(|r| has(r).map(|c| (r, c.column.clone(), c.unit.clone()))).collect();
+        let quantity = columns.iter().find(|c| c.role == Some(parts[0])).and_then(|c| guess::quantity(c.unit.as_deref()));
+        let frf =
+            FoundFrf { record: None, respond: None, excite: None, quantity, columns: named, lines: f.values.len(), band, findings: vec![] };
+        return Ok(vec![FoundItem::Frf(frf)]);
+    }
+    let names: Vec<&str> = columns.iter().map(|c| c.column.as_str()).collect();
+    Err(super::error::FileError {
+        file: path.to_path_buf(),
+        place: String::new(),
+        message: format!(
+            "neither a history (no column of time) nor an FRF (no frequency with real and imaginary part) among {}",
+            names.join(", ")
+        ),
+        accepted: "columns whose names or units say what they are, such as `time [s]`, `displacement [mm]`, `force [N]`".into(),
+    }
+    .into())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,113 @@
+use super::*;
+use proptest::prelude::*;
+use std::io::Write;
+
+fn tag(kind: u32, data: &[u8], big: bool) -> Vec<u8> {
+    let word = |n: u32| if big { n.to_be_bytes() } else { n.to_le_bytes() };
+    let mut out = [word(kind), word(data.len() as u32)].concat();
+    out.extend_from_slice(data);
+    out.resize(out.len().next_multiple_of(8), 0);
+    out
+}
+
+fn matrix(name: &str, class: u32, dims: [u32; 2], rest: &[u8], big: bool) -> Vec<u8> {
+    let words = |v: &[u32]| v.iter().flat_map(|n| if big { n.to_be_bytes() } else { n.to_le_bytes() }).collect::<Vec<u8>>();
+    let inner = [tag(6, &words(&[class, 0]), big), tag(5, &words(&dims), big), tag(1, name.as_bytes(), big), rest.to_vec()].concat();
+    tag(14, &inner, big)
+}
+
+fn doubles(v: &[f64], big: bool) -> Vec<u8> {
+    let bytes: Vec<u8> = v.iter().flat_map(|x| if big { x.to_be_bytes() } else { x.to_le_bytes() }).collect();
+    tag(9, &bytes, big)
+}
+
+fn file(big: bool, compressed: bool) -> Vec<u8> {
+    let mut out = b"MATLAB 5.0 MAT-file".to_vec();
+    out.resize(124, b' ');
+    out.extend_from_slice(if big { &[1, 0] } else { &[0, 1] });
+    out.extend_from_slice(if big { b"MI" } else { b"IM" });
+    let t = matrix("t", 6, [4, 1], &doubles(&[0.0, 0.1, 0.2, 0.3], big), big);
+    let m = matrix("M", 6, [4, 2], &doubles(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], big), big);
+    let shorts: Vec<u8> = [1i16, -2, 3, -4].iter().flat_map(|x| if big { x.to_be_bytes() } else { x.to_le_bytes() }).collect();
+    let force = matrix("", 10, [1, 4], &tag(3, &shorts, big), big);
+    let width = tag(5, &if big { 8u32.to_be_bytes() } else { 8u32.to_le_bytes() }, big);
+    let run = matrix("run", 2, [1, 1], &[width, tag(1, b"force\0\0\0", big), force].concat(), big);
+    let inner = matrix("", 1, [1, 1], &matrix("", 6, [1, 1], &doubles(&[1.0], big), big), big);
+    let cell = matrix("c", 1, [1, 1], &inner, big);
+    for part in [t, m, run, cell] {
+        if compressed {
+            let mut z = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+            z.write_all(&part).unwrap();
+            let z = z.finish().unwrap();
+            let word = |n: u32| if big { n.to_be_bytes() } else { n.to_le_bytes() };
+            out.extend([word(15), word(z.len() as u32)].concat());
+            out.extend(z);
+        } else {
+            out.extend(part);
+        }
+    }
+    out
+}
+
+fn get(bytes: &[u8], names: &[&str]) -> Result<Columns, DataError> {
+    let wanted: Vec<Wanted> = names.iter().map(|n| Wanted { name: n.to_string(), text: false }).collect();
+    read(Path::new("a.mat"), bytes, &wanted)
+}
+
+#[test]
+fn vectors_matrices_and_structures() {
+    for (big, compressed) in [(false, false), (true, false), (false, true)] {
+        let c = get(&file(big, compressed), &["t", "run.force", "M(:,2)"]).unwrap();
+        let column = |k: usize| match &c.columns[k] {
+            Column::Numbers(v) => v.clone(),
+            Column::Text(_) => panic!(),
+        };
+        assert_eq!((column(0), column(1), column(2)), (vec![0.0, 0.1, 0.2, 0.3], vec![1.0, -2.0, 3.0, -4.0], vec![5.0, 6.0, 7.0, 8.0]));
+        let names: Vec<String> = list(Path::new("a.mat"), &file(big, compressed)).unwrap().into_iter().map(|l| l.name).collect();
+        assert_eq!(names, ["t", "M", "run.force", "c"]);
+    }
+}
+
+#[test]
+fn what_is_no_column_is_said() {
+    let e = |names: &[&str]| get(&file(false, false), names).unwrap_err().to_string();
+    assert!(e(&["c"]).contains("`c` is a cell array"));
+    assert!(e(&["M"]).contains("a matrix of 4 x 2"));
+    assert!(e(&["M(:,3)"]).contains("column 3 of 2"));
+    assert!(e(&["run.forse"]).contains("nearest is `run.force`"));
+    assert!(e(&["q"]).contains("no column `q`"));
+    let hdf = [b"MATLAB 7.3 MAT-file".as_slice(), &[0; 600]].concat();
+    assert!(get(&hdf, &["t"]).unwrap_err().to_string().contains("7.3"));
+    assert!(get(&[0; 300], &["t"]).unwrap_err().to_string().contains("not a MATLAB file"));
+    // A variable that inflates without end.
+    let mut z = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+    z.write_all(&vec![0; INFLATED + 100]).unwrap();
+    let z = z.finish().unwrap();
+    let bomb = [&file(false, false)[..128], &15u32.to_le_bytes(), &(z.len() as u32).to_le_bytes(), &z].concat();
+    assert!(get(&bomb, &["t"]).unwrap_err().to_string().contains("inflates beyond"));
+}
+
+#[test]
+fn every_truncation_is_survived() {
+    for compressed in [false, true] {
+        let whole = file(false, compressed);
+        for n in 0..whole.len() {
+            let _ = get(&whole[..n], &["t", "run.force"]);
+            let _ = list(Path::new("a.mat"), &whole[..n]);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(crate::data::tests::cases(2000)))]
+    #[test]
+    fn damage_does_not_panic(flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8), compressed: bool, big: bool) {
+        let mut bytes = file(big, compressed);
+        for (at, byte) in &flips {
+            let i = at.index(bytes.len());
+            bytes[i] = *byte;
+        }
+        let _ = get(&bytes, &["t", "run.force", "M(:,2)"]);
+        let _ = list(Path::new("a.mat"), &bytes);
+    }
+}

@@ -1,0 +1,95 @@
+//! `misfit new`: from unknown files to a study that `check` and `fit` accept.
+
+use std::f64::consts::TAU;
+use std::fmt::Write;
+use std::path::Path;
+
+use super::rig::misfit;
+
+/// Spring and damper, started from rest; German text with decimal commas.
+fn loop_text(frequency: f64) -> String {
+    let mut text = "Prüfstand 4\n\nZeit [s];Weg [mm];Kraft [N]\n".to_string();
+    for i in 0..2000 {
+        let t = f64::from(i) / 200.0;
+        let up = (t * frequency / 1.5).min(1.0);
+        let p = TAU * frequency * t;
+        let wobble = f64::from((i * 7919) % 101) / 101.0 - 0.5;
+        writeln!(text, "{t:.4};{:.6};{:.6}", up * 2.0 * p.sin() + 0.002 * wobble, up * (40.0 * p.sin() + 8.0 * p.cos()) + 0.05 * wobble)
+            .unwrap();
+    }
+    text.replace('.', ",")
+}
+
+fn files(dir: &Path) -> Vec<String> {
+    [1.0, 2.0]
+        .iter()
+        .map(|f| {
+            let path = dir.join(format!("loop {f}.txt"));
+            std::fs::write(&path, loop_text(*f)).unwrap();
+            path.display().to_string()
+        })
+        .collect()
+}
+
+#[test]
+fn loops_become_a_fitted_study() {
+    let dir = tempfile::tempdir().unwrap();
+    let files = files(dir.path());
+    let study = dir.path().join("study").display().to_string();
+    let ran = misfit(&["new", &study, "--json", "--from", &files[0], &files[1]]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let json = ran.json();
+    let found = &json["found"][0];
+    assert_eq!(
+        (found["what"].as_str(), found["cycles"].as_u64(), found["control"].as_str()),
+        (Some("cycle"), Some(10), Some("displacement")),
+        "{found}"
+    );
+    assert!((found["frequency_hz"].as_f64().unwrap() - 1.0).abs() < 1e-3 && (found["rate_hz"].as_f64().unwrap() - 200.0).abs() < 1e-6);
+    assert_eq!(found["channels"][2]["unit"].as_str(), Some("N"));
+    assert!(json["problem"].is_null(), "{json}");
+    assert!(Path::new(json["dataset"].as_str().unwrap()).is_file() && Path::new(json["study"].as_str().unwrap()).is_file());
+    let check = misfit(&["check", &study, "--json"]);
+    assert_eq!(check.code, 0, "{} {}", check.stdout, check.stderr);
+    let fit = misfit(&["fit", &study, "--json"]);
+    assert_eq!(fit.code, 0, "{}", fit.stderr);
+    let parameters = fit.json()["parameters"].clone();
+    let value = |name: &str| {
+        parameters.as_array().unwrap().iter().find(|p| p["name"].as_str().unwrap().ends_with(name)).unwrap()["value"].as_f64().unwrap()
+    };
+    assert!((value(".k") / 20e3 - 1.0).abs() < 0.01, "{parameters}");
+    // Nothing is written over.
+    let again = misfit(&["new", &study, "--json", "--from", &files[0]]);
+    assert!(again.error()[2].contains("nothing is written over"));
+}
+
+#[test]
+fn nothing_is_left_where_a_file_cannot_be_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let good = files(dir.path()).remove(0);
+    let bad = dir.path().join("bad.uff").display().to_string();
+    std::fs::write(&bad, "    -1\n    58\nabc\n").unwrap();
+    let study = dir.path().join("study");
+    let ran = misfit(&["new", &study.display().to_string(), "--json", "--from", &good, &bad]);
+    let [stage, place, message, _] = ran.error();
+    assert_eq!(stage, "data");
+    assert!(place.contains("bad.uff") && message.contains("closing line"), "{place}: {message}");
+    assert!(!study.exists());
+    let hidden =
+        std::fs::read_dir(dir.path()).unwrap().filter(|e| e.as_ref().unwrap().file_name().to_string_lossy().starts_with('.')).count();
+    assert_eq!(hidden, 0);
+}
+
+#[test]
+fn a_unit_that_is_not_in_the_file_has_to_be_given() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.csv");
+    std::fs::write(&path, loop_text(1.0).replace(',', ".").replace(';', ",").replace(" [N]", "")).unwrap();
+    let study = dir.path().join("study").display().to_string();
+    let ran = misfit(&["new", &study, "--json", "--from", &path.display().to_string()]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let json = ran.json();
+    assert!(json["to_confirm"].to_string().contains("the unit of `Kraft` is not in the file"), "{json}");
+    let problem = json["problem"].to_string();
+    assert!(problem.contains("study/data/dataset.toml") && !problem.contains(".misfit-new"), "{problem}");
+}
