@@ -197,7 +197,12 @@ impl<L: Force> ForceLaw for Dispatch<L> {
         let along = |which: usize| -> DualSVec64<8> {
             let input = |k: usize, re: DualSVec64<8>| Outer::new(re, DualSVec64::from_re(f64::from(k == which)));
             let zero = DualSVec64::from_re(0.0);
-            let u = Inputs { x: input(0, DualSVec64::from_re(x).derivative(0)), v: input(1, zero), a: input(2, zero), dx: Outer::from_re(zero) };
+            let u = Inputs {
+                x: input(0, DualSVec64::from_re(x).derivative(0)),
+                v: input(1, zero),
+                a: input(2, zero),
+                dx: Outer::from_re(zero),
+            };
             L::advance(&u, 1.0, &mut [], &params[..p.len()]).eps
         };
         let zero = DualSVec64::from_re(0.0);

@@ -247,8 +247,10 @@ impl<'a> March<'a> {
     /// Zeroes the sensitivities and sets their number.
     pub fn set_columns(&self, state: &mut State, columns: usize) {
         let n = self.mass.len();
-        for (vector, len) in
-            [&mut state.dq, &mut state.dv, &mut state.da, &mut state.dw, &mut state.dg].map(|u| (u, n)).into_iter().chain([(&mut state.ds, self.n_states)])
+        for (vector, len) in [&mut state.dq, &mut state.dv, &mut state.da, &mut state.dw, &mut state.dg]
+            .map(|u| (u, n))
+            .into_iter()
+            .chain([(&mut state.ds, self.n_states)])
         {
             vector.clear();
             vector.resize(len * columns, 0.0);

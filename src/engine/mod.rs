@@ -26,3 +26,5 @@ pub use error::EngineError;
 mod tests;
 #[cfg(test)]
 mod space_tests;
+#[cfg(test)]
+mod space_peers;

@@ -75,7 +75,12 @@ impl<'a> Small<'a> {
         }
         if let Some(s) = state.as_ref().filter(|_| columns > 0) {
             for k in 0..columns {
-                let moved = small.along(model, q, &s.state.dq[k * n..(k + 1) * n], &s.d_elements[k * bound.elements.len()..(k + 1) * bound.elements.len()]);
+                let moved = small.along(
+                    model,
+                    q,
+                    &s.state.dq[k * n..(k + 1) * n],
+                    &s.d_elements[k * bound.elements.len()..(k + 1) * bound.elements.len()],
+                );
                 small.moved.push(moved);
             }
         }

@@ -45,7 +45,8 @@ impl Spatial {
         });
         let joints = joints.collect::<Result<Vec<_>, EngineError>>()?;
         let moving = space.parts.iter().enumerate().filter(|(_, p)| p.dofs.iter().any(Option::is_some));
-        let parts = moving.map(|(k, p)| Ok(PartWork { part: k, dofs: p.dofs, slots: slots(&p.dofs, layout, free)?, inertial: Inertial::default() }));
+        let parts = moving
+            .map(|(k, p)| Ok(PartWork { part: k, dofs: p.dofs, slots: slots(&p.dofs, layout, free)?, inertial: Inertial::default() }));
         let parts = parts.collect::<Result<Vec<_>, EngineError>>()?;
         Ok(Some(Spatial { space: space.clone(), joints, parts }))
     }

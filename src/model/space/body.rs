@@ -38,9 +38,7 @@ impl Part {
     /// Inertia tensor about the origin.
     pub fn inertia_about_origin(&self) -> M3<f64> {
         let (d, m) = (self.centre, self.mass);
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| self.inertia[i][j] + m * (if i == j { dot(d, d) } else { 0.0 } - d[i] * d[j]))
-        })
+        std::array::from_fn(|i| std::array::from_fn(|j| self.inertia[i][j] + m * (if i == j { dot(d, d) } else { 0.0 } - d[i] * d[j])))
     }
 
     /// Inertial forces of d'Alembert on the six coordinates: with the angular velocity `W = T'w` and acceleration `W' = T'w' + (T')'w`
@@ -134,9 +132,18 @@ mod tests {
         let path = |t: f64| -> [[f64; 6]; 3] {
             let phase = |i: usize| (1.0 + 0.3 * i as f64, 0.2 * i as f64);
             [
-                std::array::from_fn(|i| { let (w, p) = phase(i); 0.8 * (w * t + p).sin() }),
-                std::array::from_fn(|i| { let (w, p) = phase(i); 0.8 * w * (w * t + p).cos() }),
-                std::array::from_fn(|i| { let (w, p) = phase(i); -0.8 * w * w * (w * t + p).sin() }),
+                std::array::from_fn(|i| {
+                    let (w, p) = phase(i);
+                    0.8 * (w * t + p).sin()
+                }),
+                std::array::from_fn(|i| {
+                    let (w, p) = phase(i);
+                    0.8 * w * (w * t + p).cos()
+                }),
+                std::array::from_fn(|i| {
+                    let (w, p) = phase(i);
+                    -0.8 * w * w * (w * t + p).sin()
+                }),
             ]
         };
         let gradient = |t: f64, of_v: bool, k: usize| {

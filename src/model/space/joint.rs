@@ -83,8 +83,7 @@ impl<T: Num> Relative<T> {
         let d = transposed_times(&axes, gap);
         // A'B - 1 in the connector's axes.
         let twice = transposed_product(&a.less_unit, &b.less_unit);
-        let relative: M3<T> =
-            std::array::from_fn(|i| std::array::from_fn(|j| a.less_unit[j][i] + b.less_unit[i][j] + twice[i][j]));
+        let relative: M3<T> = std::array::from_fn(|i| std::array::from_fn(|j| a.less_unit[j][i] + b.less_unit[i][j] + twice[i][j]));
         let e = transposed_product(&axes0, &product(&relative, &axes0));
         let turn = logarithm(&e);
         let by_spin = {
@@ -133,7 +132,10 @@ impl<T: Num> Relative<T> {
                 [sum(&|i, j| -arm_n[i][j] - m_[i][j] - p[i][j]), sum(&|i, j| n_arm[i][j] + p[i][j])],
             ]
         };
-        let on_a = { let c = cross(self.reach, n); std::array::from_fn(|i| -c[i] - m[i]) };
+        let on_a = {
+            let c = cross(self.reach, n);
+            std::array::from_fn(|i| -c[i] - m[i])
+        };
         let on_b = add(cross(self.arm, n), m);
         let own = [slope_of_transposed(a.turn, on_a), slope_of_transposed(b.turn, on_b)];
         let spins = [&a.spin, &b.spin];
@@ -174,10 +176,7 @@ mod tests {
 
     fn frame() -> Frame {
         let r = exponential([0.3, -0.8, 0.5]).0;
-        Frame {
-            point: [0.115, 0.22, 0.0],
-            axes: std::array::from_fn(|i| std::array::from_fn(|j| r[i][j] + f64::from(i == j))),
-        }
+        Frame { point: [0.115, 0.22, 0.0], axes: std::array::from_fn(|i| std::array::from_fn(|j| r[i][j] + f64::from(i == j))) }
     }
 
     fn at<T: Num>(q: &[T; 12]) -> (Relative<T>, Pose<T>, Pose<T>) {

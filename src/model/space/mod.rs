@@ -23,8 +23,8 @@ pub mod rotation;
 
 use std::collections::HashMap;
 
-use super::graph::{Axis, Body, Connector, Dof, Model, Place, unique};
 use super::ModelError;
+use super::graph::{Axis, Body, Connector, Dof, Model, Place, unique};
 pub use body::{Inertial, Part};
 pub use curve::{Arc, Curve, Section};
 pub use joint::{Frame, Pose, Relative};
@@ -52,7 +52,11 @@ impl Model {
         unique("body", bodies.iter().map(|b| b.name.as_str()))?;
         unique("connector", connectors.iter().map(|c| c.name.as_str()))?;
         if space.parts.len() != bodies.len() || space.frames.len() != connectors.len() {
-            return Err(ModelError::invalid("space", "parts or frames do not match the graph", "one part per body, one frame per connector"));
+            return Err(ModelError::invalid(
+                "space",
+                "parts or frames do not match the graph",
+                "one part per body, one frame per connector",
+            ));
         }
         let mut dofs = Vec::new();
         let mut index = HashMap::new();
@@ -105,7 +109,10 @@ fn check_part(body: &Body, part: &Part) -> Result<(), ModelError> {
     let j = nalgebra::Matrix3::from_fn(|r, c| part.inertia[r][c]);
     let least = j.symmetric_eigenvalues().min();
     if least < -1e-12 * j.amax() || (j - j.transpose()).amax() > 1e-9 * j.amax() {
-        return bad(format!("the inertia tensor of part `{}` is not one of a body", body.name), "a symmetric tensor without negative principal values");
+        return bad(
+            format!("the inertia tensor of part `{}` is not one of a body", body.name),
+            "a symmetric tensor without negative principal values",
+        );
     }
     Ok(())
 }

@@ -1,0 +1,163 @@
+//! The chain of 22 rigid parts against Exudyn 1.13: `benches/peers/multibody.py` builds the same chain there and prints the numbers.
+
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use crate::effect::find;
+use crate::model::space::{Arc, Curve, Part, Section, Space};
+use crate::model::{Axis, Body, Bound, Connector, Instance, Level, Load, Model, ParamValue, Site, System};
+
+use super::equilibrium::equilibrium;
+use super::march::{Loads, March};
+use super::modal::{Range, modes};
+
+const N: usize = 22;
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+/// 22 parts along three arcs with the stiffness of the paper's Table 4, on a pin at the start and a closed shelf at the end; rotational
+/// dampers of `tau` [s] times the stiffness.
+pub(super) fn tensioner(tau: f64) -> System {
+    let turn = |radius: f64, degrees: f64| Arc::Turn { radius, angle: degrees * DEGREE };
+    let curve = Curve { start: [0.0; 3], heading: FRAC_PI_2, arcs: vec![turn(0.15, 12.0), turn(0.06, 35.0), turn(0.12, 18.0)] };
+    let (mut parts, frames) = curve.parts(N, Some(&Section { width: 0.020, thickness: 0.009, density: 3200.0 }));
+    // The first part turns about the pin, the last one slides with its end.
+    let ends = [(0, curve.start), (N - 1, curve.at(curve.length()).0)];
+    for (k, at) in ends {
+        let part: &mut Part = &mut parts[k];
+        part.centre = std::array::from_fn(|i| part.origin[i] - at[i]);
+        part.origin = at;
+    }
+    let free = |k: usize| match k {
+        0 => vec![Axis::Psi],
+        k if k == N - 1 => vec![Axis::Y, Axis::Psi],
+        _ => Axis::ALL.to_vec(),
+    };
+    let bodies = (0..N).map(|k| Body { name: format!("b{}", k + 1), mass: 0.0, inertia: 0.0, free: free(k) }).collect();
+    let connectors = (1..N).map(|k| Connector { name: format!("GF{k}"), from: k - 1, to: k }).collect();
+    let model = Model::spatial(bodies, connectors, Space { parts, frames }).unwrap();
+    assert_eq!(model.dofs.len(), 123);
+    let mut instances = Vec::new();
+    let mut put = |name: &str, at: String, value: f64| {
+        let effect = find(name).unwrap();
+        let params = effect.info().params.iter().map(|p| ParamValue::free(value, p.sign)).collect();
+        let site = Site::Places(model.places_at(&at).unwrap());
+        instances.push(Instance { effect, at, site, params, target: None, follower: false });
+    };
+    for (group, ky, psi) in [("1-3", 3.6e9, 1.49), ("4-18", 4.2e9, 1.96), ("19-21", 3.0e9, 1.49)] {
+        let k = [3e10, ky, 9e10, 1000.0 / DEGREE, 2.5 / DEGREE, psi / DEGREE];
+        for (axis, k) in Axis::ALL.iter().zip(k) {
+            put("linear_stiffness", format!("GF{group}.{}", axis.name()), k);
+            if axis.rotational() && tau > 0.0 {
+                put("viscous", format!("GF{group}.{}", axis.name()), k * tau);
+            }
+        }
+    }
+    System { model, instances }
+}
+
+fn bind(system: &System) -> Bound {
+    Bound::new(system, &[], "t", &BTreeMap::new()).unwrap()
+}
+
+fn close(found: &[f64], exudyn: &[f64], tolerance: f64) {
+    for (a, b) in found.iter().zip(exudyn) {
+        assert!((a / b - 1.0).abs() < tolerance, "{found:?}\n{exudyn:?}");
+    }
+}
+
+fn read(system: &System, q: &[f64]) -> [f64; 3] {
+    ["b11.x", "b11.y", "b22.y"].map(|d| q[system.model.dof(d).unwrap()])
+}
+
+#[test]
+fn frequencies_and_deflections_are_those_of_exudyn() {
+    let cases: [(f64, [f64; 3], [f64; 6]); 4] = [
+        (
+            0.0,
+            [0.0; 3],
+            [158.14120703968032, 543.0058652850962, 1149.6683484073437, 1995.0323364862086, 2136.9149005343374, 3040.7654897999655],
+        ),
+        (
+            80.0,
+            [0.0018494615069816686, 0.00016275996298549533, -0.002539101146058889],
+            [123.53882619608281, 561.145116089811, 1175.922024806222, 2009.1189987902087, 2077.3345060577935, 3036.0554612884184],
+        ),
+        (
+            138.3,
+            [0.002994164866428079, 0.0002056513227665993, -0.004363100334340966],
+            [294.59140848852104, 564.9052180689505, 1196.454304348832, 2022.6477676150867, 2049.7825861658457, 3024.87593769692],
+        ),
+        (
+            -138.3,
+            [-0.0039695149016285985, -0.0007040113883699517, 0.004089994877462352],
+            [146.05100951202232, 504.68904592662517, 1116.6073114269122, 1984.1922621375168, 2298.417247033071, 2904.5670118743387],
+        ),
+    ];
+    for (force, deflection, frequencies) in cases {
+        let mut system = tensioner(0.0);
+        if force != 0.0 {
+            let dof = system.model.dof("b11.x").unwrap();
+            system.model.loads.push(Load { dof, path: vec![Level::Value(force)], steps: 10 });
+            let bound = bind(&system);
+            let at = equilibrium(&system.model, &bound, 0).unwrap().unwrap();
+            println!("{force} N: {:?}", read(&system, &at.state.q));
+            close(&read(&system, &at.state.q), &deflection, 1e-5);
+        }
+        match modes(&system.model, &bind(&system), Range::Lowest(6), false) {
+            Ok(found) => {
+                let found: Vec<f64> = found.iter().map(|m| m.frequency_hz).collect();
+                println!("{force} N: {found:?} Hz, Exudyn {frequencies:?}");
+                close(&found, &frequencies, 1e-4);
+            }
+            Err(e) => println!("{force} N: {e}, Exudyn {frequencies:?}"),
+        }
+    }
+}
+
+fn march(steps: usize) -> (Vec<[f64; 3]>, std::time::Duration) {
+    let system = tensioner(2e-5);
+    let bound = bind(&system);
+    let duration = 0.012;
+    let push = |t: f64| 138.3 * (TAU * t / duration).sin().powi(2) * if t < 0.5 * duration { 1.0 } else { -1.0 };
+    let path = (0..=steps).map(|k| push(duration * k as f64 / steps as f64)).collect();
+    let loads = Loads { dt: duration / steps as f64, prescribed: vec![], forces: vec![(system.model.dof("b11.x").unwrap(), path)] };
+    let mut march = March::new(&system.model, &bound, &loads, 0.7).unwrap();
+    let mut state = march.rest(0);
+    let mut all = Vec::new();
+    let start = std::time::Instant::now();
+    for k in 1..=steps {
+        march.step(k, &mut state, 0).unwrap();
+        if (k * 12) % steps == 0 {
+            all.push(read(&system, &state.q));
+        }
+    }
+    (all, start.elapsed())
+}
+
+#[test]
+fn a_transient_with_large_rotations_is_that_of_exudyn() {
+    let steps = 2400;
+    let (found, time) = march(steps);
+    // Exudyn with 9600 steps, every millisecond.
+    let exudyn = [
+        [8.390944875871775e-05, 1.7433506800688947e-05, -9.523648381733196e-05],
+        [0.0009441229516078588, 0.00012068859508432284, -0.0012259185011116863],
+        [0.002965972290701939, 0.00021561095998200858, -0.0043336693310470215],
+        [0.004649884379030517, 0.0001160479668688083, -0.007451573375108503],
+        [0.004201826338506245, 0.00011970648343169465, -0.006585728776399805],
+        [0.0008288493116382963, 9.437556954351028e-05, -0.0011303927227662713],
+        [-0.0037444930515258407, -0.0006222113585303835, 0.003909916384386952],
+        [-0.006037217434169944, -0.0012491162698631125, 0.005651674663939774],
+        [-0.005572761245744937, -0.0011086945021615002, 0.005315039618947526],
+        [-0.0036076728531717513, -0.0006179144053668484, 0.0037895580000819745],
+        [-0.0010515360143528753, -0.00013096086434064708, 0.0012369640092852463],
+        [0.0013404199169574204, 0.0001152333508277828, -0.0018186254859089424],
+    ];
+    let mut worst: f64 = 0.0;
+    for i in 0..3 {
+        let size = exudyn.iter().fold(0.0f64, |m, e| m.max(e[i].abs()));
+        worst = found.iter().zip(&exudyn).fold(worst, |w, (a, b)| w.max((a[i] - b[i]).abs() / size));
+    }
+    println!("largest difference over the largest displacement {worst:.2e}; {:.1} us a step", time.as_secs_f64() * 1e6 / steps as f64);
+    assert!(worst < 1e-4, "{worst}: {found:?}");
+}
