@@ -16,6 +16,7 @@ use crate::model::{Bound, ElementScratch, Model, Sensed};
 
 use super::EngineError;
 use super::blocktri::{BlockTri, Layout, Levels};
+use super::equilibrium::Equilibrium;
 use super::spatial::{self, Joint};
 
 mod method;
@@ -244,6 +245,19 @@ impl<'a> March<'a> {
         state
     }
 
+    /// Rest in an equilibrium, at step 0 of the loads for what is prescribed; without one, [`March::rest`].
+    pub fn start(&self, equilibrium: Option<Equilibrium>, columns: usize) -> State {
+        let mut state = self.rest(columns);
+        if let Some(Equilibrium { state: at, .. }) = equilibrium {
+            (state.q, state.s, state.dq, state.ds) = (at.q, at.s, at.dq, at.ds);
+            for (dof, path) in &self.loads.prescribed {
+                state.q[*dof] = path[0][0];
+                (0..columns).for_each(|c| state.dq[c * self.mass.len() + dof] = 0.0);
+            }
+        }
+        state
+    }
+
     /// Zeroes the sensitivities and sets their number.
     pub fn set_columns(&self, state: &mut State, columns: usize) {
         let n = self.mass.len();
@@ -343,6 +357,7 @@ impl<'a> March<'a> {
             }
         };
         let n_free = self.free_dofs.len();
+        let mut at_end = false;
         if n_free > 0 {
             for &d in &self.free_dofs {
                 state.q[d] += dt * state.v[d];
@@ -397,13 +412,17 @@ impl<'a> March<'a> {
                 }
                 update(state, &self.old, &self.free_dofs);
             }
+            at_end = converged;
             if !converged && last.0 > 1e-8 * last.1 {
                 self.force = force;
                 return Err(EngineError::NoEquilibrium { step: k, steps, residual: last.0 / last.1 });
             }
         }
         let stage = if columns > 0 || self.n_follower_states > 0 { Stage::Full } else { Stage::Value };
-        self.internal(state, stage, &mut force);
+        // The last sum of Newton's method was taken at the converged point.
+        if stage == Stage::Full || !at_end {
+            self.internal(state, stage, &mut force);
+        }
         if force.iter().any(|f| !f.is_finite()) {
             self.force = force;
             return Err(EngineError::NotFinite { step: k });

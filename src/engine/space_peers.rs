@@ -139,7 +139,7 @@ fn a_transient_with_large_rotations_is_that_of_exudyn() {
     let steps = 2400;
     let (found, time) = march(steps);
     // Exudyn with 9600 steps, every millisecond.
-    let exudyn = [
+    let exudyn: [[f64; 3]; 12] = [
         [8.390944875871775e-05, 1.7433506800688947e-05, -9.523648381733196e-05],
         [0.0009441229516078588, 0.00012068859508432284, -0.0012259185011116863],
         [0.002965972290701939, 0.00021561095998200858, -0.0043336693310470215],

@@ -66,7 +66,7 @@ impl Bound {
                 }
                 (Effect::Coefficient(_), _) => {}
                 (effect, Site::Places(places)) => {
-                    for &place in places {
+                    for &place in places.iter().filter(|p| system.model.present(system.model.places[**p].connector, test)) {
                         let (mut p, mut chain) = (values[i].clone(), chains[i].clone());
                         coefficients(system, i, place, conditions, &values, &chains, &mut p, &mut chain)?;
                         let element = elements.entry(place).or_insert_with(|| Element::new(&system.model, place));

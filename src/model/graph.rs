@@ -128,6 +128,8 @@ pub struct Model {
     pub space: Option<Space>,
     /// Loads that stay; the operating point of frequency responses, modes and cycles is the equilibrium under them.
     pub loads: Vec<Load>,
+    /// Connectors that are not there in some tests: index, and ids of tests (`loop-*` for all that begin so).
+    pub absent: Vec<(usize, Vec<String>)>,
 }
 
 impl Model {
@@ -170,7 +172,7 @@ impl Model {
         if dofs.is_empty() {
             return Err(ModelError::invalid("body", "no body has a free axis: nothing can move", "at least one body with free = [\"x\"]"));
         }
-        let model = Model { bodies, connectors, dofs, places, space: None, loads: vec![] };
+        let model = Model { bodies, connectors, dofs, places, space: None, loads: vec![], absent: vec![] };
         for (d, dof) in model.dofs.iter().enumerate() {
             if !model.places.iter().any(|p| p.from == Some(d) || p.to == Some(d)) {
                 let name = model.dof_name(d);
@@ -182,6 +184,15 @@ impl Model {
             }
         }
         Ok(model)
+    }
+
+    /// Whether a connector is there in a test.
+    pub fn present(&self, connector: usize, test: &str) -> bool {
+        let covers = |pattern: &String| match pattern.strip_suffix('*') {
+            Some(front) => test.starts_with(front),
+            None => test == pattern,
+        };
+        !self.absent.iter().any(|(c, tests)| *c == connector && tests.iter().any(covers))
     }
 
     /// Name of a degree of freedom, `body.axis`.

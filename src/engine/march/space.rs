@@ -116,12 +116,10 @@ impl March<'_> {
             let part = &spatial.space.parts[work.part];
             let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[d]));
             let (q, v, a) = (at(&state.q), at(&state.v), at(&state.a));
-            if stage == Stage::Value {
-                let three = |x: &[f64; 6]| [x[3], x[4], x[5]];
-                work.inertial.p = part.inertial([a[0], a[1], a[2]], three(&q), three(&v), three(&a));
-            } else {
-                work.inertial = part.inertial_tangent(&q, &v, &a);
-            }
+            work.inertial = match stage {
+                Stage::Full => part.inertial_tangent(&q, &v, &a),
+                _ => part.inertial_by_acceleration(&q, &v, &a),
+            };
             for (d, p) in work.dofs.iter().zip(work.inertial.p) {
                 if let Some(d) = d {
                     force[*d] += p;

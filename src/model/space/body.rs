@@ -88,6 +88,30 @@ impl Part {
         out
     }
 
+    /// Inertial forces with the mass matrix alone: enough for Newton's method where a step turns a part by little.
+    pub fn inertial_by_acceleration(&self, q: &[f64; 6], v: &[f64; 6], a: &[f64; 6]) -> Inertial {
+        let three = |x: &[f64; 6]| [x[3], x[4], x[5]];
+        let mut out = Inertial { p: self.inertial([a[0], a[1], a[2]], three(q), three(v), three(a)), ..Inertial::default() };
+        let (less_unit, spin) = exponential(three(q));
+        let turned = product(&product(&spin, &self.inertia_about_origin()), &transposed(&spin));
+        for i in 0..3 {
+            out.by_a[i][i] = self.mass;
+            out.by_a[3 + i][3..].copy_from_slice(&turned[i]);
+        }
+        if self.centre != [0.0; 3] {
+            // m T d~ R'.
+            let r: M3<f64> = std::array::from_fn(|i| std::array::from_fn(|j| less_unit[i][j] + f64::from(i == j)));
+            let offset = product(&product(&spin, &tilde(self.centre)), &transposed(&r));
+            for i in 0..3 {
+                for j in 0..3 {
+                    out.by_a[3 + i][j] = self.mass * offset[i][j];
+                    out.by_a[j][3 + i] = out.by_a[3 + i][j];
+                }
+            }
+        }
+        out
+    }
+
     /// The mass matrix at a rotation vector.
     pub fn mass_matrix<T: Num>(&self, turn: V3<T>) -> [[T; 6]; 6] {
         let zero = [T::from(0.0); 3];
@@ -168,8 +192,10 @@ mod tests {
         let part = part();
         let (q, v, a) = ([0.1, 0.2, 0.3, 0.9, -0.7, 1.2], [1.0, -2.0, 0.5, 3.0, -1.0, 2.0], [4.0, 1.0, -3.0, 20.0, -9.0, 5.0]);
         let out = part.inertial_tangent(&q, &v, &a);
+        let short = part.inertial_by_acceleration(&q, &v, &a);
         let m = part.mass_matrix([q[3], q[4], q[5]]);
         for j in 0..6 {
+            assert!((short.p[j] - out.p[j]).abs() < 1e-13 && (0..6).all(|i| (short.by_a[i][j] - out.by_a[i][j]).abs() < 1e-14));
             let moved = |which: usize, h: f64| {
                 let mut x = [q, v, a];
                 x[which][j] += h;

@@ -132,14 +132,14 @@ impl Section {
         (mass, tensor)
     }
 
-    /// How many equal parts a length needs under the modal-basis rule: enough that every mode below twice the highest frequency of
-    /// interest is one of the chain's. A free beam of bending stiffness `E I`, `I = width thickness^3 / 12`, has its k-th bending mode
-    /// at `(b_k/l)^2 sqrt(E I/(rho A)) / 2 pi` with `b_k` near `(k + 1/2) pi`; a chain of `n` parts has `n - 1` joints and resolves a
-    /// mode with at least four parts to each of its `k + 1/2` half waves to about a per cent.
+    /// How many equal parts a length needs under the modal-basis rule: every mode below twice the highest frequency of interest is to be
+    /// one of the chain's. A free beam of bending stiffness `E I`, `I = width thickness^3 / 12`, bends at the frequency `f` with
+    /// `(l / pi) sqrt(2 pi f / c)` half waves, `c^2 = E I / (rho A)`; ten parts to each of them keep the chain's frequencies to a few
+    /// tenths of a per cent of the beam's.
     pub fn parts_below(&self, length: f64, modulus: f64, highest: f64) -> usize {
         let speed = (modulus * self.thickness * self.thickness / (12.0 * self.density)).sqrt();
         let wave = length * (2.0 * std::f64::consts::TAU * highest / speed).sqrt() / std::f64::consts::PI;
-        ((4.0 * wave).ceil() as usize).max(2)
+        ((10.0 * wave).ceil() as usize).max(2)
     }
 }
 

@@ -93,7 +93,7 @@ impl Model {
                 "a connector to every part that can move",
             ));
         }
-        Ok(Model { bodies, connectors, dofs, places, space: Some(space), loads: vec![] })
+        Ok(Model { bodies, connectors, dofs, places, space: Some(space), loads: vec![], absent: vec![] })
     }
 }
 

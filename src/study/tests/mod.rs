@@ -12,6 +12,7 @@ use super::{Study, StudyError};
 mod property;
 mod read;
 mod refuse;
+mod space;
 mod write;
 
 /// The contract's first example.
