@@ -73,13 +73,38 @@ pub trait ForceLaw: Send + Sync {
     fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError>;
     /// Dynamic stiffness of small motion about a held displacement `x`, for a law without states; otherwise as
     /// [`ForceLaw::stiffness_tangent`]. Third: its derivative with respect to `x`.
+    /// Here by differences of the exact tangent.
     fn stiffness_about(
         &self,
         s: Complex64,
         x: f64,
         p: &[f64],
         dp: &mut [Complex64],
-    ) -> Result<(Complex64, Complex64, Complex64), EffectError>;
+    ) -> Result<(Complex64, Complex64, Complex64), EffectError> {
+        if self.linear() || self.info().states > 0 {
+            return self.stiffness_tangent(s, p, dp).map(|(z, dz)| (z, dz, Complex64::new(0.0, 0.0)));
+        }
+        let tangent = |x: f64, p: &[f64]| -> [f64; 3] {
+            let mut t = Tangent::default();
+            self.tangent(&Inputs { x, ..Inputs::default() }, 1.0, &mut [], p, &[false; MAX][..p.len()], &mut t);
+            let d = t.inputs(0);
+            [d[0], d[1], d[2]]
+        };
+        let sum = |[k, c, m]: [f64; 3]| s * s * m + s * c + k;
+        let slope = |value: f64, at: &dyn Fn(f64) -> [f64; 3]| {
+            let h = 1e-5 * value.abs().max(1e-9);
+            (sum(at(value + h)) - sum(at(value - h))) / (2.0 * h)
+        };
+        for (k, out) in dp.iter_mut().enumerate() {
+            *out = slope(p[k], &|value| {
+                let mut moved = p.to_vec();
+                moved[k] = value;
+                tangent(x, &moved)
+            });
+        }
+        let [k, c, m] = tangent(x, p);
+        Ok((sum([k, c, m]), s * (2.0 * m) + c, slope(x, &|x| tangent(x, p))))
+    }
     /// Dynamic stiffness with its derivatives with respect to the complex frequency and to every parameter (`dp`, one per parameter).
     fn stiffness_tangent(&self, s: Complex64, p: &[f64], dp: &mut [Complex64]) -> Result<(Complex64, Complex64), EffectError>;
 }

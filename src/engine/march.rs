@@ -16,12 +16,12 @@ use crate::model::{Bound, ElementScratch, Model, Sensed};
 
 use super::EngineError;
 use super::blocktri::{BlockTri, Layout, Levels};
-use super::equilibrium::Equilibrium;
 use super::spatial::{self, Joint};
 
 mod method;
 mod sensitivities;
 mod space;
+mod statics;
 
 use method::{Alpha, Rates};
 use space::Spatial;
@@ -125,12 +125,16 @@ pub struct March<'a> {
     base: Vec<f64>,
     newton: Vec<f64>,
     scale: f64,
+    /// Whether the factors at hand are taken again.
+    keep: bool,
 }
 
 /// Newton iterations and shortened steps together, at most.
 const ITERATIONS: usize = 120;
 /// Newton steps of a spatial model that are taken whole although the residual rises.
 const PATIENCE: usize = 30;
+/// Fall of the residual per iteration at which kept factors no longer serve.
+const SLOW: f64 = 0.1;
 /// Shortest part of a Newton step.
 const SHORTEST: f64 = 1e-4;
 
@@ -203,22 +207,8 @@ impl<'a> March<'a> {
             h: vec![],
             forces: vec![0.0; bound.elements.len()],
             scale: 0.0,
+            keep: false,
         })
-    }
-
-    /// Prepares steps without inertia and velocity along a loading path: `loads` holds all that acts, those of the model that stay
-    /// included.
-    pub fn quasi_static(model: &Model, bound: &'a Bound, loads: &'a Loads) -> Result<Self, EngineError> {
-        let mut march = March::loading(model, bound, loads, 1.0)?;
-        march.alpha.still = true;
-        Ok(march)
-    }
-
-    /// A march whose `loads` hold all that acts, those that stay included.
-    pub(super) fn loading(model: &Model, bound: &'a Bound, loads: &'a Loads, radius: f64) -> Result<Self, EngineError> {
-        let mut march = March::new(model, bound, loads, radius)?;
-        march.constant.clear();
-        Ok(march)
     }
 
     fn rates(&self) -> Rates {
@@ -241,19 +231,6 @@ impl<'a> March<'a> {
         self.set_columns(&mut state, columns);
         for (dof, path) in &self.loads.prescribed {
             (state.q[*dof], state.v[*dof], state.a[*dof]) = (path[0][0], path[0][1], path[0][2]);
-        }
-        state
-    }
-
-    /// Rest in an equilibrium, at step 0 of the loads for what is prescribed; without one, [`March::rest`].
-    pub fn start(&self, equilibrium: Option<Equilibrium>, columns: usize) -> State {
-        let mut state = self.rest(columns);
-        if let Some(Equilibrium { state: at, .. }) = equilibrium {
-            (state.q, state.s, state.dq, state.ds) = (at.q, at.s, at.dq, at.ds);
-            for (dof, path) in &self.loads.prescribed {
-                state.q[*dof] = path[0][0];
-                (0..columns).for_each(|c| state.dq[c * self.mass.len() + dof] = 0.0);
-            }
         }
         state
     }
@@ -334,6 +311,13 @@ impl<'a> March<'a> {
 
     /// One step, to the loads at index `k`.
     pub fn step(&mut self, k: usize, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        let mut force = std::mem::take(&mut self.force);
+        let done = self.advance(k, state, columns, &mut force);
+        self.force = force;
+        done
+    }
+
+    fn advance(&mut self, k: usize, state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
         let (dt, alpha, n) = (self.loads.dt, self.alpha, self.mass.len());
         let steps = self.loads.prescribed.first().map(|p| p.1.len()).or(self.loads.forces.first().map(|f| f.1.len())).unwrap_or(1) - 1;
         self.old.clone_from(state);
@@ -350,7 +334,6 @@ impl<'a> March<'a> {
         for (dof, path) in &self.loads.prescribed {
             (state.q[*dof], state.v[*dof], state.a[*dof]) = (path[k][0], path[k][1], path[k][2]);
         }
-        let mut force = std::mem::take(&mut self.force);
         let update = |state: &mut State, old: &State, dofs: &[usize]| {
             for &d in dofs {
                 (state.w[d], state.v[d], state.a[d]) = alpha.end(dt, state.q[d], old.q[d], old.v[d], old.w[d], old.a[d]);
@@ -368,8 +351,11 @@ impl<'a> March<'a> {
             let mut last = (f64::INFINITY, f64::INFINITY);
             // Bending a chain of stiff links strains them to second order: the residual may rise far before it falls.
             let patience = if self.spatial.is_some() { PATIENCE } else { 0 };
+            self.keep &= patience > 0;
             for iteration in 0..ITERATIONS {
-                let mut scale = self.internal(state, Stage::Newton, &mut force);
+                // Factors are kept from step to step while they serve.
+                let stage = if self.keep { Stage::Value } else { Stage::Newton };
+                let mut scale = self.internal(state, stage, force);
                 let mut norm = 0.0f64;
                 for (i, &d) in self.free_dofs.iter().enumerate() {
                     let inertia = self.mass[d] * state.a[d];
@@ -379,7 +365,6 @@ impl<'a> March<'a> {
                     self.rhs[i] = -r;
                 }
                 if !norm.is_finite() {
-                    self.force = force;
                     return Err(EngineError::NotFinite { step: k });
                 }
                 // What a stiff link carries in passing is no measure of the forces present.
@@ -390,9 +375,14 @@ impl<'a> March<'a> {
                     break;
                 }
                 // A residual that no longer falls at rounding level is as good as it gets.
-                if norm >= base_norm && norm <= 1e-10 * self.scale {
+                let level = if self.keep { SLOW * base_norm } else { base_norm };
+                if norm >= level && norm <= 1e-10 * self.scale {
                     converged = true;
                     break;
+                }
+                if self.keep && (norm >= level || iteration >= patience) {
+                    self.keep = false;
+                    continue;
                 }
                 if norm < base_norm || factor < SHORTEST || iteration < patience {
                     base_norm = norm;
@@ -400,7 +390,10 @@ impl<'a> March<'a> {
                     for (base, &d) in self.base.iter_mut().zip(&self.free_dofs) {
                         *base = state.q[d];
                     }
-                    self.matrix.factor()?;
+                    if !self.keep {
+                        self.matrix.factor()?;
+                        self.keep = self.spatial.is_some() && !alpha.still;
+                    }
                     self.matrix.solve(&mut self.rhs)?;
                     self.newton.copy_from_slice(&self.rhs);
                 } else {
@@ -414,50 +407,25 @@ impl<'a> March<'a> {
             }
             at_end = converged;
             if !converged && last.0 > 1e-8 * last.1 {
-                self.force = force;
                 return Err(EngineError::NoEquilibrium { step: k, steps, residual: last.0 / last.1 });
             }
         }
         let stage = if columns > 0 || self.n_follower_states > 0 { Stage::Full } else { Stage::Value };
         // The last sum of Newton's method was taken at the converged point.
         if stage == Stage::Full || !at_end {
-            self.internal(state, stage, &mut force);
+            self.internal(state, stage, force);
         }
         if force.iter().any(|f| !f.is_finite()) {
-            self.force = force;
             return Err(EngineError::NotFinite { step: k });
         }
         for d in 0..n {
             state.g[d] = self.mass[d] * state.a[d] + force[d] - self.external[d];
         }
-        self.force = force;
         if columns > 0 {
             self.sensitivities(state, columns)?;
         }
         state.s.copy_from_slice(&self.new_s);
         Ok(())
-    }
-
-    /// A degree of freedom that moves most in an unstable direction of a quasi-static equilibrium; `None` where none is found. An odd
-    /// number of unstable directions is found: the first one that a rising load brings.
-    pub fn unstable(&mut self, state: &mut State) -> Result<Option<usize>, EngineError> {
-        let mut force = std::mem::take(&mut self.force);
-        self.old.clone_from(state);
-        if let Some(spatial) = &mut self.spatial {
-            spatial.begin(&self.old);
-        }
-        self.internal(state, Stage::Newton, &mut force);
-        self.force = force;
-        match self.matrix.factor() {
-            Ok(weakest) => Ok((self.matrix.determinant_sign() < 0.0).then(|| self.free_dofs[weakest.dof])),
-            Err(super::blocktri::BlockTriError::Singular { dof, .. }) => Ok(Some(self.free_dofs[dof])),
-            Err(e) => Err(e.into()),
-        }
-    }
-
-    /// Force of every element after a step, and its sensitivities (column by column).
-    pub(super) fn element_forces(&self, columns: usize) -> (Vec<f64>, Vec<f64>) {
-        (self.forces.clone(), self.h[..columns * self.forces.len()].to_vec())
     }
 
     /// What a probe reads after a step, with its sensitivities written to `d` (one per column).

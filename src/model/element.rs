@@ -443,7 +443,12 @@ impl Element {
         }
         for piece in &self.followers {
             // A candidate without a small-signal limit leaves no trace in this test.
-            dp[piece.p.start] = piece.law.stiffness(s, &self.p[piece.p.clone()]).unwrap_or(zero);
+            let p = &self.p[piece.p.clone()];
+            let own = match x == 0.0 && f == 0.0 {
+                true => piece.law.stiffness(s, p),
+                false => piece.law.stiffness_about(s, x - open, p, &mut [zero; 16][..p.len()]).map(|z| z.0),
+            };
+            dp[piece.p.start] = own.unwrap_or(zero);
         }
         if self.series.is_empty() {
             return Ok((z, dz, by_x));

@@ -9,6 +9,10 @@
 //! constraint holds exactly. That is what Lagrange multipliers give for such joints (eqs. 1-2 of the paper) without their indefinite
 //! matrix and without drift. A joint between two parts that both move is a connector with the stiffness its author declares.
 //!
+//! The paper's tensioner: part 1 on the pin (psi), 20 parts free, part 22 on the closed shelf (y, psi): 1 + 20 x 6 + 2 = 123 degrees of
+//! freedom. A shelf that may open is a connector from the ground to part 22 with a unilateral law along x; part 22 is then free in x
+//! too, 124, and lifting off leaves it to the chain. Where nothing else holds it, there is no equilibrium, and that is said.
+//!
 //! | file | what |
 //! |---|---|
 //! | `rotation` | rotation vectors, their tangents, over dual numbers |
