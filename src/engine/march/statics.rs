@@ -17,7 +17,7 @@ impl<'a> March<'a> {
     }
 
     /// A march whose `loads` hold all that acts, those that stay included.
-    pub(super) fn loading(model: &Model, bound: &'a Bound, loads: &'a Loads, radius: f64) -> Result<Self, EngineError> {
+    pub(in crate::engine) fn loading(model: &Model, bound: &'a Bound, loads: &'a Loads, radius: f64) -> Result<Self, EngineError> {
         let mut march = March::new(model, bound, loads, radius)?;
         march.constant.clear();
         Ok(march)
@@ -54,7 +54,7 @@ impl<'a> March<'a> {
     }
 
     /// Force of every element after a step, and its sensitivities (column by column).
-    pub(super) fn element_forces(&self, columns: usize) -> (Vec<f64>, Vec<f64>) {
+    pub(in crate::engine) fn element_forces(&self, columns: usize) -> (Vec<f64>, Vec<f64>) {
         (self.forces.clone(), self.h[..columns * self.forces.len()].to_vec())
     }
 }

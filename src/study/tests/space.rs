@@ -91,8 +91,8 @@ c = "0.1 N mm s/deg"
 [[effect]]
 effect = "elastic_slip"
 at = "GF1-2.psi"
-F = { start = "300 N mm", min = "0 N mm" }
-x_s = "0.01 rad"
+f = { start = "300 N mm", min = "0 N mm" }
+d = "0.01 rad"
 [[effect]]
 effect = "linear_stiffness"
 at = "shelf.x"
