@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use nalgebra::Const;
 use num_complex::{Complex, Complex64};
-use num_dual::{Derivative, DualSVec64};
+use num_dual::{Derivative, Dual, DualSVec64};
 
 use super::{EffectError, Force, Formula, Info, Inputs, Num, Ports};
 
@@ -77,6 +77,40 @@ pub trait ForceLaw: Send + Sync {
     fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent);
     /// [`Force::stiffness`] in plain numbers.
     fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError>;
+    /// Dynamic stiffness of small motion about a held displacement `x`, for a law without states; otherwise as
+    /// [`ForceLaw::stiffness_tangent`]. Third: its derivative with respect to `x`.
+    /// Here by differences of the exact tangent.
+    fn stiffness_about(
+        &self,
+        s: Complex64,
+        x: f64,
+        p: &[f64],
+        dp: &mut [Complex64],
+    ) -> Result<(Complex64, Complex64, Complex64), EffectError> {
+        if self.linear() || self.info().states > 0 {
+            return self.stiffness_tangent(s, p, dp).map(|(z, dz)| (z, dz, Complex64::new(0.0, 0.0)));
+        }
+        let tangent = |x: f64, p: &[f64]| -> [f64; 3] {
+            let mut t = Tangent::default();
+            self.tangent(&Inputs { x, ..Inputs::default() }, 1.0, &mut [], p, &[false; MAX][..p.len()], &mut t);
+            let d = t.inputs(0);
+            [d[0], d[1], d[2]]
+        };
+        let sum = |[k, c, m]: [f64; 3]| s * s * m + s * c + k;
+        let slope = |value: f64, at: &dyn Fn(f64) -> [f64; 3]| {
+            let h = 1e-5 * value.abs().max(1e-9);
+            (sum(at(value + h)) - sum(at(value - h))) / (2.0 * h)
+        };
+        for (k, out) in dp.iter_mut().enumerate() {
+            *out = slope(p[k], &|value| {
+                let mut moved = p.to_vec();
+                moved[k] = value;
+                tangent(x, &moved)
+            });
+        }
+        let [k, c, m] = tangent(x, p);
+        Ok((sum([k, c, m]), s * (2.0 * m) + c, slope(x, &|x| tangent(x, p))))
+    }
     /// Dynamic stiffness with its derivatives with respect to the complex frequency and to every parameter (`dp`, one per parameter).
     fn stiffness_tangent(&self, s: Complex64, p: &[f64], dp: &mut [Complex64]) -> Result<(Complex64, Complex64), EffectError>;
 }
@@ -234,6 +268,46 @@ impl<L: Force> ForceLaw for Dispatch<L> {
 
     fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError> {
         L::stiffness(s, p).map_err(|remedy| EffectError::NoSmallSignal { name: L::INFO.name, remedy })
+    }
+
+    fn stiffness_about(
+        &self,
+        s: Complex64,
+        x: f64,
+        p: &[f64],
+        dp: &mut [Complex64],
+    ) -> Result<(Complex64, Complex64, Complex64), EffectError> {
+        if L::LINEAR || L::INFO.states > 0 {
+            // What remembers is stuck where it is, and moves about there as about rest.
+            return self.stiffness_tangent(s, p, dp).map(|(z, dz)| (z, dz, Complex64::new(0.0, 0.0)));
+        }
+        type Outer = Dual<DualSVec64<8>>;
+        let mut params = [Outer::from_re(DualSVec64::from_re(0.0)); 8];
+        for (k, value) in p.iter().enumerate().take(7) {
+            params[k] = Outer::from_re(DualSVec64::<8>::from_re(*value).derivative(1 + k));
+        }
+        // Derivative with respect to one input as a dual number over x and the parameters.
+        let along = |which: usize| -> DualSVec64<8> {
+            let input = |k: usize, re: DualSVec64<8>| Outer::new(re, DualSVec64::from_re(f64::from(k == which)));
+            let zero = DualSVec64::from_re(0.0);
+            let u = Inputs {
+                x: input(0, DualSVec64::from_re(x).derivative(0)),
+                v: input(1, zero),
+                a: input(2, zero),
+                dx: Outer::from_re(zero),
+            };
+            L::advance(&u, 1.0, &mut [], &params[..p.len()]).eps
+        };
+        let zero = DualSVec64::from_re(0.0);
+        let ports = L::INFO.ports;
+        let k = if ports.x { along(0) } else { zero };
+        let c = if ports.v { along(1) } else { zero };
+        let m = if ports.a { along(2) } else { zero };
+        let sum = |f: &dyn Fn(&DualSVec64<8>) -> f64| s * s * f(&m) + s * f(&c) + f(&k);
+        for (j, out) in dp.iter_mut().enumerate() {
+            *out = sum(&|d| slope(&d.eps, 1 + j));
+        }
+        Ok((sum(&|d| d.re), s * (2.0 * m.re) + c.re, sum(&|d| slope(&d.eps, 0))))
     }
 
     fn stiffness_tangent(&self, s: Complex64, p: &[f64], dp: &mut [Complex64]) -> Result<(Complex64, Complex64), EffectError> {

@@ -24,6 +24,16 @@ pub enum EngineError {
         /// Relative residual reached.
         residual: f64,
     },
+    /// An equilibrium that is none.
+    #[error("the equilibrium is not stable at step {step} of {steps} of the loading path: nothing holds `{dof}`")]
+    Unstable {
+        /// Step.
+        step: usize,
+        /// Steps of the path.
+        steps: usize,
+        /// Degree of freedom that moves most.
+        dof: String,
+    },
     /// The response grew beyond all numbers.
     #[error("the response is not finite at step {step}")]
     NotFinite {
@@ -79,6 +89,7 @@ impl Explain for EngineError {
             EngineError::Linear(e) => e.place(),
             EngineError::Effect(e) => e.place(),
             EngineError::NoEquilibrium { step, .. } | EngineError::NotFinite { step } => format!("step {step}"),
+            EngineError::Unstable { step, dof, .. } => format!("step {step}, {dof}"),
             EngineError::NotPeriodic { .. } => "cycle".into(),
             EngineError::Request { what, .. } => (*what).into(),
             EngineError::NoHarmonicBalance { frequency, .. } | EngineError::NoMode { frequency, .. } => format!("{frequency} Hz"),
@@ -90,6 +101,9 @@ impl Explain for EngineError {
             EngineError::Effect(e) => e.accepted(),
             EngineError::NoEquilibrium { .. } | EngineError::NotFinite { .. } => {
                 "parameters for which the structure stands: positive stiffness along every path, softening within its range".into()
+            }
+            EngineError::Unstable { .. } => {
+                "a load below buckling, supports that stay closed under it, and a force effect along every direction that is free".into()
             }
             EngineError::Request { accepted, .. } => accepted.clone(),
             EngineError::NoHarmonicBalance { .. } => {

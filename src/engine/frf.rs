@@ -1,7 +1,6 @@
-//! Frequency response of small motion about rest, with sensitivities.
+//! Frequency response of small motion about the operating point, with sensitivities.
 //!
-//! `Z(w) = sum_e z_e(w) b_e b_e' - w^2 M`, `Z X = E`; `z_e` is the dynamic stiffness of a place's element (friction stuck), `b_e` its
-//! relative-displacement row. Elements with the same laws and numbers share one coefficient.
+//! `Z(w) X = E` with the system of [`super::small`]. Elements with the same laws and numbers share one coefficient.
 
 use num_complex::Complex64;
 
@@ -9,6 +8,7 @@ use crate::model::{Bound, Model};
 
 use super::EngineError;
 use super::blocktri::{Element as Row, FrfSystem, Response, Sweep};
+use super::small::Small;
 
 /// Receptances over frequency lines.
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ pub struct Receptance {
     pub dh: Vec<Complex64>,
 }
 
-/// Computes `H = q_out / f_in` at the circular frequencies `omega` [rad/s].
+/// Computes `H = q_out / f_in` at the circular frequencies `omega` [rad/s], about the equilibrium under the loads that stay.
 pub fn receptance(
     model: &Model,
     bound: &Bound,
@@ -28,33 +28,24 @@ pub fn receptance(
     outputs: &[usize],
     sensitivities: bool,
 ) -> Result<Receptance, EngineError> {
-    let mut groups: Vec<usize> = Vec::new();
-    let rows: Vec<Row> = bound
-        .elements
-        .iter()
-        .enumerate()
-        .map(|(e, element)| {
-            let group = groups.iter().position(|&g| bound.elements[g].same_law(element)).unwrap_or_else(|| {
-                groups.push(e);
-                groups.len() - 1
-            });
-            let ends = [(element.to, 1.0), (element.from, -1.0)];
-            Row { group, row: ends.iter().filter_map(|(d, sign)| Some(((*d)?, *sign))).collect() }
-        })
-        .collect();
-    let mass: Vec<_> = model.dofs.iter().enumerate().map(|(d, dof)| (d, d, dof.mass)).collect();
-    let system = FrfSystem::new(model.dofs.len(), &[], &mass, &rows)?;
+    let small = Small::new(model, bound, sensitivities)?;
+    let mut groups: Vec<usize> = small.same.clone();
+    groups.sort_unstable();
+    groups.dedup();
+    let group = |e: usize| groups.binary_search(&small.same[e]).unwrap_or(0);
+    let rows: Vec<Row> = small.rows.iter().enumerate().map(|(e, row)| Row { group: group(e), row: row.clone() }).collect();
+    let system = FrfSystem::new(small.n, &small.stiffness, &small.mass, &rows)?;
     let mut dp = Vec::new();
     if let Some(w) = omega.first() {
         // A law that refuses does so at every frequency: ask before the sweep, whose coefficients cannot fail.
         for &g in &groups {
-            bound.elements[g].stiffness(Complex64::new(0.0, *w), &mut dp)?;
+            small.law(g, Complex64::new(0.0, *w), &mut dp)?;
         }
     }
     let coefficients = |w: f64, z: &mut [Complex64]| {
         let mut dp = Vec::new();
         for (z, &g) in z.iter_mut().zip(&groups) {
-            *z = bound.elements[g].stiffness(Complex64::new(0.0, w), &mut dp).map_or(Complex64::new(f64::NAN, 0.0), |s| s.0);
+            *z = small.law(g, Complex64::new(0.0, w), &mut dp).map_or(Complex64::new(f64::NAN, 0.0), |s| s.0);
         }
     };
     let mut response = Response::default();
@@ -66,7 +57,7 @@ pub fn receptance(
         for (line, w) in omega.iter().enumerate() {
             for (gi, &g) in groups.iter().enumerate() {
                 let element = &bound.elements[g];
-                element.stiffness(Complex64::new(0.0, *w), &mut dp)?;
+                small.law(g, Complex64::new(0.0, *w), &mut dp)?;
                 for (p, chain) in element.chains.iter().enumerate() {
                     for (k, slope) in chain {
                         for pair in 0..pairs {
@@ -77,6 +68,44 @@ pub fn receptance(
                 }
             }
         }
+        if small.moves() {
+            operating_point(&small, &system, omega, inputs, outputs, coefficients, &mut dh)?;
+        }
     }
     Ok(Receptance { h: response.h, dh })
+}
+
+/// Adds what parameters do through the operating point: `dH = -X_o' dZ X_i` with whole solution columns.
+fn operating_point(
+    small: &Small,
+    system: &FrfSystem,
+    omega: &[f64],
+    inputs: &[usize],
+    outputs: &[usize],
+    coefficients: impl Fn(f64, &mut [Complex64]) + Sync,
+    dh: &mut [Complex64],
+) -> Result<(), EngineError> {
+    let mut loads: Vec<usize> = inputs.iter().chain(outputs).copied().collect();
+    loads.sort_unstable();
+    loads.dedup();
+    let all: Vec<usize> = (0..small.n).collect();
+    let mut columns = Response::default();
+    system.sweep(&Sweep { omega, inputs: &loads, outputs: &all, sensitivities: false }, coefficients, &mut columns)?;
+    let (n, n_free) = (small.n, small.bound.n_free);
+    let mut by_parameter = vec![Complex64::ZERO; n_free];
+    for (line, w) in omega.iter().enumerate() {
+        let column = |dof: usize| {
+            let at = (line * loads.len() + loads.binary_search(&dof).unwrap_or(0)) * n;
+            &columns.h[at..at + n]
+        };
+        for (i, input) in inputs.iter().enumerate() {
+            for (o, output) in outputs.iter().enumerate() {
+                by_parameter.fill(Complex64::ZERO);
+                small.add_moved(Complex64::new(0.0, *w), column(*output), column(*input), &mut by_parameter)?;
+                let at = ((line * inputs.len() + i) * outputs.len() + o) * n_free;
+                dh[at..at + n_free].iter_mut().zip(&by_parameter).for_each(|(d, x)| *d -= x);
+            }
+        }
+    }
+    Ok(())
 }

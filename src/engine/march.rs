@@ -1,9 +1,13 @@
 //! Implicit time integration of `M a + F(x, v, a; states) = f(t)` with direct differentiation.
 //!
-//! Generalised-alpha method (Chung and Hulbert, J. Appl. Mech. 60, 1993), second order, damping of the highest frequencies set by its
-//! spectral radius; the constitutive updates of the elements take the motion at the end of the step. At each step the displacements
-//! follow from Newton's method with the exact tangent, block tridiagonal; afterwards every sensitivity costs one more
-//! back-substitution with the same tangent. Prescribed degrees of freedom enter with given displacement, velocity, acceleration.
+//! Generalised-alpha method (Chung and Hulbert, J. Appl. Mech. 60, 1993) in the form of Arnold and Bruels (Multibody Syst. Dyn. 18,
+//! 2007): the equations of motion hold at the end of every step, and an auxiliary acceleration carries the weights, so that it stays of
+//! second order where the inertia depends on the position. The damping of the highest frequencies is set by its spectral radius; the
+//! constitutive updates of the elements take the motion at the end of the step. At each step the displacements follow from Newton's
+//! method with the exact tangent, block tridiagonal; afterwards every sensitivity costs one more back-substitution with the same
+//! tangent. Prescribed degrees of freedom enter with given displacement, velocity, acceleration.
+//!
+//! Without inertia and velocities ([`March::quasi_static`]) the same steps follow an equilibrium along a loading path.
 
 use std::sync::Arc;
 
@@ -12,8 +16,15 @@ use crate::model::{Bound, ElementScratch, Model, Sensed};
 
 use super::EngineError;
 use super::blocktri::{BlockTri, Layout, Levels};
+use super::spatial::{self, Joint};
 
+mod method;
 mod sensitivities;
+mod space;
+mod statics;
+
+use method::{Alpha, Rates};
+use space::Spatial;
 
 /// What drives the structure, sampled at the ends of the steps (index 0: the start).
 #[derive(Clone, Debug, Default)]
@@ -52,6 +63,9 @@ pub struct State {
     pub s: Vec<f64>,
     /// States of the followers.
     pub fs: Vec<f64>,
+    /// Auxiliary accelerations of the method.
+    pub(super) w: Vec<f64>,
+    /// Out-of-balance forces: reactions of what is prescribed.
     pub(super) g: Vec<f64>,
     /// Sensitivities of the same.
     pub dq: Vec<f64>,
@@ -61,23 +75,8 @@ pub struct State {
     pub da: Vec<f64>,
     /// Of the element states.
     pub ds: Vec<f64>,
+    pub(super) dw: Vec<f64>,
     pub(super) dg: Vec<f64>,
-}
-
-/// Coefficients of the method for a spectral radius at infinite frequency.
-#[derive(Clone, Copy, Debug)]
-struct Alpha {
-    m: f64,
-    f: f64,
-    beta: f64,
-    gamma: f64,
-}
-
-impl Alpha {
-    fn new(radius: f64) -> Self {
-        let (m, f) = ((2.0 * radius - 1.0) / (radius + 1.0), radius / (radius + 1.0));
-        Alpha { m, f, beta: 0.25 * (1.0 - m + f).powi(2), gamma: 0.5 - m + f }
-    }
 }
 
 struct Link {
@@ -99,6 +98,13 @@ pub struct March<'a> {
     free_dofs: Vec<usize>,
     prescribed_at: Vec<Option<usize>>,
     links: Vec<Link>,
+    spatial: Option<Spatial>,
+    /// All connectors of a spatial model, for readings.
+    connectors: Vec<Joint>,
+    /// Connector and axis of every place of a spatial model.
+    places: Vec<(usize, usize)>,
+    /// Loads that stay.
+    constant: Vec<(usize, f64)>,
     diagonal: Vec<usize>,
     matrix: BlockTri<f64>,
     alpha: Alpha,
@@ -113,17 +119,22 @@ pub struct March<'a> {
     new_s: Vec<f64>,
     rhs: Vec<f64>,
     external: Vec<f64>,
-    external_old: Vec<f64>,
     force: Vec<f64>,
     h: Vec<f64>,
     forces: Vec<f64>,
     base: Vec<f64>,
     newton: Vec<f64>,
     scale: f64,
+    /// Whether the factors at hand are taken again.
+    keep: bool,
 }
 
 /// Newton iterations and shortened steps together, at most.
 const ITERATIONS: usize = 120;
+/// Newton steps of a spatial model that are taken whole although the residual rises.
+const PATIENCE: usize = 30;
+/// Fall of the residual per iteration at which kept factors no longer serve.
+const SLOW: f64 = 0.1;
 /// Shortest part of a Newton step.
 const SHORTEST: f64 = 1e-4;
 
@@ -138,11 +149,15 @@ impl<'a> March<'a> {
         let free_dofs: Vec<usize> = (0..n).filter(|d| prescribed_at[*d].is_none()).collect();
         let mut free = vec![None; n];
         free_dofs.iter().enumerate().for_each(|(k, d)| free[*d] = Some(k));
+        let joints = Spatial::joints(model, bound);
+        let both = |(i, j): (usize, usize)| Some((free[i]?, free[j]?));
+        let coupled = model.space.iter().flat_map(|space| spatial::pairs(&joints, space)).filter_map(both);
         let pairs: Vec<(usize, usize)> = bound
             .elements
             .iter()
             .filter_map(|e| Some((free[e.to?]?, free[e.from?]?)))
             .chain((0..free_dofs.len()).map(|k| (k, k)))
+            .chain(coupled)
             .collect();
         let layout = Arc::new(Layout::new(Levels::new(free_dofs.len(), &pairs)?));
         let (mut s0, mut fs0) = (0, 0);
@@ -158,10 +173,18 @@ impl<'a> March<'a> {
             fs0 += e.n_follower_states();
         }
         let diagonal = (0..free_dofs.len()).map(|k| layout.slot(k, k)).collect::<Result<_, _>>()?;
+        let connectors =
+            model.space.iter().flat_map(|space| (0..model.connectors.len()).map(|c| spatial::joint(model, space, c))).collect();
+        let places = model.space.iter().flat_map(|_| model.places.iter().map(|p| (p.connector, p.axis as usize))).collect();
         Ok(March {
             bound,
             loads,
-            mass: model.dofs.iter().map(|d| d.mass).collect(),
+            // The inertia of parts that turn depends on where they are.
+            mass: model.dofs.iter().map(|d| if model.space.is_some() { 0.0 } else { d.mass }).collect(),
+            spatial: Spatial::new(model, joints, &layout, &free)?,
+            connectors,
+            places,
+            constant: bound.loads.iter().filter_map(|l| Some((l.dof, *l.path.last()?))).collect(),
             matrix: BlockTri::new(layout),
             free,
             rhs: vec![0.0; free_dofs.len()],
@@ -180,12 +203,16 @@ impl<'a> March<'a> {
             old: State::default(),
             new_s: vec![0.0; s0],
             external: vec![0.0; n],
-            external_old: vec![0.0; n],
             force: vec![0.0; n],
             h: vec![],
             forces: vec![0.0; bound.elements.len()],
             scale: 0.0,
+            keep: false,
         })
+    }
+
+    fn rates(&self) -> Rates {
+        self.alpha.rates(self.loads.dt)
     }
 
     /// Rest, at step 0 of the loads for what is prescribed, with `columns` sensitivities of zero.
@@ -197,6 +224,7 @@ impl<'a> March<'a> {
             a: vec![0.0; n],
             s: vec![0.0; self.n_states],
             fs: vec![0.0; self.n_follower_states],
+            w: vec![0.0; n],
             g: vec![0.0; n],
             ..State::default()
         };
@@ -210,8 +238,10 @@ impl<'a> March<'a> {
     /// Zeroes the sensitivities and sets their number.
     pub fn set_columns(&self, state: &mut State, columns: usize) {
         let n = self.mass.len();
-        for (vector, len) in
-            [(&mut state.dq, n), (&mut state.dv, n), (&mut state.da, n), (&mut state.dg, n), (&mut state.ds, self.n_states)]
+        for (vector, len) in [&mut state.dq, &mut state.dv, &mut state.da, &mut state.dw, &mut state.dg]
+            .map(|u| (u, n))
+            .into_iter()
+            .chain([(&mut state.ds, self.n_states)])
         {
             vector.clear();
             vector.resize(len * columns, 0.0);
@@ -230,17 +260,20 @@ impl<'a> March<'a> {
 
     /// Sums the elements at trial motion `q, v, a` into the internal forces; with `newton` also the tangent matrix.
     fn internal(&mut self, state: &mut State, stage: Stage, force: &mut [f64]) -> f64 {
-        let dt = self.loads.dt;
-        let (big_a, big_v) = (1.0 / (self.alpha.beta * dt * dt), self.alpha.gamma / (self.alpha.beta * dt));
+        let (dt, rates) = (self.loads.dt, self.rates());
         force.fill(0.0);
         let mut scale = 0.0;
         self.new_s.copy_from_slice(&self.old.s);
         if stage == Stage::Newton {
             self.matrix.clear();
-            let weight = (1.0 - self.alpha.m) * big_a;
             for (k, slot) in self.diagonal.iter().enumerate() {
-                self.matrix.add_at(*slot, weight * self.mass[self.free_dofs[k]]);
+                self.matrix.add_at(*slot, rates.a * self.mass[self.free_dofs[k]]);
             }
+        }
+        if let Some(mut spatial) = self.spatial.take() {
+            scale = self.internal_spatial(&mut spatial, state, stage, force);
+            self.spatial = Some(spatial);
+            return scale;
         }
         for (e, element) in self.bound.elements.iter().enumerate() {
             let x = self.relative(e, &state.q);
@@ -265,7 +298,7 @@ impl<'a> March<'a> {
             }
             if stage == Stage::Newton {
                 let d = self.sensed[e].inputs(0);
-                let k = (1.0 - self.alpha.f) * (d[0] + big_v * d[1] + big_a * d[2] + d[3]);
+                let k = d[0] + rates.v * d[1] + rates.a * d[2] + d[3];
                 for (slot, sign) in link.slots.iter().zip([k, k, -k, -k]) {
                     if let Some(slot) = slot {
                         self.matrix.add_at(*slot, sign);
@@ -278,27 +311,36 @@ impl<'a> March<'a> {
 
     /// One step, to the loads at index `k`.
     pub fn step(&mut self, k: usize, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        let mut force = std::mem::take(&mut self.force);
+        let done = self.advance(k, state, columns, &mut force);
+        self.force = force;
+        done
+    }
+
+    fn advance(&mut self, k: usize, state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
         let (dt, alpha, n) = (self.loads.dt, self.alpha, self.mass.len());
         let steps = self.loads.prescribed.first().map(|p| p.1.len()).or(self.loads.forces.first().map(|f| f.1.len())).unwrap_or(1) - 1;
         self.old.clone_from(state);
         self.external.fill(0.0);
-        self.external_old.fill(0.0);
+        for (dof, f) in &self.constant {
+            self.external[*dof] += f;
+        }
         for (dof, path) in &self.loads.forces {
             self.external[*dof] += path[k];
-            self.external_old[*dof] += path[k - 1];
+        }
+        if let Some(spatial) = &mut self.spatial {
+            spatial.begin(&self.old);
         }
         for (dof, path) in &self.loads.prescribed {
             (state.q[*dof], state.v[*dof], state.a[*dof]) = (path[k][0], path[k][1], path[k][2]);
         }
-        let mut force = std::mem::take(&mut self.force);
         let update = |state: &mut State, old: &State, dofs: &[usize]| {
             for &d in dofs {
-                let a = (state.q[d] - old.q[d] - dt * old.v[d]) / (alpha.beta * dt * dt) - (0.5 / alpha.beta - 1.0) * old.a[d];
-                state.v[d] = old.v[d] + dt * ((1.0 - alpha.gamma) * old.a[d] + alpha.gamma * a);
-                state.a[d] = a;
+                (state.w[d], state.v[d], state.a[d]) = alpha.end(dt, state.q[d], old.q[d], old.v[d], old.w[d], old.a[d]);
             }
         };
         let n_free = self.free_dofs.len();
+        let mut at_end = false;
         if n_free > 0 {
             for &d in &self.free_dofs {
                 state.q[d] += dt * state.v[d];
@@ -307,38 +349,51 @@ impl<'a> March<'a> {
             let (mut base_norm, mut factor) = (f64::INFINITY, 1.0);
             let mut converged = false;
             let mut last = (f64::INFINITY, f64::INFINITY);
-            for _ in 0..ITERATIONS {
-                let mut scale = self.internal(state, Stage::Newton, &mut force);
+            // Bending a chain of stiff links strains them to second order: the residual may rise far before it falls.
+            let patience = if self.spatial.is_some() { PATIENCE } else { 0 };
+            self.keep &= patience > 0;
+            for iteration in 0..ITERATIONS {
+                // Factors are kept from step to step while they serve.
+                let stage = if self.keep { Stage::Value } else { Stage::Newton };
+                let mut scale = self.internal(state, stage, force);
                 let mut norm = 0.0f64;
                 for (i, &d) in self.free_dofs.iter().enumerate() {
-                    let inertia = self.mass[d] * ((1.0 - alpha.m) * state.a[d] + alpha.m * self.old.a[d]);
-                    let r = inertia + (1.0 - alpha.f) * (force[d] - self.external[d]) + alpha.f * self.old.g[d];
+                    let inertia = self.mass[d] * state.a[d];
+                    let r = inertia + force[d] - self.external[d];
                     scale += inertia.abs() + self.external[d].abs();
                     norm = norm.max(r.abs());
                     self.rhs[i] = -r;
                 }
                 if !norm.is_finite() {
-                    self.force = force;
                     return Err(EngineError::NotFinite { step: k });
                 }
-                self.scale = self.scale.max(scale);
+                // What a stiff link carries in passing is no measure of the forces present.
+                self.scale = if patience > 0 { scale } else { self.scale.max(scale) };
                 last = (norm, self.scale);
                 if norm <= 1e-13 * self.scale || norm == 0.0 {
                     converged = true;
                     break;
                 }
                 // A residual that no longer falls at rounding level is as good as it gets.
-                if norm >= base_norm && norm <= 1e-10 * self.scale {
+                let level = if self.keep { SLOW * base_norm } else { base_norm };
+                if norm >= level && norm <= 1e-10 * self.scale {
                     converged = true;
                     break;
                 }
-                if norm < base_norm || factor < SHORTEST {
+                if self.keep && (norm >= level || iteration >= patience) {
+                    self.keep = false;
+                    continue;
+                }
+                if norm < base_norm || factor < SHORTEST || iteration < patience {
                     base_norm = norm;
                     factor = 1.0;
                     for (base, &d) in self.base.iter_mut().zip(&self.free_dofs) {
                         *base = state.q[d];
                     }
-                    self.matrix.factor()?;
+                    if !self.keep {
+                        self.matrix.factor()?;
+                        self.keep = self.spatial.is_some() && !alpha.still;
+                    }
                     self.matrix.solve(&mut self.rhs)?;
                     self.newton.copy_from_slice(&self.rhs);
                 } else {
@@ -350,21 +405,22 @@ impl<'a> March<'a> {
                 }
                 update(state, &self.old, &self.free_dofs);
             }
+            at_end = converged;
             if !converged && last.0 > 1e-8 * last.1 {
-                self.force = force;
                 return Err(EngineError::NoEquilibrium { step: k, steps, residual: last.0 / last.1 });
             }
         }
         let stage = if columns > 0 || self.n_follower_states > 0 { Stage::Full } else { Stage::Value };
-        self.internal(state, stage, &mut force);
+        // The last sum of Newton's method was taken at the converged point.
+        if stage == Stage::Full || !at_end {
+            self.internal(state, stage, force);
+        }
         if force.iter().any(|f| !f.is_finite()) {
-            self.force = force;
             return Err(EngineError::NotFinite { step: k });
         }
         for d in 0..n {
-            state.g[d] = force[d] - self.external[d];
+            state.g[d] = self.mass[d] * state.a[d] + force[d] - self.external[d];
         }
-        self.force = force;
         if columns > 0 {
             self.sensitivities(state, columns)?;
         }
@@ -381,6 +437,10 @@ impl<'a> March<'a> {
                 state.q[dof]
             }
             Probe::Relative(place) => {
+                if let Some(spatial) = &self.spatial {
+                    let (connector, axis) = self.places[place];
+                    return self.read_relative(spatial, connector, axis, state, d);
+                }
                 let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
                 let link = &self.links[e];
                 let rel = |u: &[f64], c: usize| link.to.map_or(0.0, |k| u[c * n + k]) - link.from.map_or(0.0, |k| u[c * n + k]);
@@ -393,8 +453,8 @@ impl<'a> March<'a> {
                 self.forces[e]
             }
             Probe::Reaction(dof) => {
-                d.iter_mut().enumerate().for_each(|(c, out)| *out = self.mass[dof] * state.da[c * n + dof] + state.dg[c * n + dof]);
-                self.mass[dof] * state.a[dof] + state.g[dof]
+                d.iter_mut().enumerate().for_each(|(c, out)| *out = state.dg[c * n + dof]);
+                state.g[dof]
             }
         }
     }

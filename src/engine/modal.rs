@@ -1,5 +1,5 @@
-//! Damped modes: the nonlinear eigenproblem `Z(s) phi = 0` of small motion about rest, `Z(s) = s^2 M + sum_e z_e(s) b_e b_e'`, where
-//! `z_e(s)` is the dynamic stiffness of a place's element (friction stuck). Frequency-dependent laws are taken as they are.
+//! Damped modes: the nonlinear eigenproblem `Z(s) phi = 0` of small motion about the operating point, with the system of
+//! [`super::small`] (friction stuck). Frequency-dependent laws are taken as they are.
 //!
 //! Every mode starts from one of the undamped structure with the storage stiffness at a frequency of the range. Inverse iteration with
 //! the symmetric Rayleigh functional `phi' Z(s) phi = 0` (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; cubic for symmetric
@@ -16,6 +16,7 @@ use crate::model::{Bound, Model};
 
 use super::EngineError;
 use super::blocktri::{BlockTri, BlockTriError, Layout, Levels};
+use super::small::Small;
 
 /// One damped mode.
 #[derive(Clone, Debug)]
@@ -76,9 +77,9 @@ pub fn modes(model: &Model, bound: &Bound, range: Range, sensitivities: bool) ->
         Range::Band(low, high) => (low, high),
         Range::Lowest(_) => (0.0, f64::INFINITY),
     };
-    let mut problem = Problem::new(model, bound)?;
+    let mut problem = Problem::new(model, bound, sensitivities)?;
     // Without mass nothing vibrates.
-    if problem.mass.iter().all(|m| *m == 0.0) {
+    if problem.small.mass.iter().all(|m| m.2 == 0.0) {
         return Ok(vec![]);
     }
     let starts = problem.starts(range)?;
@@ -110,13 +111,12 @@ struct Start {
 }
 
 struct Problem<'a> {
-    bound: &'a Bound,
-    mass: Vec<f64>,
-    slots: Vec<[Option<usize>; 4]>,
-    diagonal: Vec<usize>,
+    small: Small<'a>,
+    /// Slots of each element's block and of each entry of mass and geometric stiffness.
+    slots: Vec<Vec<(usize, f64)>>,
+    mass_slots: Vec<usize>,
+    stiffness_slots: Vec<usize>,
     matrix: BlockTri<Complex64>,
-    /// Number of the first element with the same law.
-    same: Vec<usize>,
     z: Vec<Complex64>,
     dz: Vec<Complex64>,
     dp: Vec<Complex64>,
@@ -125,6 +125,8 @@ struct Problem<'a> {
 }
 
 const ITERATIONS: usize = 60;
+/// Shifts off an eigenvalue at which the system is singular to rounding.
+const SHIFTS: [f64; 4] = [1e-9, 1e-7, 1e-5, 1e-3];
 /// Change of the eigenvalue, against its size, at which it stands.
 const TOLERANCE: f64 = 1e-13;
 /// What is accepted where rounding ends the iteration earlier.
@@ -133,32 +135,26 @@ const ACCEPTED: f64 = 1e-10;
 const RIGID: f64 = 3e-7;
 
 impl<'a> Problem<'a> {
-    fn new(model: &Model, bound: &'a Bound) -> Result<Self, EngineError> {
-        let n = model.dofs.len();
-        let pairs: Vec<_> = bound.elements.iter().filter_map(|e| Some((e.to?, e.from?))).chain((0..n).map(|d| (d, d))).collect();
-        let layout = Arc::new(Layout::new(Levels::new(n, &pairs)?));
-        let slot = |i: Option<usize>, j: Option<usize>| match (i, j) {
-            (Some(i), Some(j)) => layout.slot(i, j).map(Some),
-            _ => Ok(None),
-        };
-        let mut slots = Vec::with_capacity(bound.elements.len());
-        for e in &bound.elements {
-            slots.push([slot(e.to, e.to)?, slot(e.from, e.from)?, slot(e.to, e.from)?, slot(e.from, e.to)?]);
+    fn new(model: &Model, bound: &'a Bound, sensitivities: bool) -> Result<Self, EngineError> {
+        let small = Small::new(model, bound, sensitivities)?;
+        let layout = Arc::new(Layout::new(Levels::new(small.n, &small.pairs())?));
+        let mut slots = Vec::with_capacity(small.rows.len());
+        for row in &small.rows {
+            let mut block = Vec::with_capacity(row.len() * row.len());
+            for (i, bi) in row {
+                for (j, bj) in row {
+                    block.push((layout.slot(*i, *j)?, bi * bj));
+                }
+            }
+            slots.push(block);
         }
-        let (mut firsts, mut same): (Vec<usize>, Vec<usize>) = (vec![], vec![]);
-        for (i, e) in bound.elements.iter().enumerate() {
-            same.push(firsts.iter().copied().find(|&j| bound.elements[j].same_law(e)).unwrap_or_else(|| {
-                firsts.push(i);
-                i
-            }));
-        }
+        let of = |m: &[(usize, usize, f64)]| m.iter().map(|e| layout.slot(e.0, e.1)).collect::<Result<Vec<_>, _>>();
         Ok(Problem {
-            bound,
-            mass: model.dofs.iter().map(|d| d.mass).collect(),
             slots,
-            diagonal: (0..n).map(|d| layout.slot(d, d)).collect::<Result<_, _>>()?,
+            mass_slots: of(&small.mass)?,
+            stiffness_slots: of(&small.stiffness)?,
             matrix: BlockTri::new(layout),
-            same,
+            small,
             z: vec![],
             dz: vec![],
             dp: vec![],
@@ -166,18 +162,18 @@ impl<'a> Problem<'a> {
         })
     }
 
-    fn relative(&self, e: usize, u: &[Complex64]) -> Complex64 {
-        let e = &self.bound.elements[e];
-        e.to.map_or(Complex64::ZERO, |d| u[d]) - e.from.map_or(Complex64::ZERO, |d| u[d])
-    }
-
     /// Stiffnesses of all elements at `s` and their derivatives.
     fn laws(&mut self, s: Complex64) -> Result<(), EngineError> {
         self.z.clear();
         self.dz.clear();
-        for (i, element) in self.bound.elements.iter().enumerate() {
-            let first = self.same[i];
-            let (z, dz) = if first < i { (self.z[first], self.dz[first]) } else { element.stiffness(s, &mut self.dp)? };
+        for i in 0..self.slots.len() {
+            let first = self.small.same[i];
+            let (z, dz) = if first < i {
+                (self.z[first], self.dz[first])
+            } else {
+                let (z, dz, _) = self.small.law(i, s, &mut self.dp)?;
+                (z, dz)
+            };
             self.z.push(z);
             self.dz.push(dz);
         }
@@ -186,14 +182,15 @@ impl<'a> Problem<'a> {
 
     fn factor(&mut self, s: Complex64) -> Result<(), BlockTriError> {
         self.matrix.clear();
-        for (d, slot) in self.diagonal.iter().enumerate() {
-            self.matrix.add_at(*slot, s * s * self.mass[d]);
+        for (slot, m) in self.mass_slots.iter().zip(&self.small.mass) {
+            self.matrix.add_at(*slot, s * s * m.2);
         }
-        for (slots, z) in self.slots.iter().zip(&self.z) {
-            for (slot, value) in slots.iter().zip([*z, *z, -*z, -*z]) {
-                if let Some(slot) = slot {
-                    self.matrix.add_at(*slot, value);
-                }
+        for (slot, k) in self.stiffness_slots.iter().zip(&self.small.stiffness) {
+            self.matrix.add_at(*slot, Complex64::from(k.2));
+        }
+        for (block, z) in self.slots.iter().zip(&self.z) {
+            for (slot, b) in block {
+                self.matrix.add_at(*slot, *z * *b);
             }
         }
         self.matrix.factor().map(|_| ())
@@ -201,10 +198,11 @@ impl<'a> Problem<'a> {
 
     /// `u' Z(s) v` and `u' Z'(s) v` with the laws at `s` at hand.
     fn products(&self, s: Complex64, u: &[Complex64], v: &[Complex64]) -> (Complex64, Complex64) {
-        let inertia: Complex64 = self.mass.iter().zip(u.iter().zip(v)).map(|(m, (a, b))| a * b * *m).sum();
-        let (mut value, mut slope) = (s * s * inertia, s * inertia * 2.0);
+        let form = |m: &[(usize, usize, f64)]| m.iter().map(|(i, j, x)| u[*i] * v[*j] * *x).sum::<Complex64>();
+        let inertia = form(&self.small.mass);
+        let (mut value, mut slope) = (s * s * inertia + form(&self.small.stiffness), s * inertia * 2.0);
         for (e, (z, dz)) in self.z.iter().zip(&self.dz).enumerate() {
-            let ab = self.relative(e, u) * self.relative(e, v);
+            let ab = self.small.relative(e, u) * self.small.relative(e, v);
             value += z * ab;
             slope += dz * ab;
         }
@@ -213,16 +211,13 @@ impl<'a> Problem<'a> {
 
     /// `Z'(s) u` with the laws at `s` at hand.
     fn slope_times(&self, s: Complex64, u: &[Complex64]) -> Vec<Complex64> {
-        let mut out: Vec<Complex64> = self.mass.iter().zip(u).map(|(m, x)| s * x * (2.0 * m)).collect();
-        for (e, dz) in self.dz.iter().enumerate() {
-            let f = dz * self.relative(e, u);
-            let element = &self.bound.elements[e];
-            if let Some(d) = element.to {
-                out[d] += f;
-            }
-            if let Some(d) = element.from {
-                out[d] -= f;
-            }
+        let mut out = vec![Complex64::ZERO; self.small.n];
+        for (i, j, m) in &self.small.mass {
+            out[*i] += s * u[*j] * (2.0 * m);
+        }
+        for (e, dz) in self.dz.iter().enumerate().filter(|(_, dz)| **dz != Complex64::ZERO) {
+            let f = dz * self.small.relative(e, u);
+            self.small.rows[e].iter().for_each(|(d, b)| out[*d] += f * *b);
         }
         out
     }
@@ -236,7 +231,7 @@ impl<'a> Problem<'a> {
             }
             Range::Lowest(count) => {
                 // The frequency at which the stiffness is taken comes from a first round.
-                let inertia: f64 = self.mass.iter().sum();
+                let inertia: f64 = self.small.mass.iter().filter(|m| m.0 == m.1).map(|m| m.2).sum();
                 self.laws(Complex64::I)?;
                 let stiffness: f64 = self.z.iter().map(|z| z.norm()).sum();
                 let guess = if inertia > 0.0 && stiffness > 0.0 { (stiffness / inertia).sqrt() } else { 1.0 };
@@ -252,16 +247,21 @@ impl<'a> Problem<'a> {
 
     fn undamped(&mut self, omega: f64) -> Result<Vec<Start>, EngineError> {
         self.laws(Complex64::new(0.0, omega))?;
-        let heavy: Vec<usize> = (0..self.mass.len()).filter(|d| self.mass[*d] > 0.0).collect();
-        let light: Vec<usize> = (0..self.mass.len()).filter(|d| self.mass[*d] <= 0.0).collect();
+        let n = self.small.n;
+        let dense = |entries: &[(usize, usize, f64)]| {
+            let mut m = DMatrix::<f64>::zeros(n, n);
+            entries.iter().for_each(|(i, j, x)| m[(*i, *j)] += x);
+            m
+        };
+        let mass = dense(&self.small.mass);
+        let heavy: Vec<usize> = (0..n).filter(|d| mass[(*d, *d)] > 0.0).collect();
+        let light: Vec<usize> = (0..n).filter(|d| mass[(*d, *d)] <= 0.0).collect();
         let stiffness = |of: fn(Complex64) -> f64| {
-            let mut k = DMatrix::<f64>::zeros(self.mass.len(), self.mass.len());
-            for (element, z) in self.bound.elements.iter().zip(&self.z) {
-                for (i, si) in [(element.to, 1.0), (element.from, -1.0)] {
-                    for (j, sj) in [(element.to, 1.0), (element.from, -1.0)] {
-                        if let (Some(i), Some(j)) = (i, j) {
-                            k[(i, j)] += si * sj * of(*z);
-                        }
+            let mut k = dense(&self.small.stiffness);
+            for (row, z) in self.small.rows.iter().zip(&self.z) {
+                for (i, bi) in row {
+                    for (j, bj) in row {
+                        k[(*i, *j)] += bi * bj * of(*z);
                     }
                 }
             }
@@ -280,20 +280,27 @@ impl<'a> Problem<'a> {
         let coupling = k.select_rows(&light).select_columns(&heavy);
         let follow = if light.is_empty() { DMatrix::zeros(0, heavy.len()) } else { -inner.solve(&coupling) };
         let mut reduced = k.select_rows(&heavy).select_columns(&heavy) + coupling.transpose() * &follow;
-        let root: Vec<f64> = heavy.iter().map(|d| self.mass[*d].sqrt()).collect();
-        for i in 0..heavy.len() {
-            for j in 0..heavy.len() {
-                reduced[(i, j)] /= root[i] * root[j];
-            }
-        }
+        // With the mass as L L', the shapes are L'^-1 times the eigenvectors of L^-1 K L'^-1.
+        let Some(root) = mass.select_rows(&heavy).select_columns(&heavy).cholesky() else {
+            return Err(BlockTriError::Singular { dof: heavy.first().copied().unwrap_or(0), pivot: 0.0 }.into());
+        };
+        let root = root.l();
+        let solved = |m: &DMatrix<f64>| root.solve_lower_triangular(m).unwrap_or_else(|| m.clone());
+        reduced = solved(&solved(&reduced).transpose());
         reduced = (&reduced + reduced.transpose()) * 0.5;
         let eigen = reduced.symmetric_eigen();
         self.highest = eigen.eigenvalues.iter().fold(0.0f64, |m, e| m.max(*e)).sqrt();
+        let least = eigen.eigenvalues.iter().copied().enumerate().fold((0, 0.0f64), |m, (k, e)| if e < m.1 { (k, e) } else { m });
+        if -least.1 > (RIGID * self.highest).powi(2).max(1e-12 * self.highest * self.highest) {
+            let shape = eigen.eigenvectors.column(least.0);
+            return Err(EngineError::Unstable { step: 1, steps: 1, dof: self.small.name(heavy[shape.iamax()]) });
+        }
+        let shapes = root.transpose().solve_upper_triangular(&eigen.eigenvectors).unwrap_or_else(|| eigen.eigenvectors.clone());
         let mut starts: Vec<Start> = (0..heavy.len())
             .map(|c| {
-                let y = DVector::from_iterator(heavy.len(), (0..heavy.len()).map(|i| eigen.eigenvectors[(i, c)] / root[i]));
+                let y: DVector<f64> = shapes.column(c).into_owned();
                 let inside = &follow * &y;
-                let mut shape = vec![0.0; self.mass.len()];
+                let mut shape = vec![0.0; n];
                 heavy.iter().zip(y.iter()).chain(light.iter().zip(inside.iter())).for_each(|(d, x)| shape[*d] = *x);
                 Start { omega: eigen.eigenvalues[c].max(0.0).sqrt(), shape }
             })
@@ -341,10 +348,16 @@ impl<'a> Problem<'a> {
             self.laws(s)?;
             let mut next = self.slope_times(s, &u);
             if self.factor(s).is_err() {
-                // Exactly at the eigenvalue: a shift in the last digits keeps the direction.
-                let aside = s * Complex64::new(1.0, 1e-9);
-                self.laws(aside)?;
-                self.factor(aside)?;
+                // Exactly at the eigenvalue: a small shift keeps the direction. Next to stiff links a shift in the last digits drowns.
+                for (k, shift) in SHIFTS.iter().enumerate() {
+                    let aside = s * Complex64::new(1.0, *shift);
+                    self.laws(aside)?;
+                    match self.factor(aside) {
+                        Err(e) if k + 1 == SHIFTS.len() => return Err(e.into()),
+                        Err(_) => {}
+                        Ok(()) => break,
+                    }
+                }
             }
             self.matrix.solve(&mut next)?;
             let largest = next.iter().fold(Complex64::ZERO, |m, x| if x.norm() > m.norm() { *x } else { m });
@@ -396,19 +409,22 @@ impl<'a> Problem<'a> {
 
     /// `ds/dp = -phi' (dZ/dp) phi / phi' Z'(s) phi`.
     fn slopes(&mut self, mode: &Mode) -> Result<Vec<Complex64>, EngineError> {
-        let mut slopes = vec![Complex64::ZERO; self.bound.n_free];
+        let bound = self.small.bound;
+        let mut slopes = vec![Complex64::ZERO; bound.n_free];
         if mode.lambda == Complex64::ZERO {
             return Ok(slopes);
         }
         self.laws(mode.lambda)?;
-        let weight = self.products(mode.lambda, &mode.shape, &mode.shape).1.inv();
-        for (e, element) in self.bound.elements.iter().enumerate().filter(|(_, e)| e.chains.iter().any(|c| !c.is_empty())) {
-            element.stiffness(mode.lambda, &mut self.dp)?;
-            let x = self.relative(e, &mode.shape);
+        let weight = -self.products(mode.lambda, &mode.shape, &mode.shape).1.inv();
+        for (e, element) in bound.elements.iter().enumerate().filter(|(_, e)| e.chains.iter().any(|c| !c.is_empty())) {
+            self.small.law(e, mode.lambda, &mut self.dp)?;
+            let x = self.small.relative(e, &mode.shape);
             for (chain, dp) in element.chains.iter().zip(&self.dp) {
-                chain.iter().for_each(|(theta, slope)| slopes[*theta] -= dp * x * x * weight * *slope);
+                chain.iter().for_each(|(theta, slope)| slopes[*theta] += dp * x * x * *slope);
             }
         }
+        self.small.add_moved(mode.lambda, &mode.shape, &mode.shape, &mut slopes)?;
+        slopes.iter_mut().for_each(|d| *d *= weight);
         Ok(slopes)
     }
 }

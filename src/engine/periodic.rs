@@ -120,9 +120,13 @@ fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize) -> Result<Sta
             .iter()
             .map(|(d, p)| (*d, (0..=steps).map(|k| rise(k)).map(|(s, v, a)| [p[0][0] * s, p[0][0] * v, p[0][0] * a]).collect()))
             .collect(),
-        forces: loads.forces.iter().map(|(d, f)| (*d, (0..=steps).map(|k| f[0] * rise(k).0).collect())).collect(),
+        // Loads that stay come on with the drive.
+        forces: (loads.forces.iter().map(|(d, f)| (*d, f[0])))
+            .chain(bound.loads.iter().filter_map(|l| Some((l.dof, *l.path.last()?))))
+            .map(|(d, f)| (d, (0..=steps).map(|k| f * rise(k).0).collect()))
+            .collect(),
     };
-    let mut march = March::new(model, bound, &path, RADIUS)?;
+    let mut march = March::loading(model, bound, &path, RADIUS)?;
     let mut state = march.rest(0);
     for k in 1..=steps {
         march.step(k, &mut state, 0)?;
@@ -211,7 +215,7 @@ fn by_repetition(
         before = after;
         // Values start again exactly from the steady cycle; only the sensitivities go on.
         let kept = std::mem::take(&mut state);
-        state = State { dq: kept.dq, dv: kept.dv, da: kept.da, ds: kept.ds, dg: kept.dg, ..start.clone() };
+        state = State { dq: kept.dq, dv: kept.dv, da: kept.da, ds: kept.ds, dw: kept.dw, dg: kept.dg, ..start.clone() };
     }
     Ok(None)
 }
@@ -282,7 +286,7 @@ impl Shooting {
     }
     /// Takes the largest values seen as scales.
     fn widen(&mut self, state: &State) {
-        for (scale, u) in self.scale.iter_mut().zip([&state.q, &state.v, &state.a, &state.g]) {
+        for (scale, u) in self.scale.iter_mut().zip([&state.q, &state.v, &state.a, &state.w]) {
             *scale = u.iter().fold(*scale, |m, x| m.max(x.abs()));
         }
         for (scale, s) in self.state_scale.iter_mut().zip(&state.s) {
@@ -290,7 +294,7 @@ impl Shooting {
         }
     }
     fn pack(&self, state: &State) -> DVector<f64> {
-        let parts = [&state.q, &state.v, &state.a, &state.g];
+        let parts = [&state.q, &state.v, &state.a, &state.w];
         let motion = parts.iter().zip(self.scale).flat_map(|(u, scale)| self.dofs.iter().map(move |d| u[*d] / scale));
         DVector::from_iterator(self.len(), motion.chain(state.s.iter().zip(&self.state_scale).map(|(s, scale)| s / scale)))
     }
@@ -300,7 +304,7 @@ impl Shooting {
             state.q[*d] = z[i] * self.scale[0];
             state.v[*d] = z[m + i] * self.scale[1];
             state.a[*d] = z[2 * m + i] * self.scale[2];
-            state.g[*d] = z[3 * m + i] * self.scale[3];
+            state.w[*d] = z[3 * m + i] * self.scale[3];
         }
         for (i, s) in state.s.iter_mut().enumerate() {
             *s = z[4 * m + i] * self.state_scale[i];
@@ -316,7 +320,7 @@ impl Shooting {
             state.dq[(first + i) * self.n + d] = self.scale[0];
             state.dv[(first + m + i) * self.n + d] = self.scale[1];
             state.da[(first + 2 * m + i) * self.n + d] = self.scale[2];
-            state.dg[(first + 3 * m + i) * self.n + d] = self.scale[3];
+            state.dw[(first + 3 * m + i) * self.n + d] = self.scale[3];
         }
         for i in 0..self.ns {
             state.ds[(first + 4 * m + i) * self.ns + i] = self.state_scale[i];
@@ -327,7 +331,7 @@ impl Shooting {
         let m = self.dofs.len();
         DMatrix::from_fn(self.len(), columns, |r, c| match (r / m.max(1), r) {
             (g @ 0..=3, r) if r < 4 * m => {
-                [&state.dq, &state.dv, &state.da, &state.dg][g][c * self.n + self.dofs[r - g * m]] / self.scale[g]
+                [&state.dq, &state.dv, &state.da, &state.dw][g][c * self.n + self.dofs[r - g * m]] / self.scale[g]
             }
             _ => state.ds[c * self.ns + r - 4 * m] / self.state_scale[r - 4 * m],
         })

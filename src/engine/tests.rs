@@ -206,7 +206,7 @@ fn the_march_keeps_the_energy_of_a_free_oscillator() {
     let mut march = March::new(&system.model, &bound, &loads, 1.0).unwrap();
     let mut state = march.rest(0);
     (state.q[0], state.a[0]) = (1e-3, -0.1);
-    state.g[0] = 0.1;
+    state.w[0] = -0.1;
     for k in 1..=steps {
         march.step(k, &mut state, 0).unwrap();
     }

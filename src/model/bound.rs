@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::effect::{Channel, Effect};
 
-use super::{ChannelSite, Element, FreeParam, ModelError, Site, System};
+use super::{ChannelSite, Element, FreeParam, Level, ModelError, Site, System};
 
 /// Chain of derivatives: indices of free parameters with the derivative of a number with respect to each.
 pub type Chain = Vec<(usize, f64)>;
@@ -29,6 +29,19 @@ pub struct Bound {
     pub channels: Vec<ChannelPiece>,
     /// Number of free parameters.
     pub n_free: usize,
+    /// Loads that stay.
+    pub loads: Vec<BoundLoad>,
+}
+
+/// A load that stays, with its numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BoundLoad {
+    /// Degree of freedom.
+    pub dof: usize,
+    /// Values passed through from 0 [N or N m]; the last one stays.
+    pub path: Vec<f64>,
+    /// Steps from one to the next.
+    pub steps: usize,
 }
 
 impl Bound {
@@ -53,7 +66,7 @@ impl Bound {
                 }
                 (Effect::Coefficient(_), _) => {}
                 (effect, Site::Places(places)) => {
-                    for &place in places {
+                    for &place in places.iter().filter(|p| system.model.present(system.model.places[**p].connector, test)) {
                         let (mut p, mut chain) = (values[i].clone(), chains[i].clone());
                         coefficients(system, i, place, conditions, &values, &chains, &mut p, &mut chain)?;
                         let element = elements.entry(place).or_insert_with(|| Element::new(&system.model, place));
@@ -67,7 +80,15 @@ impl Bound {
                 (_, Site::Channel(_)) => {}
             }
         }
-        Ok(Bound { elements: elements.into_values().collect(), channels, n_free: free.len() })
+        let value = |level: &Level| match level {
+            Level::Value(f) => Some(*f),
+            Level::Condition(name, factor) => conditions.get(name).map(|c| c * factor),
+        };
+        let loads = system.model.loads.iter().filter_map(|l| {
+            let path = l.path.iter().map(value).collect::<Option<Vec<f64>>>()?;
+            Some(BoundLoad { dof: l.dof, path, steps: l.steps })
+        });
+        Ok(Bound { elements: elements.into_values().collect(), channels, n_free: free.len(), loads: loads.collect() })
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::ModelError;
+use super::space::Space;
 
 /// An axis of a body or a connector: three translations, three rotations (theta: bending in yz, phi: torsion about y, psi: bending in
 /// xy, as in the paper).
@@ -91,6 +92,27 @@ pub struct Place {
     pub to: Option<usize>,
 }
 
+/// A load that stays, on one degree of freedom.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Load {
+    /// Index of the degree of freedom.
+    pub dof: usize,
+    /// Values that are passed through, in order, from 0; the last one stays. A name is that of a condition of the test: a test that
+    /// does not state it is not loaded.
+    pub path: Vec<Level>,
+    /// Steps of the loading path from one value to the next.
+    pub steps: usize,
+}
+
+/// One value of a loading path.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Level {
+    /// Force or moment [N, N m].
+    Value(f64),
+    /// Condition of the test that states it, and the factor on it (its direction).
+    Condition(String, f64),
+}
+
 /// The graph.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
@@ -102,6 +124,12 @@ pub struct Model {
     pub dofs: Vec<Dof>,
     /// Places, by connector, then axis.
     pub places: Vec<Place>,
+    /// Where everything is, for parts that turn far; then places have no degree of freedom of their own.
+    pub space: Option<Space>,
+    /// Loads that stay; the operating point of frequency responses, modes and cycles is the equilibrium under them.
+    pub loads: Vec<Load>,
+    /// Connectors that are not there in some tests: index, and ids of tests (`loop-*` for all that begin so).
+    pub absent: Vec<(usize, Vec<String>)>,
 }
 
 impl Model {
@@ -144,7 +172,7 @@ impl Model {
         if dofs.is_empty() {
             return Err(ModelError::invalid("body", "no body has a free axis: nothing can move", "at least one body with free = [\"x\"]"));
         }
-        let model = Model { bodies, connectors, dofs, places };
+        let model = Model { bodies, connectors, dofs, places, space: None, loads: vec![], absent: vec![] };
         for (d, dof) in model.dofs.iter().enumerate() {
             if !model.places.iter().any(|p| p.from == Some(d) || p.to == Some(d)) {
                 let name = model.dof_name(d);
@@ -156,6 +184,15 @@ impl Model {
             }
         }
         Ok(model)
+    }
+
+    /// Whether a connector is there in a test.
+    pub fn present(&self, connector: usize, test: &str) -> bool {
+        let covers = |pattern: &String| match pattern.strip_suffix('*') {
+            Some(front) => test.starts_with(front),
+            None => test == pattern,
+        };
+        !self.absent.iter().any(|(c, tests)| *c == connector && tests.iter().any(covers))
     }
 
     /// Name of a degree of freedom, `body.axis`.
@@ -213,7 +250,7 @@ fn range(name: &str) -> Option<(&str, usize, usize)> {
     Some((stem, first.parse().ok()?, last.parse().ok()?))
 }
 
-fn unique<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), ModelError> {
+pub(super) fn unique<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), ModelError> {
     let mut seen = std::collections::HashSet::new();
     for name in names {
         if name.is_empty() || name.contains('.') || name.chars().any(char::is_whitespace) {

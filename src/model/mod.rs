@@ -7,12 +7,13 @@ mod bound;
 mod element;
 mod error;
 mod graph;
+pub mod space;
 mod system;
 
-pub use bound::{Bound, ChannelPiece};
+pub use bound::{Bound, BoundLoad, ChannelPiece};
 pub use element::{Element, ElementScratch, Sensed};
 pub use error::ModelError;
-pub use graph::{Axis, Body, Connector, Dof, Model, Place};
+pub use graph::{Axis, Body, Connector, Dof, Level, Load, Model, Place};
 pub use system::{ChannelSite, FreeParam, Instance, ParamValue, Site, System, Target};
 
 #[cfg(test)]

@@ -1,16 +1,28 @@
 //! A table of natural frequencies and damping ratios, compared by their logarithms.
+//!
+//! Where the rows state families, the first mode of a family in the table is the first of that family in the model, and so on; else the
+//! numbers of the rows count the modes of the model. Rigid-body modes are never in a table.
 
-use crate::data::ModalTable;
+use crate::data::{ModalTable, ModeRow};
 use crate::engine::EngineError;
-use crate::engine::modal::{Range, modes};
+use crate::engine::modal::{Mode, Range, modes};
 use crate::model::{Bound, Model};
 
+use super::family::Family;
 use super::{Block, BlockKind, Computed, Plan, ResponseError, TableForm};
 
-/// A modal table made ready: the mode of each row by its order from the lowest, and whether its damping is compared.
+/// A modal table made ready.
 #[derive(Clone, Debug)]
 pub struct ModalPlan {
-    rows: Vec<(usize, bool)>,
+    rows: Vec<Row>,
+}
+
+/// The mode of a row by its order from the lowest, in its family where it states one.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    family: Option<Family>,
+    order: usize,
+    damping: bool,
 }
 
 /// Assumed relative deviation of a frequency and of a damping ratio that state none.
@@ -19,14 +31,30 @@ const UNSTATED: [f64; 2] = [0.005, 0.05];
 impl ModalPlan {
     pub(super) fn new(table: &ModalTable, plan: &mut Plan) -> Result<Self, ResponseError> {
         let id = plan.id.clone();
-        let mut rows = Vec::new();
+        let mut rows: Vec<Row> = Vec::new();
+        let mut table = table.clone();
+        if table.rows.iter().any(|r| r.family.is_some()) {
+            let known = |r: &ModeRow| r.family.as_deref().and_then(Family::parse);
+            for row in table.rows.iter().filter(|r| known(r).is_none()) {
+                let family = row.family.as_ref().map_or("no family".into(), |f| format!("the family `{f}`"));
+                plan.notes.push(format!("mode {} has {family}, with which no mode is paired: it is not compared", row.mode));
+            }
+            if table.rows.iter().all(|r| known(r).is_none()) {
+                let accepted = "families xy bending, torsion or yz bending; none at all to pair by number";
+                return Err(ResponseError::invalid(&id, "modes cannot be paired: the table names no family of the model's", accepted));
+            }
+            table.rows.retain(|r| known(r).is_some());
+            table.rows.sort_by_key(|r| r.mode);
+        }
         let (mut values, mut sigmas, mut numbers) = ([vec![], vec![]], [vec![], vec![]], [vec![], vec![]]);
         for row in &table.rows {
             let number = row.mode as usize;
             if number == 0 {
                 return Err(ResponseError::invalid(&id, format!("{}: mode 0", row.place), "modes counted from 1"));
             }
-            rows.push((number - 1, row.damping.is_some()));
+            let family = row.family.as_deref().and_then(Family::parse);
+            let order = family.map_or(number - 1, |_| rows.iter().filter(|r| r.family == family).count());
+            rows.push(Row { family, order, damping: row.damping.is_some() });
             for (k, value) in [Some(&row.frequency), row.damping.as_ref()].into_iter().enumerate() {
                 let Some(v) = value else { continue };
                 if v.value <= 0.0 {
@@ -69,21 +97,16 @@ impl ModalPlan {
         form: TableForm,
     ) -> Result<Computed, ResponseError> {
         let plain = form == TableForm::Plain;
-        let count = self.rows.iter().map(|r| r.0 + 1).max().unwrap_or(0);
-        let named = |source: EngineError| ResponseError::Engine { test: plan.id.clone(), source };
-        let found = modes(model, bound, Range::Lowest(count), sensitivities).map_err(named)?;
-        if found.len() < count {
-            return Err(ResponseError::invalid(&plan.id, format!("the model has {} modes", found.len()), format!("at least {count}")));
-        }
+        let (found, pairs) = self.pair(model, bound, plan, sensitivities)?;
         let n_free = if sensitivities { bound.n_free } else { 0 };
         let mut out = Computed::default();
-        for &(mode, _) in &self.rows {
+        for &mode in &pairs {
             let m = &found[mode];
             let f = m.frequency_hz;
             out.values.push(if plain { f } else { f.ln() });
             out.slopes.extend((0..n_free).map(|k| if plain { m.frequency_slope(k) } else { m.frequency_slope(k) / f }));
         }
-        for &(mode, _) in self.rows.iter().filter(|r| r.1) {
+        for (&mode, _) in pairs.iter().zip(&self.rows).filter(|(_, r)| r.damping) {
             let m = &found[mode];
             if plain {
                 out.values.push(m.damping);
@@ -96,6 +119,31 @@ impl ModalPlan {
             out.slopes.extend((0..n_free).map(|k| if m.damping > LEAST { m.damping_slope(k) / damping } else { 0.0 }));
         }
         Ok(out)
+    }
+
+    /// The modes of the model, and which of them each row is.
+    fn pair(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<(Vec<Mode>, Vec<usize>), ResponseError> {
+        let named = |source: EngineError| ResponseError::Engine { test: plan.id.clone(), source };
+        let mut count = self.rows.iter().map(|r| r.order + 1).max().unwrap_or(0).max(self.rows.len());
+        loop {
+            let mut found = modes(model, bound, Range::Lowest(count), sensitivities).map_err(named)?;
+            let all = found.len() < count || count >= model.dofs.len();
+            found.retain(|m| m.frequency_hz > 0.0);
+            let families: Vec<Family> = found.iter().map(|m| Family::of(model, &m.shape)).collect();
+            let of = |row: &Row| (0..found.len()).filter(|k| row.family.is_none_or(|f| families[*k] == f)).nth(row.order);
+            let pairs: Vec<Option<usize>> = self.rows.iter().map(of).collect();
+            if let Some(pairs) = pairs.iter().copied().collect::<Option<Vec<usize>>>() {
+                return Ok((found, pairs));
+            }
+            if all {
+                let row = self.rows.iter().zip(&pairs).find(|(_, p)| p.is_none()).map_or(&self.rows[0], |(r, _)| r);
+                let kind = row.family.map_or("flexible", Family::word);
+                let there = families.iter().filter(|f| row.family.is_none_or(|r| r == **f)).count();
+                let message = format!("modes cannot be paired: the model has {there} {kind} modes");
+                return Err(ResponseError::invalid(&plan.id, message, format!("at least {}", row.order + 1)));
+            }
+            count = (2 * count).min(model.dofs.len());
+        }
     }
 }
 

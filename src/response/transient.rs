@@ -1,9 +1,9 @@
-//! A whole record, marched from rest at its first sample.
+//! A whole record, marched from rest, or from the equilibrium under the loads that stay, at its first sample.
 
 use crate::data::{Control, TimeRecord};
 use crate::effect::Moment;
-use crate::engine::EngineError;
 use crate::engine::march::{Loads, March, Probe};
+use crate::engine::{EngineError, equilibrium};
 use crate::model::{Bound, Model};
 
 use super::cycle::amplitude;
@@ -104,7 +104,7 @@ impl TransientPlan {
         mut each: impl FnMut(usize, &March, &crate::engine::march::State),
     ) -> Result<(), EngineError> {
         let mut march = March::new(model, bound, &self.loads, RADIUS)?;
-        let mut state = march.rest(columns);
+        let mut state = march.start(equilibrium(model, bound, columns)?, columns);
         for k in 1..self.moments.len() {
             march.step(k, &mut state, columns)?;
             each(k, &march, &state);

@@ -4,13 +4,15 @@ use std::collections::HashMap;
 
 use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView, nearest};
 use crate::explain::Explain;
-use crate::model::{Axis, Body, Connector, Model, ModelError};
+use crate::model::{Axis, Body, Connector, Level, Load, Model, ModelError};
 use crate::units::{Dimension, Quantity};
 
+use super::space;
+
 /// Greatest `count` of a body.
-const MAX_COUNT: i64 = 10_000;
+pub(super) const MAX_COUNT: i64 = 10_000;
 /// The body that need not be declared.
-const GROUND: &str = "ground";
+pub(super) const GROUND: &str = "ground";
 
 /// A `[[body]]`.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,14 +61,16 @@ pub struct GraphSpec {
     pub bodies: Vec<BodySpec>,
     /// Connectors.
     pub connectors: Vec<ConnectorSpec>,
+    /// Tables that are kept as they stand: arcs, parts, joints, points and connectors of a spatial model, and loads.
+    pub tables: Vec<String>,
 }
 
 /// Names that have been given, with what they name and their line.
 #[derive(Default)]
-struct Names(HashMap<String, (&'static str, usize)>);
+pub(super) struct Names(HashMap<String, (&'static str, usize)>);
 
 impl Names {
-    fn add(&mut self, what: &'static str, name: String, value: &ValueView<'_>) -> Result<(), TomlError> {
+    pub fn add(&mut self, what: &'static str, name: String, value: &ValueView<'_>) -> Result<(), TomlError> {
         if let Some((other, first_line)) = self.0.get(&name) {
             // A body and a connector of one name would make `name.x` mean two things.
             let what = if *other == what { what.to_string() } else { format!("{other} and {what}") };
@@ -79,8 +83,60 @@ impl Names {
 
 /// Reads the graph and expands it.
 pub(super) fn read(root: &TableView<'_>) -> Result<(GraphSpec, Model), TomlError> {
-    let mut names = Names::default();
     let mut spec = GraphSpec::default();
+    let mut model = if space::TABLES.iter().any(|t| root.has(t)) {
+        for key in space::TABLES.iter().chain(&["connector"]) {
+            spec.tables.extend(root.tables(key)?.iter().map(|t| t.to_toml(key)));
+        }
+        space::read(root)?
+    } else {
+        bodies(root, &mut spec)?
+    };
+    spec.tables.extend(root.tables("load")?.iter().map(|t| t.to_toml("load")));
+    model.loads = loads(root, &model)?;
+    Ok((spec, model))
+}
+
+/// Reads every `[[load]]`.
+fn loads(root: &TableView<'_>, model: &Model) -> Result<Vec<Load>, TomlError> {
+    let mut loads = Vec::new();
+    for table in root.tables("load")? {
+        table.only(&["at", "force", "condition", "factor", "via", "steps"])?;
+        let value = table.require("at", "a body or part and axis, such as \"P.x\"")?;
+        let name = value.string()?;
+        let dof = model.dof(name).ok_or_else(|| {
+            let e = ModelError::no_such("degree of freedom", name, (0..model.dofs.len()).map(|d| model.dof_name(d)));
+            value.refuse(e.to_string(), e.accepted())
+        })?;
+        let dimension = if model.dofs[dof].axis.rotational() { Dimension::MOMENT } else { Dimension::FORCE };
+        let mut path = Vec::new();
+        if let Some(via) = table.get("via") {
+            for v in via.list()? {
+                path.push(Level::Value(v.quantity(dimension)?.value));
+            }
+        }
+        let factor = table.optional("factor", |v| v.number())?;
+        path.push(match (table.get("force"), table.get("condition")) {
+            (Some(v), None) => {
+                if let Some(f) = table.get("factor") {
+                    return Err(f.refuse("a factor belongs to a condition", "condition and factor, or force with its sign"));
+                }
+                Level::Value(v.quantity(dimension)?.value)
+            }
+            (None, Some(v)) => Level::Condition(v.string()?.to_string(), factor.unwrap_or(1.0)),
+            _ => return Err(table.refuse("the load is not there, or given twice", "force = \"80 N\", or condition = \"load\"")),
+        });
+        let steps = table.optional("steps", |v| v.integer(1, 10_000))?.map_or(LOAD_STEPS, |n| n as usize);
+        loads.push(Load { dof, path, steps });
+    }
+    Ok(loads)
+}
+
+/// Steps of a loading path from one value to the next.
+const LOAD_STEPS: usize = 10;
+
+fn bodies(root: &TableView<'_>, spec: &mut GraphSpec) -> Result<Model, TomlError> {
+    let mut names = Names::default();
     let (mut bodies, mut tables) = (Vec::new(), HashMap::new());
     root.require("body", "[[body]] with name and free, or fixed = true")?.list()?;
     for table in root.tables("body")? {
@@ -99,19 +155,18 @@ pub(super) fn read(root: &TableView<'_>) -> Result<(GraphSpec, Model), TomlError
     for table in root.tables("connector")? {
         let connector = connector(&table)?;
         let value = table.require("name", "a name")?;
-        for (name, from, to) in joins(&table, &connector, &spec, &mut bodies)? {
+        for (name, from, to) in joins(&table, &connector, spec, &mut bodies)? {
             names.add("connector", name.clone(), &value)?;
             tables.insert(name.clone(), table.clone());
             connectors.push(Connector { name, from, to });
         }
         spec.connectors.push(connector);
     }
-    let model = Model::new(bodies, connectors).map_err(|e| {
+    Model::new(bodies, connectors).map_err(|e| {
         let place = e.place();
         let name = place.split('.').next().unwrap_or_default();
         tables.get(name).unwrap_or(root).refuse(e.to_string(), e.accepted())
-    })?;
-    Ok((spec, model))
+    })
 }
 
 fn expand(name: &str, count: Option<usize>) -> Vec<String> {
@@ -119,7 +174,7 @@ fn expand(name: &str, count: Option<usize>) -> Vec<String> {
 }
 
 /// A name without a dot, which separates name and axis.
-fn name(table: &TableView<'_>) -> Result<String, TomlError> {
+pub(super) fn name(table: &TableView<'_>) -> Result<String, TomlError> {
     let value = table.require("name", "a name")?;
     let name = value.name()?;
     if name.contains(['.', ':']) {
@@ -188,6 +243,12 @@ fn connector(table: &TableView<'_>) -> Result<ConnectorSpec, TomlError> {
     Ok(ConnectorSpec { name, ends })
 }
 
+/// A body that is not there, with the nearest that is.
+pub(super) fn unknown_body(what: &str, name: &str, known: Vec<String>) -> TomlProblem {
+    let nearest = nearest(name, known.iter().map(String::as_str));
+    TomlProblem::UnknownWord { what: what.into(), found: name.into(), nearest, accepted: known }
+}
+
 /// The connectors one declaration stands for: name, index of `from`, index of `to`. Declares `ground` where it is named and missing.
 fn joins(
     table: &TableView<'_>,
@@ -196,12 +257,7 @@ fn joins(
     bodies: &mut Vec<Body>,
 ) -> Result<Vec<(String, usize, usize)>, TomlError> {
     let unknown = |key: &str, name: &str, known: Vec<String>| -> TomlError {
-        let problem = TomlProblem::UnknownWord {
-            what: "body".into(),
-            found: name.into(),
-            nearest: nearest(name, known.iter().map(String::as_str)),
-            accepted: known,
-        };
+        let problem = unknown_body("body", name, known);
         table.get(key).map_or_else(|| table.error(problem.clone()), |v| v.error(problem.clone()))
     };
     match &connector.ends {

@@ -42,8 +42,26 @@ pub struct Study {
     pub predictions: Vec<PredictionSpec>,
 }
 
-const KEYS: [&str; 13] =
-    ["schema", "title", "dataset", "folder", "assumptions", "split", "fit", "search", "body", "connector", "effect", "order", "prediction"];
+const KEYS: [&str; 18] = [
+    "schema",
+    "title",
+    "dataset",
+    "folder",
+    "assumptions",
+    "split",
+    "fit",
+    "search",
+    "body",
+    "arc",
+    "part",
+    "joint",
+    "point",
+    "connector",
+    "load",
+    "effect",
+    "order",
+    "prediction",
+];
 
 impl Study {
     /// Reads `path` (a folder with study.toml, or that file) and its dataset.
@@ -74,6 +92,7 @@ impl Study {
             let table = graph::table_of(&root, &graph, &model.bodies[model.dofs[dof].body].name);
             table.unwrap_or_else(|| root.clone()).refuse(e.to_string(), e.accepted())
         })?;
+        mechanism::against(&model, &dataset)?;
         let system = System { model, instances };
         system.check()?;
         let orders = orders::read(&root, &system, &dataset)?;

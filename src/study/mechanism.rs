@@ -1,5 +1,6 @@
 //! Parts of the graph that nothing holds.
 
+use crate::data::{Dataset, Record, Test};
 use crate::effect::Effect;
 use crate::model::{Instance, Model, ModelError, Site};
 
@@ -9,6 +10,9 @@ use crate::model::{Instance, Model, ModelError, Site};
 /// may float when it has mass and no connector leaves it (a free-free chain); otherwise it is a mechanism. Returns its first degree of
 /// freedom with the error.
 pub(super) fn check(model: &Model, instances: &[Instance]) -> Result<(), (usize, ModelError)> {
+    if model.space.is_some() {
+        return connected(model, instances);
+    }
     let n = model.dofs.len();
     let mut acts = vec![false; model.places.len()];
     for instance in instances.iter().filter(|i| matches!(i.effect, Effect::Force(_))) {
@@ -48,6 +52,59 @@ pub(super) fn check(model: &Model, instances: &[Instance]) -> Result<(), (usize,
     };
     let message = format!("a mechanism: no force holds {}", short(&members, ", "));
     Err((first, ModelError::invalid(model.dof_name(first), message, accepted)))
+}
+
+/// Refuses a spatial model in pieces: parts are joined by connectors on which a force acts, and every piece reaches a part that is held,
+/// unless there is but one (a free chain).
+fn connected(model: &Model, instances: &[Instance]) -> Result<(), (usize, ModelError)> {
+    let mut acts = vec![false; model.connectors.len()];
+    for instance in instances.iter().filter(|i| matches!(i.effect, Effect::Force(_))) {
+        let Site::Places(places) = &instance.site else { continue };
+        places.iter().for_each(|p| acts[model.places[*p].connector] = true);
+    }
+    let mut piece: Vec<usize> = (0..model.bodies.len()).collect();
+    for (connector, _) in model.connectors.iter().zip(&acts).filter(|(_, acts)| **acts) {
+        let (old, new) = (piece[connector.from], piece[connector.to]);
+        piece.iter_mut().filter(|p| **p == old).for_each(|p| *p = new);
+    }
+    let moving = |b: usize| !model.bodies[b].free.is_empty();
+    let held = |p: usize| (0..piece.len()).any(|b| piece[b] == p && model.bodies[b].free.len() < 6);
+    let first = (0..piece.len()).find(|b| moving(*b)).map_or(0, |b| piece[b]);
+    let loose = (0..piece.len())
+        .find(|b| moving(*b) && !held(piece[*b]) && (piece[*b] != first || (0..piece.len()).any(|o| moving(o) && piece[o] != first)));
+    let Some(b) = loose else { return Ok(()) };
+    let names: Vec<String> = (0..piece.len()).filter(|o| piece[*o] == piece[b]).map(|o| model.bodies[o].name.clone()).collect();
+    let silent = model.connectors.iter().zip(&acts).filter(|(c, acts)| !**acts && (piece[c.from] == piece[b]) != (piece[c.to] == piece[b]));
+    let silent: Vec<String> = silent.map(|(c, _)| c.name.clone()).collect();
+    let accepted = if silent.is_empty() {
+        "a [[connector]] to the rest, or a [[joint]]".to_string()
+    } else {
+        format!("force effects at the axes of {}", short(&silent, ", "))
+    };
+    let dof = model.dofs.iter().position(|d| d.body == b).unwrap_or(0);
+    let message = format!("the chain is not connected: nothing joins {} to the rest", short(&names, ", "));
+    Err((dof, ModelError::invalid(&model.bodies[b].name, message, accepted)))
+}
+
+/// What a spatial model and a dataset ask of each other: tests that `absent` names are there, and a part that is free along an axis has
+/// inertia along it where a test needs that.
+pub(super) fn against(model: &Model, dataset: &Dataset) -> Result<(), ModelError> {
+    if model.space.is_none() {
+        return Ok(());
+    }
+    let stands = |pattern: &str| match pattern.strip_suffix('*') {
+        Some(front) => dataset.tests.iter().any(|t| t.id.starts_with(front)),
+        None => dataset.test(pattern).is_some(),
+    };
+    if let Some(pattern) = model.absent.iter().flat_map(|a| &a.1).find(|p| !stands(p)) {
+        return Err(ModelError::no_such("test", pattern, dataset.tests.iter().map(|t| t.id.clone())));
+    }
+    let dynamic = |t: &&Test| matches!(t.record, Record::Modal(_) | Record::Frf(_) | Record::Transient(_));
+    let Some(test) = dataset.tests.iter().find(dynamic) else { return Ok(()) };
+    let Some(dof) = model.dofs.iter().position(|d| d.mass <= 0.0) else { return Ok(()) };
+    let (name, body) = (model.dof_name(dof), &model.bodies[model.dofs[dof].body].name);
+    let message = format!("part `{body}` has no inertia along `{name}`, and test `{}` needs it", test.id);
+    Err(ModelError::invalid(body, message, "mass and inertia, a section with its density, or the axis held"))
 }
 
 fn short(names: &[String], join: &str) -> String {

@@ -15,12 +15,26 @@
 //! | `search = { effects, places, max_added }` | what the search for missing effects may try |
 //! | `[[body]]` | `name`, `fixed = true` or `free = ["x", ...]`, `mass`, `inertia`, `count` (then `name1` ... ) |
 //! | `[[connector]]` | `name`, and `from`, `to` or `chain = "body with count"`; `ground` need not be declared |
+//! | `[[load]]` | a load that stays: `at` (`m8.x`), `force`, or `condition = "load"` and `factor` (a test that does not state it is not loaded), `via = ["138.3 N"]` values passed through before, `steps` from one to the next |
 //! | `[[effect]]` | `effect`, `at` (place, range `c1-7.x`, list of places; for a channel effect `test.role` or `*.role`), its parameters |
 //! | parameter | `"20 N/mm"` or `{ start, min, max, prior = { mean, sigma }, fixed = true }`; settings: `free = true` to fit them |
 //! | formula | `expression`, `states = { z = "rate" }`, `active`; every other key is a parameter ([`crate::effect::formula`]) |
 //! | coefficient effects | `of = "viscous.c"` (`viscous#2.c` for the second there), `condition`, `reference` |
 //! | `[[order]]` | `order = [names of free parameters, rising]`, `gap` |
 //! | `[[prediction]]` | `case`, `quantity` and its keys ([`Predicted`]), `conditions`, `reference` |
+//!
+//! # Parts that turn far
+//! These tables replace `[[body]]`; degrees of freedom are `part.x`, `.y`, `.z` (displacement of the part's origin along fixed axes) and
+//! `.theta`, `.phi`, `.psi` (rotation vector), places the six components of a connector ([`crate::model::space`]).
+//!
+//! | key | what |
+//! |---|---|
+//! | `[[arc]]` | the curve of the parts' centres in the xy plane, arc after arc: `radius` and `angle` (positive: to the left), or `length` of a straight piece; of the first `start = ["0 mm", "0 mm"]` and `heading` (from x towards y, 90 deg where it is left out); later ones may state theirs, and must meet |
+//! | `[[part]]` along the arcs | `name`, `count = 22` of equal length (`name1` ...) or `"modal basis"` with `modulus` and `highest` frequency of interest; `section = { width, thickness, density }`, or `mass` and `inertia` (three, along the part) of each |
+//! | `[[part]]` elsewhere | `name`, `at = ["x", "y", "z"]`, `mass`, `inertia`; `free = [...]` or `fixed = true` |
+//! | `[[joint]]` | to the ground: `part`, `free` axes that stay, `at` the point (`"start"` and `"end"` of the arcs), from then on the part's origin. `free = ["psi"]` is a pin |
+//! | `[[point]]` | `name`, `at`: a point to load and measure; its part (`part`, or the nearest) takes it as origin and its name |
+//! | `[[connector]]` | `name` and `chain = "part with count"` (`name1` ... at the interfaces), or `from`, `to`, `at` and `heading` of its y axis (fixed axes where it is left out); `absent = ["loop-*"]` tests it is not there in |
 
 mod channels;
 mod effects;
@@ -35,6 +49,7 @@ mod prediction;
 pub mod run;
 mod settings;
 mod site;
+mod space;
 mod text;
 mod write;
 

@@ -109,6 +109,9 @@ impl Study {
         let (select, held_out) = (list(&self.split.select), list(&self.split.held_out));
         let _ = writeln!(text, "split = {{ select = {select}, held_out = {held_out} }}");
         self.settings(&mut text);
+        for table in &self.graph.tables {
+            let _ = write!(text, "\n{table}");
+        }
         for body in &self.graph.bodies {
             let _ = writeln!(text, "\n[[body]]\nname = {}", quoted(&body.name));
             if body.fixed {

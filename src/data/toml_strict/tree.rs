@@ -52,6 +52,30 @@ impl Value {
     }
 }
 
+impl Value {
+    /// The value as it is written in a file.
+    pub fn to_toml(&self) -> String {
+        match self {
+            Self::String(s) => toml::Value::String(s.clone()).to_string(),
+            Self::Integer(i) => i.to_string(),
+            Self::Float(f) => toml::Value::Float(*f).to_string(),
+            Self::Boolean(b) => b.to_string(),
+            Self::Datetime(d) => d.clone(),
+            Self::Array(a) => format!("[{}]", a.iter().map(|n| n.value.to_toml()).collect::<Vec<_>>().join(", ")),
+            Self::Table(t) => {
+                let entries = t.entries.iter().map(|(key, _, n)| format!("{} = {}", quoted_key(key), n.value.to_toml()));
+                format!("{{ {} }}", entries.collect::<Vec<_>>().join(", "))
+            }
+        }
+    }
+}
+
+/// A key, in quotes where it needs them.
+pub(super) fn quoted_key(key: &str) -> String {
+    let bare = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    if bare { key.to_string() } else { toml::Value::String(key.to_string()).to_string() }
+}
+
 fn clip(s: &str) -> String {
     if s.chars().count() > 40 { s.chars().take(40).chain("...".chars()).collect() } else { s.to_string() }
 }

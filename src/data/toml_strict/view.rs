@@ -1,7 +1,7 @@
 //! Typed access to the tree.
 
 use super::error::{TomlError, TomlProblem, misspelt, nearest};
-use super::tree::{Node, Table, TomlFile, Value};
+use super::tree::{Node, Table, TomlFile, Value, quoted_key};
 use crate::units::{self, Dimension, Quantity, Spread, Unit};
 
 /// A table of the file, with its place.
@@ -49,6 +49,12 @@ impl<'a> TableView<'a> {
     /// An error about this table with a message and what would be accepted.
     pub fn refuse(&self, message: impl Into<String>, accepted: impl Into<String>) -> TomlError {
         self.error(TomlProblem::Value { message: message.into(), accepted: accepted.into() })
+    }
+
+    /// The table as the text of a `[[key]]`.
+    pub fn to_toml(&self, key: &str) -> String {
+        let lines = self.table.entries.iter().map(|(key, _, node)| format!("{} = {}\n", quoted_key(key), node.value.to_toml()));
+        format!("[[{key}]]\n{}", lines.collect::<String>())
     }
 
     fn key_path(&self, key: &str) -> String {

@@ -241,6 +241,19 @@ impl<T: Entry> BlockTri<T> {
     }
 }
 
+impl BlockTri<f64> {
+    /// Sign of the determinant of a factored matrix, 0 of one that is not factored. A symmetric matrix whose determinant is negative has
+    /// an odd number of negative eigenvalues.
+    pub fn determinant_sign(&self) -> f64 {
+        if !self.factored {
+            return 0.0;
+        }
+        let swaps = self.exchange.iter().enumerate().filter(|(k, p)| k != *p).count();
+        let negative = self.inverse.iter().filter(|d| **d < 0.0).count();
+        if (swaps + negative).is_multiple_of(2) { 1.0 } else { -1.0 }
+    }
+}
+
 fn eliminate_dispatched<T: Entry>(matrix: &mut BlockTri<T>) -> Result<WeakestPivot, BlockTriError> {
     #[cfg(target_arch = "x86_64")]
     {

@@ -69,6 +69,13 @@ pub fn at_amplitude(
     settings: Settings,
 ) -> Result<Receptance, EngineError> {
     check(model, omega, input, amplitude, outputs, settings)?;
+    if model.space.is_some() || !bound.loads.is_empty() {
+        return Err(EngineError::Request {
+            what: "the excitation amplitude of parts that turn far, or under loads that stay,",
+            value: amplitude.to_string(),
+            accepted: "a small signal (no `excitation`), or a cycle or transient test".into(),
+        });
+    }
     let mut balance = Balance::new(model, bound, input, amplitude, outputs, settings)?;
     let mut h = Vec::with_capacity(omega.len() * outputs.len());
     let mut dh = Vec::with_capacity(if sensitivities { omega.len() * outputs.len() * bound.n_free } else { 0 });

@@ -1,27 +1,33 @@
 //! Direct differentiation of a step.
 
 use super::super::EngineError;
+use super::space::Spatial;
 use super::{March, State};
 
 impl March<'_> {
     /// Direct differentiation of the converged step. Columns beyond the free parameters are perturbations of the start.
     pub(super) fn sensitivities(&mut self, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        let spatial = self.spatial.take();
+        let done = self.differentiate(spatial.as_ref(), state, columns);
+        self.spatial = spatial;
+        done
+    }
+
+    fn differentiate(&mut self, spatial: Option<&Spatial>, state: &mut State, columns: usize) -> Result<(), EngineError> {
         let (dt, alpha, n, ns) = (self.loads.dt, self.alpha, self.mass.len(), self.n_states);
-        let (big_a, big_v) = (1.0 / (alpha.beta * dt * dt), alpha.gamma / (alpha.beta * dt));
+        let rates = self.rates();
         let n_elements = self.bound.elements.len();
-        // Parts of dv', da' that do not depend on dq': stored where dv', da' will stand.
+        // Parts of dw', dv', da' that do not depend on dq': stored where these will stand.
         for c in 0..columns {
             let base = c * n;
             for d in 0..n {
                 let i = base + d;
                 if self.prescribed_at[d].is_some() {
-                    (state.dq[i], state.dv[i], state.da[i]) = (0.0, 0.0, 0.0);
+                    (state.dq[i], state.dw[i], state.dv[i], state.da[i]) = (0.0, 0.0, 0.0, 0.0);
                     continue;
                 }
-                let (q, v, a) = (self.old.dq[i], self.old.dv[i], self.old.da[i]);
-                let at = -big_a * (q + dt * v) - (0.5 / alpha.beta - 1.0) * a;
-                state.da[i] = at;
-                state.dv[i] = v + dt * ((1.0 - alpha.gamma) * a + alpha.gamma * at);
+                let old = &self.old;
+                (state.dw[i], state.dv[i], state.da[i]) = alpha.end(dt, 0.0, old.dq[i], old.dv[i], old.dw[i], old.da[i]);
                 state.dq[i] = 0.0;
             }
         }
@@ -31,7 +37,7 @@ impl March<'_> {
         for (e, element) in self.bound.elements.iter().enumerate() {
             let (link, sensed) = (&self.links[e], &self.sensed[e]);
             let (d, by_state) = (sensed.inputs(0), sensed.states(0));
-            for c in 0..columns {
+            for c in (0..columns).take_while(|_| spatial.is_none()) {
                 let rel = |u: &[f64]| link.to.map_or(0.0, |k| u[c * n + k]) - link.from.map_or(0.0, |k| u[c * n + k]);
                 let mut h = d[1] * rel(&state.dv) + d[2] * rel(&state.da) - d[3] * rel(&self.old.dq);
                 let old = &self.old.ds[c * ns + link.s0..c * ns + link.s0 + by_state.len()];
@@ -47,18 +53,17 @@ impl March<'_> {
         let n_free = self.free_dofs.len();
         if n_free > 0 {
             // The tangent of the last iteration may lag behind the converged point.
-            self.refresh_matrix(big_a, big_v);
+            self.refresh_matrix(spatial);
             self.matrix.factor()?;
             let mut rhs = std::mem::take(&mut self.rhs);
             rhs.resize(n_free * columns, 0.0);
             for c in 0..columns {
                 for (i, &d) in self.free_dofs.iter().enumerate() {
                     let at = c * n + d;
-                    rhs[c * n_free + i] =
-                        -(self.mass[d] * ((1.0 - alpha.m) * state.da[at] + alpha.m * self.old.da[at]) + alpha.f * self.old.dg[at]);
+                    rhs[c * n_free + i] = -self.mass[d] * state.da[at];
                 }
                 for (e, link) in self.links.iter().enumerate() {
-                    let h = (1.0 - alpha.f) * self.h[c * n_elements + e];
+                    let h = self.h[c * n_elements + e];
                     if let Some(i) = link.to.and_then(|d| self.free[d]) {
                         rhs[c * n_free + i] -= h;
                     }
@@ -67,27 +72,38 @@ impl March<'_> {
                     }
                 }
             }
+            if let Some(spatial) = spatial {
+                self.held_spatial(spatial, state, columns, &mut rhs);
+            }
             self.matrix.solve(&mut rhs)?;
             for c in 0..columns {
                 for (i, &d) in self.free_dofs.iter().enumerate() {
                     let x = rhs[c * n_free + i];
                     state.dq[c * n + d] = x;
-                    state.dv[c * n + d] += big_v * x;
-                    state.da[c * n + d] += big_a * x;
+                    state.dw[c * n + d] += rates.w * x;
+                    state.dv[c * n + d] += rates.v * x;
+                    state.da[c * n + d] += rates.a * x;
                 }
             }
             rhs.resize(n_free, 0.0);
             self.rhs = rhs;
+        } else if let Some(spatial) = spatial {
+            self.held_spatial(spatial, state, columns, &mut []);
         }
-        state.dg.fill(0.0);
+        for c in 0..columns {
+            (0..n).for_each(|d| state.dg[c * n + d] = self.mass[d] * state.da[c * n + d]);
+        }
+        if let Some(spatial) = spatial {
+            self.follow_spatial(spatial, state, columns);
+        }
         for (e, element) in self.bound.elements.iter().enumerate() {
             let (link, sensed) = (&self.links[e], &self.sensed[e]);
             let n_s = element.n_states();
             let k = {
                 let d = sensed.inputs(0);
-                d[0] + big_v * d[1] + big_a * d[2] + d[3]
+                d[0] + rates.v * d[1] + rates.a * d[2] + d[3]
             };
-            for c in 0..columns {
+            for c in (0..columns).take_while(|_| spatial.is_none()) {
                 let rel = |u: &[f64]| link.to.map_or(0.0, |d| u[c * n + d]) - link.from.map_or(0.0, |d| u[c * n + d]);
                 let dx = rel(&state.dq);
                 let df = self.h[c * n_elements + e] + k * dx;
@@ -122,15 +138,18 @@ impl March<'_> {
         Ok(())
     }
 
-    fn refresh_matrix(&mut self, big_a: f64, big_v: f64) {
+    fn refresh_matrix(&mut self, spatial: Option<&Spatial>) {
+        let rates = self.rates();
         self.matrix.clear();
-        let weight = (1.0 - self.alpha.m) * big_a;
         for (k, slot) in self.diagonal.iter().enumerate() {
-            self.matrix.add_at(*slot, weight * self.mass[self.free_dofs[k]]);
+            self.matrix.add_at(*slot, rates.a * self.mass[self.free_dofs[k]]);
+        }
+        if let Some(spatial) = spatial {
+            return self.refresh_spatial(spatial);
         }
         for (link, sensed) in self.links.iter().zip(&self.sensed) {
             let d = sensed.inputs(0);
-            let k = (1.0 - self.alpha.f) * (d[0] + big_v * d[1] + big_a * d[2] + d[3]);
+            let k = d[0] + rates.v * d[1] + rates.a * d[2] + d[3];
             for (slot, value) in link.slots.iter().zip([k, k, -k, -k]) {
                 if let Some(slot) = slot {
                     self.matrix.add_at(*slot, value);

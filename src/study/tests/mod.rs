@@ -14,6 +14,7 @@ mod every_field;
 mod property;
 mod read;
 mod refuse;
+mod space;
 mod write;
 
 /// The contract's first example.

@@ -1,0 +1,288 @@
+//! A step of parts that turn far: forces and tangent of the connectors at their own directions, inertia of the parts.
+
+use crate::effect::Inputs;
+use crate::model::Model;
+use crate::model::space::{Inertial, Space};
+
+use super::super::EngineError;
+use super::super::blocktri::Layout;
+use super::super::spatial::{Joint, Measured, dot, joints, slots};
+use super::{March, Rates, Stage, State};
+
+/// The spatial side of a march.
+pub(super) struct Spatial {
+    pub space: Space,
+    pub joints: Vec<JointWork>,
+    pub parts: Vec<PartWork>,
+}
+
+pub(super) struct JointWork {
+    pub joint: Joint,
+    slots: Vec<Option<usize>>,
+    now: Measured,
+    /// Components and derivatives at the start of the step.
+    before: Measured,
+    geometric: [[f64; 12]; 12],
+}
+
+pub(super) struct PartWork {
+    part: usize,
+    dofs: [Option<usize>; 6],
+    slots: Vec<Option<usize>>,
+    inertial: Inertial,
+}
+
+impl Spatial {
+    pub fn joints(model: &Model, bound: &crate::model::Bound) -> Vec<Joint> {
+        model.space.as_ref().map_or(vec![], |space| joints(model, bound, space))
+    }
+
+    pub fn new(model: &Model, joints: Vec<Joint>, layout: &Layout, free: &[Option<usize>]) -> Result<Option<Self>, EngineError> {
+        let Some(space) = &model.space else { return Ok(None) };
+        let joints = joints.into_iter().map(|joint| {
+            let slots = joint.slots(layout, free)?;
+            Ok(JointWork { joint, slots, now: Measured::default(), before: Measured::default(), geometric: [[0.0; 12]; 12] })
+        });
+        let joints = joints.collect::<Result<Vec<_>, EngineError>>()?;
+        let moving = space.parts.iter().enumerate().filter(|(_, p)| p.dofs.iter().any(Option::is_some));
+        let parts = moving
+            .map(|(k, p)| Ok(PartWork { part: k, dofs: p.dofs, slots: slots(&p.dofs, layout, free)?, inertial: Inertial::default() }));
+        let parts = parts.collect::<Result<Vec<_>, EngineError>>()?;
+        Ok(Some(Spatial { space: space.clone(), joints, parts }))
+    }
+
+    /// Takes the components at the start of a step.
+    pub fn begin(&mut self, old: &State) {
+        for j in &mut self.joints {
+            let (relative, ..) = j.joint.relative(&self.space, &old.q);
+            (j.before.g, j.before.b) = (relative.g, relative.b);
+        }
+    }
+}
+
+impl March<'_> {
+    /// The spatial counterpart of the sum over the elements; inertia included.
+    pub(super) fn internal_spatial(&mut self, spatial: &mut Spatial, state: &mut State, stage: Stage, force: &mut [f64]) -> f64 {
+        let (dt, rates) = (self.loads.dt, self.rates());
+        let mut scale = 0.0;
+        for work in &mut spatial.joints {
+            let joint = &work.joint;
+            let (relative, a, b) = joint.relative(&spatial.space, &state.q);
+            (work.now.g, work.now.b) = (relative.g, relative.b);
+            let (reads_v, reads_a) = joint.rates;
+            let with_rates = reads_a || (reads_v && stage == Stage::Full);
+            if with_rates {
+                joint.rates_into(&spatial.space, &state.q, &state.v, &state.a, &mut work.now);
+            } else {
+                (work.now.rate, work.now.second) = ([[0.0; 12]; 6], [[0.0; 12]; 6]);
+            }
+            let (v12, a12) = (joint.gather(&state.v), joint.gather(&state.a));
+            let mut f = [0.0; 6];
+            let mut rows = [[0.0; 12]; 6];
+            for &(e, c) in &joint.elements {
+                let element = &self.bound.elements[e];
+                let (row, link) = (&work.now.b[c], &self.links[e]);
+                let x = work.now.g[c];
+                let u = Inputs { x, v: dot(row, &v12), a: dot(row, &a12) + dot(&work.now.rate[c], &v12), dx: x - work.before.g[c] };
+                let s = &mut self.new_s[link.s0..link.s0 + element.n_states()];
+                let fs = &mut state.fs[link.fs0..link.fs0 + element.n_follower_states()];
+                let value = if stage == Stage::Value {
+                    element.value(&u, dt, s, &mut self.scratch)
+                } else {
+                    let out = &mut self.sensed[e];
+                    element.tangent(&u, dt, s, fs, stage == Stage::Full, out, &mut self.scratch);
+                    if stage == Stage::Newton {
+                        rows[c] = effective_row(out.inputs(0), &work.now, c, &rates);
+                    }
+                    out.f
+                };
+                f[c] = value;
+                self.forces[e] = value;
+                scale += value.abs();
+            }
+            for (k, d) in joint.dofs.iter().enumerate() {
+                if let Some(d) = d {
+                    force[*d] += (0..6).map(|c| work.now.b[c][k] * f[c]).sum::<f64>();
+                }
+            }
+            if stage != Stage::Value {
+                work.geometric = relative.geometric(&f, &a, &b);
+            }
+            if stage == Stage::Newton {
+                add_joint(&mut self.matrix, work, &rows);
+            }
+        }
+        for work in spatial.parts.iter_mut().filter(|_| !self.alpha.still) {
+            let part = &spatial.space.parts[work.part];
+            let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[d]));
+            let (q, v, a) = (at(&state.q), at(&state.v), at(&state.a));
+            work.inertial = match stage {
+                Stage::Full => part.inertial_tangent(&q, &v, &a),
+                _ => part.inertial_by_acceleration(&q, &v, &a),
+            };
+            for (d, p) in work.dofs.iter().zip(work.inertial.p) {
+                if let Some(d) = d {
+                    force[*d] += p;
+                    scale += p.abs();
+                }
+            }
+            if stage == Stage::Newton {
+                add_part(&mut self.matrix, work, &rates);
+            }
+        }
+        scale
+    }
+
+    /// The tangent at the converged step, every derivative included.
+    pub(super) fn refresh_spatial(&mut self, spatial: &Spatial) {
+        let rates = self.rates();
+        for work in &spatial.joints {
+            let mut rows = [[0.0; 12]; 6];
+            for &(e, c) in &work.joint.elements {
+                rows[c] = effective_row(self.sensed[e].inputs(0), &work.now, c, &rates);
+            }
+            add_joint(&mut self.matrix, work, &rows);
+        }
+        for work in spatial.parts.iter().filter(|_| !self.alpha.still) {
+            add_part(&mut self.matrix, work, &rates);
+        }
+    }
+
+    /// Derivatives of the elements' forces, and of the inertial forces, at held coordinates: the first into `h`, and with their
+    /// directions taken from `rhs`.
+    pub(super) fn held_spatial(&mut self, spatial: &Spatial, state: &State, columns: usize, rhs: &mut [f64]) {
+        let (n, ns, n_elements, n_free) = (self.mass.len(), self.n_states, self.bound.elements.len(), self.free_dofs.len());
+        for c in 0..columns {
+            let column = |u: &'_ [f64], dofs: &[Option<usize>; 12]| -> [f64; 12] { dofs.map(|d| d.map_or(0.0, |d| u[c * n + d])) };
+            for work in &spatial.joints {
+                let joint = &work.joint;
+                let (dv, da, dq0) = (column(&state.dv, &joint.dofs), column(&state.da, &joint.dofs), column(&self.old.dq, &joint.dofs));
+                for &(e, axis) in &joint.elements {
+                    let (sensed, s0) = (&self.sensed[e], self.links[e].s0);
+                    let (d, by_state) = (sensed.inputs(0), sensed.states(0));
+                    let row = &work.now.b[axis];
+                    let v = dot(row, &dv);
+                    let a = dot(row, &da) + 2.0 * dot(&work.now.rate[axis], &dv);
+                    let mut h = d[1] * v + d[2] * a - d[3] * dot(&work.before.b[axis], &dq0);
+                    let old = &self.old.ds[c * ns + s0..c * ns + s0 + by_state.len()];
+                    h += by_state.iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
+                    self.h[c * n_elements + e] += h;
+                    let h = self.h[c * n_elements + e];
+                    for (k, d) in joint.dofs.iter().enumerate() {
+                        if let Some(i) = d.and_then(|d| self.free[d]) {
+                            rhs[c * n_free + i] -= row[k] * h;
+                        }
+                    }
+                }
+            }
+            for work in spatial.parts.iter().filter(|_| !self.alpha.still) {
+                let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[c * n + d]));
+                let (dv, da) = (at(&state.dv), at(&state.da));
+                for (k, d) in work.dofs.iter().enumerate() {
+                    if let Some(i) = d.and_then(|d| self.free[d]) {
+                        let by = |m: &[[f64; 6]; 6], u: &[f64; 6]| (0..6).map(|j| m[k][j] * u[j]).sum::<f64>();
+                        rhs[c * n_free + i] -= by(&work.inertial.by_v, &dv) + by(&work.inertial.by_a, &da);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Derivatives of forces, states and reactions once those of the motion are known.
+    pub(super) fn follow_spatial(&mut self, spatial: &Spatial, state: &mut State, columns: usize) {
+        let (n, ns, n_elements) = (self.mass.len(), self.n_states, self.bound.elements.len());
+        let rates = self.rates();
+        for c in 0..columns {
+            let column = |u: &'_ [f64], dofs: &[Option<usize>; 12]| -> [f64; 12] { dofs.map(|d| d.map_or(0.0, |d| u[c * n + d])) };
+            for work in &spatial.joints {
+                let joint = &work.joint;
+                let (dq, dv, da) = (column(&state.dq, &joint.dofs), column(&state.dv, &joint.dofs), column(&state.da, &joint.dofs));
+                let dq0 = column(&self.old.dq, &joint.dofs);
+                let mut df = [0.0; 6];
+                for &(e, axis) in &joint.elements {
+                    let sensed = &self.sensed[e];
+                    let row = effective_row(sensed.inputs(0), &work.now, axis, &rates);
+                    let h = &mut self.h[c * n_elements + e];
+                    *h += dot(&row, &dq);
+                    df[axis] = *h;
+                    let n_s = sensed.states(0).len();
+                    if n_s == 0 {
+                        continue;
+                    }
+                    let (b, rate, second) = (&work.now.b[axis], &work.now.rate[axis], &work.now.second[axis]);
+                    let x = dot(b, &dq);
+                    let v = dot(b, &dv) + dot(rate, &dq);
+                    let a = dot(b, &da) + 2.0 * dot(rate, &dv) + dot(second, &dq);
+                    let step = x - dot(&work.before.b[axis], &dq0);
+                    let at = c * ns + self.links[e].s0;
+                    for r in 0..n_s {
+                        let d = sensed.inputs(1 + r);
+                        let old = &self.old.ds[at..at + n_s];
+                        state.ds[at + r] = d[0] * x
+                            + d[1] * v
+                            + d[2] * a
+                            + d[3] * step
+                            + sensed.states(1 + r).iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
+                    }
+                }
+                for (k, d) in joint.dofs.iter().enumerate() {
+                    if let Some(d) = d {
+                        let direct: f64 = (0..6).map(|i| work.now.b[i][k] * df[i]).sum();
+                        state.dg[c * n + d] += direct + dot(&work.geometric[k], &dq);
+                    }
+                }
+            }
+            for work in spatial.parts.iter().filter(|_| !self.alpha.still) {
+                let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[c * n + d]));
+                let (dq, dv, da) = (at(&state.dq), at(&state.dv), at(&state.da));
+                for (k, d) in work.dofs.iter().enumerate() {
+                    if let Some(d) = d {
+                        let by = |m: &[[f64; 6]; 6], u: &[f64; 6]| (0..6).map(|j| m[k][j] * u[j]).sum::<f64>();
+                        let p = &work.inertial;
+                        state.dg[c * n + d] += by(&p.by_q, &dq) + by(&p.by_v, &dv) + by(&p.by_a, &da);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Relative displacement of a place of a spatial model, with its sensitivities.
+    pub(super) fn read_relative(&self, spatial: &Spatial, connector: usize, axis: usize, state: &State, d: &mut [f64]) -> f64 {
+        let n = self.mass.len();
+        let joint = &self.connectors[connector];
+        let (relative, ..) = joint.relative(&spatial.space, &state.q);
+        for (c, out) in d.iter_mut().enumerate() {
+            *out = dot(&relative.b[axis], &joint.dofs.map(|d| d.map_or(0.0, |d| state.dq[c * n + d])));
+        }
+        relative.g[axis]
+    }
+}
+
+/// `dF/dq` of an element with velocity and acceleration following from the displacement of the step.
+fn effective_row(d: &[f64], now: &Measured, c: usize, rates: &Rates) -> [f64; 12] {
+    let straight = d[0] + d[3] + rates.v * d[1] + rates.a * d[2];
+    let turning = d[1] + 2.0 * rates.v * d[2];
+    std::array::from_fn(|k| straight * now.b[c][k] + turning * now.rate[c][k] + d[2] * now.second[c][k])
+}
+
+fn add_joint(matrix: &mut super::BlockTri<f64>, work: &JointWork, rows: &[[f64; 12]; 6]) {
+    for i in 0..12 {
+        for j in 0..12 {
+            if let Some(slot) = work.slots[12 * i + j] {
+                let direct: f64 = (0..6).map(|c| work.now.b[c][i] * rows[c][j]).sum();
+                matrix.add_at(slot, direct + work.geometric[i][j]);
+            }
+        }
+    }
+}
+
+fn add_part(matrix: &mut super::BlockTri<f64>, work: &PartWork, rates: &Rates) {
+    let p = &work.inertial;
+    for i in 0..6 {
+        for j in 0..6 {
+            if let Some(slot) = work.slots[6 * i + j] {
+                matrix.add_at(slot, p.by_q[i][j] + rates.v * p.by_v[i][j] + rates.a * p.by_a[i][j]);
+            }
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! Rigid parts that turn far: where they lie, what a connector measures between them, their inertia.
+//!
+//! A model with a [`Space`] is spatial: all its bodies are rigid parts with a place in space, their degrees of freedom the displacement of
+//! an origin and a rotation vector, along fixed axes, from the reference position. Both are plain coordinates, so that every engine works
+//! on them as on those of a linear chain; the rotation vector from the reference is regular up to a full turn of a part against its own
+//! reference, and the relative one of a connector up to half a turn between its two parts.
+//!
+//! Joints to the ground hold degrees of freedom at zero: a part on a pin takes the pin as its origin, moves in psi alone, and the
+//! constraint holds exactly. That is what Lagrange multipliers give for such joints (eqs. 1-2 of the paper) without their indefinite
+//! matrix and without drift. A joint between two parts that both move is a connector with the stiffness its author declares.
+//!
+//! The paper's tensioner: part 1 on the pin (psi), 20 parts free, part 22 on the closed shelf (y, psi): 1 + 20 x 6 + 2 = 123 degrees of
+//! freedom. A shelf that may open is a connector from the ground to part 22 with a unilateral law along x; part 22 is then free in x
+//! too, 124, and lifting off leaves it to the chain. Where nothing else holds it, there is no equilibrium, and that is said.
+//!
+//! | file | what |
+//! |---|---|
+//! | `rotation` | rotation vectors, their tangents, over dual numbers |
+//! | `joint` | the six components of a connector, first and second derivatives |
+//! | `body` | inertia, gyroscopic terms included |
+//! | `curve` | arcs and the parts along them |
+
+pub mod body;
+pub mod curve;
+pub mod joint;
+pub mod rotation;
+
+use std::collections::HashMap;
+
+use super::ModelError;
+use super::graph::{Axis, Body, Connector, Dof, Model, Place, unique};
+pub use body::{Inertial, Part};
+pub use curve::{Arc, Curve, Section};
+pub use joint::{Frame, Pose, Relative};
+
+/// Where the parts and connectors of a spatial model are.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Space {
+    /// One for every body; `dofs` as in the model.
+    pub parts: Vec<Part>,
+    /// One for every connector.
+    pub frames: Vec<Frame>,
+}
+
+impl Space {
+    /// Coordinates of a part among all, 0 where it is held.
+    #[inline]
+    pub fn coordinates(&self, part: usize, q: &[f64]) -> [f64; 6] {
+        self.parts[part].dofs.map(|d| d.map_or(0.0, |d| q[d]))
+    }
+}
+
+impl Model {
+    /// Builds a spatial model. The `dofs` of the parts are set here, from the free axes of the bodies.
+    pub fn spatial(bodies: Vec<Body>, connectors: Vec<Connector>, mut space: Space) -> Result<Model, ModelError> {
+        unique("body", bodies.iter().map(|b| b.name.as_str()))?;
+        unique("connector", connectors.iter().map(|c| c.name.as_str()))?;
+        if space.parts.len() != bodies.len() || space.frames.len() != connectors.len() {
+            return Err(ModelError::invalid(
+                "space",
+                "parts or frames do not match the graph",
+                "one part per body, one frame per connector",
+            ));
+        }
+        let mut dofs = Vec::new();
+        let mut index = HashMap::new();
+        for (b, (body, part)) in bodies.iter().zip(&mut space.parts).enumerate() {
+            check_part(body, part)?;
+            let about_origin = part.inertia_about_origin();
+            part.dofs = [None; 6];
+            for &axis in &body.free {
+                let k = axis as usize;
+                if index.insert((b, axis), dofs.len()).is_some() {
+                    return Err(ModelError::Twice { what: "free axis", name: format!("{}.{}", body.name, axis.name()) });
+                }
+                part.dofs[k] = Some(dofs.len());
+                dofs.push(Dof { body: b, axis, mass: if k < 3 { part.mass } else { about_origin[k - 3][k - 3] } });
+            }
+        }
+        if dofs.is_empty() {
+            return Err(ModelError::invalid("part", "no part has a free axis: nothing can move", "at least one part that is free to move"));
+        }
+        let mut places = Vec::new();
+        for (c, connector) in connectors.iter().enumerate() {
+            if connector.from == connector.to {
+                let message = format!("connector `{}` joins part `{}` to itself", connector.name, bodies[connector.to].name);
+                return Err(ModelError::invalid(&connector.name, message, "two different parts"));
+            }
+            places.extend(Axis::ALL.iter().map(|axis| Place { connector: c, axis: *axis, from: None, to: None }));
+        }
+        let reached = |b: usize| connectors.iter().any(|c| c.from == b || c.to == b);
+        if let Some(b) = (0..bodies.len()).find(|b| !bodies[*b].free.is_empty() && !reached(*b)) {
+            let name = &bodies[b].name;
+            return Err(ModelError::invalid(
+                name,
+                format!("nothing holds part `{name}`: no connector reaches it"),
+                "a connector to every part that can move",
+            ));
+        }
+        Ok(Model { bodies, connectors, dofs, places, space: Some(space), loads: vec![], absent: vec![] })
+    }
+}
+
+fn check_part(body: &Body, part: &Part) -> Result<(), ModelError> {
+    let bad = |message: String, accepted: &str| Err(ModelError::invalid(&body.name, message, accepted));
+    if !(part.mass.is_finite() && part.mass >= 0.0) {
+        return bad(format!("the mass of part `{}` is {}", body.name, part.mass), "zero or more");
+    }
+    let numbers = part.origin.iter().chain(&part.centre).chain(part.inertia.iter().flatten());
+    if let Some(x) = numbers.into_iter().find(|x| !x.is_finite()) {
+        return bad(format!("the place or inertia of part `{}` holds {x}", body.name), "finite numbers");
+    }
+    let j = nalgebra::Matrix3::from_fn(|r, c| part.inertia[r][c]);
+    let least = j.symmetric_eigenvalues().min();
+    if least < -1e-12 * j.amax() || (j - j.transpose()).amax() > 1e-9 * j.amax() {
+        return bad(
+            format!("the inertia tensor of part `{}` is not one of a body", body.name),
+            "a symmetric tensor without negative principal values",
+        );
+    }
+    Ok(())
+}

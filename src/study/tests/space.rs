@@ -1,0 +1,252 @@
+//! Parts along arcs, from the file to every kind of response.
+
+use crate::response::Plan;
+
+use super::*;
+
+/// Eight parts along two arcs on a pin and a shelf, loaded at P by a device.
+pub const SPACE: &str = r#"schema = 1
+dataset = "data"
+[[arc]]
+radius = "150 mm"
+angle = "12 deg"
+[[arc]]
+radius = "60 mm"
+angle = "35 deg"
+start = ["-3.27786 mm", "31.18675 mm"]
+heading = "102 deg"
+[[part]]
+name = "b"
+count = 8
+section = { width = "20 mm", thickness = "9 mm", density = "3200 kg/m3" }
+[[joint]]
+part = "b1"
+free = ["psi"]
+at = "start"
+[[joint]]
+part = "b8"
+free = ["x", "y", "psi"]
+at = "end"
+[[point]]
+name = "P"
+at = ["2 mm", "33 mm"]
+[[point]]
+name = "tip"
+part = "b8"
+at = "end"
+[[connector]]
+name = "GF"
+chain = "b"
+[[connector]]
+name = "shelf"
+from = "ground"
+to = "tip"
+[[connector]]
+name = "device"
+from = "ground"
+to = "P"
+absent = ["loop-*"]
+[[load]]
+at = "P.x"
+condition = "load"
+factor = -1
+via = ["-138.3 N"]
+steps = 5
+[[effect]]
+effect = "linear_stiffness"
+at = "GF1-7.x"
+k = { start = "30e3 N/mm", fixed = true }
+[[effect]]
+effect = "linear_stiffness"
+at = "GF1-7.y"
+k = { start = "40e3 N/mm", fixed = true }
+[[effect]]
+effect = "linear_stiffness"
+at = "GF1-7.z"
+k = { start = "90e3 N/mm", fixed = true }
+[[effect]]
+effect = "linear_stiffness"
+at = "GF1-7.theta"
+k = { start = "1e6 N mm/deg", fixed = true }
+[[effect]]
+effect = "linear_stiffness"
+at = "GF1-7.phi"
+k = "900 N mm/deg"
+[[effect]]
+effect = "linear_stiffness"
+at = "GF1-3.psi"
+k = "1490 N mm/deg"
+[[effect]]
+effect = "linear_stiffness"
+at = "GF4-7.psi"
+k = "1960 N mm/deg"
+[[effect]]
+effect = "viscous"
+at = "GF1-7.psi"
+c = "0.2 N mm s/deg"
+[[effect]]
+effect = "viscous"
+at = "GF1-7.phi"
+c = "0.1 N mm s/deg"
+[[effect]]
+effect = "elastic_slip"
+at = "GF1-2.psi"
+f = { start = "300 N mm", min = "0 N mm" }
+d = "0.01 rad"
+[[effect]]
+effect = "linear_stiffness"
+at = "shelf.x"
+k = { start = "5000 N/mm", fixed = true }
+[[effect]]
+effect = "linear_stiffness"
+at = "device.x"
+k = "400 N/mm"
+"#;
+
+const TESTS: &str = r#"
+[[test]]
+id = "loop-a"
+kind = "cycle"
+file = "loop-1.csv"
+control = "force"
+conditions = { frequency = "1 Hz" }
+channels = [
+ { role="time", column="t", unit="s" },
+ { role="force", at="P.x", column="F", unit="N" },
+ { role="displacement", at="P.x", column="x", unit="mm", sigma="0.01 mm" },
+ { role="displacement", at="tip.y", column="x", unit="mm", sigma="0.01 mm" }]
+[[test]]
+id = "frf-80N"
+kind = "frf"
+file = "frf.csv"
+excite = "P.x"
+respond = "tip.y"
+quantity = "accelerance"
+conditions = { load = "80 N" }
+channels = [
+ { role="frequency", column="f", unit="Hz" },
+ { role="real", column="re", unit="m/s2/N" },
+ { role="imag", column="im", unit="m/s2/N" },
+ { role="coherence", column="coh", averages=20 }]
+[[test]]
+id = "modal-80N"
+kind = "modal"
+conditions = { load = "80 N" }
+rows = [
+ { mode = 1, frequency = "300 Hz", damping = "5 %", family = "xy bending" },
+ { mode = 2, frequency = "600 Hz", damping = "5 %", family = "xy bending" },
+ { mode = 3, frequency = "900 Hz", damping = "5 %", family = "torsion" },
+ { mode = 4, frequency = "1900 Hz", family = "leaf springs" }]
+[[test]]
+id = "transient-a"
+kind = "transient"
+file = "loop-5.csv"
+control = "force"
+conditions = { load = "20 N" }
+channels = [
+ { role="time", column="t", unit="s" },
+ { role="force", at="P.x", column="F", unit="N" },
+ { role="displacement", at="P.x", column="x", unit="mm", sigma="0.01 mm" }]
+[[test]]
+id = "energy-a"
+kind = "energy"
+at = "P.x"
+control = "force"
+force_min = "-60 N"
+force_max = "-10 N"
+rows = [{ frequency = "1 Hz", W_D = "1 mJ", W_s = "20 mJ" }]
+"#;
+
+#[test]
+fn a_chain_along_arcs_is_read_and_written() {
+    let folder = Folder::new(SPACE, TESTS);
+    let study = folder.load().unwrap();
+    let model = &study.system.model;
+    assert_eq!((model.bodies.len(), model.dofs.len(), model.connectors.len()), (9, 6 * 6 + 1 + 3, 9));
+    assert!(model.dof("P.psi").is_some() && model.dof("tip.y").is_some() && model.dof("b8.y").is_none());
+    assert_eq!(model.places_at("GF1-3.psi").unwrap().len(), 3);
+    let again = read(&study.with_values(&study.system, std::path::Path::new(".")), &study.dataset).unwrap();
+    assert_eq!(again.system.model, study.system.model);
+    assert_eq!(again.graph.tables, study.graph.tables);
+}
+
+/// Every kind of test computes on the chain, and its slopes are the differences.
+#[test]
+fn every_response_of_a_chain_has_exact_slopes() {
+    let study = Folder::new(SPACE, TESTS).load().unwrap();
+    let free = study.system.free();
+    for test in &study.dataset.tests {
+        let plan = Plan::new(test, &study.system.model).unwrap();
+        if test.id == "modal-80N" {
+            assert!(plan.notes.iter().any(|n| n.contains("leaf springs")), "{:?}", plan.notes);
+        }
+        let base = plan.evaluate(&study.system, &free, true).unwrap_or_else(|e| panic!("{}: {e} ({})", test.id, e.accepted()));
+        println!("{}: {:?}", test.id, &base.values[..base.values.len().min(8)]);
+        assert!(base.values.iter().all(|v| v.is_finite()) && base.values.len() == plan.len());
+        for (k, f) in free.iter().enumerate() {
+            let value = study.system.instances[f.instance].params[f.param].value;
+            let h = 1e-4 * value;
+            let at = |h: f64| {
+                let mut moved = study.system.clone();
+                moved.instances[f.instance].params[f.param].value += h;
+                plan.evaluate(&moved, &free, false).unwrap().values
+            };
+            let (up, down) = (at(h), at(-h));
+            let scale = if f.log { value } else { 1.0 };
+            let numeric: Vec<f64> = up.iter().zip(&down).map(|(u, d)| (u - d) / (2.0 * h) * scale).collect();
+            let size = numeric.iter().fold(0.0f64, |m, d| m.max(d.abs()));
+            let noise = base.values.iter().fold(0.0f64, |m, v| m.max(v.abs())) * 1e-8 / h * scale;
+            for (i, n) in numeric.iter().enumerate() {
+                let exact = base.slopes[i * free.len() + k];
+                assert!((exact - n).abs() < 2e-4 * size + noise, "{} {} at {i}: {exact} {n} of {size}", test.id, f.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_wrong_with_a_chain_is_said_where_it_is() {
+    let dataset = Folder::new(SPACE, TESTS).dataset();
+    let case = |from: &str, to: &str, message: &str, place: &str| {
+        assert!(SPACE.contains(from), "{from}");
+        refused(read(&SPACE.replacen(from, to, 1), &dataset), message, place);
+    };
+    case("start = [\"-3.27786 mm\"", "start = [\"-2.27786 mm\"", "arcs 1 and 2 do not meet: 1.0000 mm", "line 6, key arc[1]");
+    case("heading = \"102 deg\"", "heading = \"98 deg\"", "do not meet: 0.0000 mm and 4.0000 deg", "line 6, key arc[1]");
+    case("radius = \"60 mm\"", "radius = \"60 N\"", "where a length is expected", "key arc[1].radius");
+    case("angle = \"35 deg\"\n", "", "the arc is not complete", "key arc[1]");
+    case("count = 8", "count = 1", "1", "key part[0].count");
+    case("count = 8", "count = \"modal basis\"", "required key `modulus` is missing", "key part[0]");
+    case("section = {", "mass = \"1 g\"\nsection = {", "a section gives mass", "key part[0].mass");
+    case("density = \"3200 kg/m3\"", "density = \"3200 kg\"", "is expected", "density");
+    case(
+        "section = { width = \"20 mm\", thickness = \"9 mm\", density = \"3200 kg/m3\" }\n",
+        "",
+        "part `b1` has no inertia along `b1.psi`, and test `frf-80N` needs it",
+        "",
+    );
+    case("part = \"b1\"", "part = \"b11\"", "unknown part `b11`, nearest is `b1`", "key joint[0].part");
+    case("free = [\"psi\"]", "free = [\"psy\"]", "unknown axis `psy`", "key joint[0].free[0]");
+    case("at = \"start\"", "at = \"strt\"", "unknown place `strt`", "key joint[0].at");
+    case("chain = \"b\"", "chain = \"c\"", "unknown part with a count `c`", "key connector[0].chain");
+    case("to = \"P\"", "to = \"Q\"", "unknown part `Q`", "key connector[2].to");
+    case("absent = [\"loop-*\"]", "absent = [\"lop-*\"]", "there is no test `lop-*`", "");
+    case("at = \"P.x\"\ncondition", "at = \"P.w\"\ncondition", "there is no degree of freedom `P.w`", "key load[0].at");
+    case("factor = -1\nvia", "factor = -1\nforce = \"3 N\"\nvia", "not there, or given twice", "key load[0]");
+    case("at = \"GF1-3.psi\"", "at = \"GF1-9.psi\"", "GF9.psi", "key effect[5].at");
+    // A gap in the chain: nothing acts at GF4.
+    let gap = SPACE.replace("GF1-7", "GF5-7").replace("at = \"GF4-7.psi\"", "at = \"GF5-7.psi\"");
+    let free = gap
+        .replace("free = [\"x\", \"y\", \"psi\"]\nat = \"end\"", "free = [\"x\", \"y\", \"z\", \"theta\", \"phi\", \"psi\"]\nat = \"end\"");
+    let free = free.replace("at = \"shelf.x\"", "at = \"device.y\"");
+    refused(read(&free, &dataset), "the chain is not connected", "");
+}
+
+#[test]
+fn the_modal_basis_gives_the_number_of_parts() {
+    let dataset = Folder::new(SPACE, TESTS).dataset();
+    let text = SPACE.replace("count = 8", "count = \"modal basis\"\nmodulus = \"28000 N/mm2\"\nhighest = \"2500 Hz\"");
+    let text = text.replace("GF1-7", "GF1-13").replace("GF4-7", "GF4-13").replace("\"b8\"", "\"b14\"");
+    let study = read(&text, &dataset).unwrap();
+    assert_eq!(study.system.model.connectors.len(), 13 + 2);
+}
