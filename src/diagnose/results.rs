@@ -231,7 +231,8 @@ pub enum Verdict {
     NothingMissing,
     /// Something is, but no candidate explains it.
     Unexplained,
-    /// The search was stopped before it had found anything.
+    /// The search was stopped before it had found anything: unexplained so far, with `interrupted` beside it.
+    #[serde(rename = "unexplained")]
     Interrupted,
 }
 

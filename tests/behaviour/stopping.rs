@@ -61,12 +61,12 @@ fn a_ladder_that_was_stopped_says_so() {
     let ran = rig.run("ladder", &["--json", "--max-seconds", "1e-9"]);
     assert_eq!(ran.code, 130, "{}", ran.stderr);
     let json = ran.json();
-    assert_eq!((&json["verdict"], &json["interrupted"]), (&"interrupted".into(), &true.into()));
+    assert_eq!((&json["verdict"], &json["interrupted"]), (&"unexplained".into(), &true.into()));
     assert!(json["ended"].as_str().unwrap().contains("interrupted") && json["missing"].as_array().unwrap().is_empty());
     let ran = rig.run("ladder", &["--max-seconds", "1e-9"]);
     assert!(ran.stdout.contains("interrupted before it had found anything") && !ran.stdout.contains("library"), "{}", ran.stdout);
     let ran = rig.run("diagnose", &["--json", "--max-seconds", "1e-9"]);
-    assert_eq!((ran.code, &ran.json()["verdict"]), (130, &"interrupted".into()));
+    assert_eq!((ran.code, &ran.json()["verdict"]), (130, &"unexplained".into()));
     assert_eq!(rig.json("ladder", &[])["interrupted"], false);
 }
 

@@ -11,6 +11,7 @@ use super::{Study, StudyError};
 
 mod formula;
 mod every_field;
+mod every_key;
 mod property;
 mod read;
 mod refuse;

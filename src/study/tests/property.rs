@@ -9,7 +9,7 @@ static DATA: LazyLock<[(String, Dataset); 3]> = LazyLock::new(|| {
     [
         (format!("{ONE}{extra}"), Folder::one(ONE).dataset()),
         (CHAIN.to_string(), Folder::chain(CHAIN).dataset()),
-        (every_field::STUDY.to_string(), every_field::folder().dataset()),
+        (every_key::STUDY.to_string(), every_field::folder().dataset()),
     ]
 });
 

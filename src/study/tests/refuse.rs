@@ -258,7 +258,7 @@ fn predictions() {
     case("9 N", "9 mm", "where a force is expected", "key prediction[0].force_max");
     case("conditions = { frequency = \"1 Hz\" }\n", "", "required key `frequency` is missing", "line 22, key prediction[0]");
     case("1 Hz", "-1 Hz", "a frequency of -1 Hz", "key prediction[0].conditions.frequency");
-    case("case = \"a\"\n", "case = \"a\"\nreference = \"1 N\"\n", "where an energy is expected", "key prediction[0].reference");
+    case("case = \"a\"\n", "case = \"a\"\nreference = \"1 N\"\n", "where a moment or energy is expected", "key prediction[0].reference");
     case("case = \"a\"\n", "case = \"a\"\nmode = 1\n", "unknown key `mode`", "key prediction[0].mode");
     let other = |text: &str, message: &str, place: &str| {
         refused(read(&format!("{ONE}[[prediction]]\ncase = \"b\"\n{text}"), &dataset), message, place)
