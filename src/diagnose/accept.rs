@@ -9,12 +9,17 @@ const STANDARD_ERRORS: f64 = 2.0;
 
 /// Mean improvement of the squared whitened residual and its standard error, paired over chunks of every test.
 pub fn improvement(before: &Whitened, after: &Whitened) -> (f64, f64) {
+    paired(before, after, |b, a| b - a)
+}
+
+/// Mean and standard error of a comparison of the mean squares of every chunk.
+fn paired(before: &Whitened, after: &Whitened, gain: impl Fn(f64, f64) -> f64) -> (f64, f64) {
     let mut gains = Vec::new();
     for (b, a) in before.iter().zip(after) {
         let size = b.len().div_ceil(CHUNKS).max(1);
         for (b, a) in b.chunks(size).zip(a.chunks(size)) {
             let mean = |w: &[f64]| w.iter().map(|r| r * r).sum::<f64>() / w.len() as f64;
-            gains.push(mean(b) - mean(a));
+            gains.push(gain(mean(b), mean(a)));
         }
     }
     let n = gains.len() as f64;
@@ -26,11 +31,14 @@ pub fn improvement(before: &Whitened, after: &Whitened) -> (f64, f64) {
     (mean, (variance / n).sqrt())
 }
 
-/// Whether the improvement on the tests that decide exceeds two standard errors.
+/// Whether the improvement on the tests that decide exceeds two standard errors, as a difference or as a ratio: an effect that rules one
+/// resonance and leaves the next alone improves its chunks by very unlike amounts, but none for the worse.
 pub fn earns_its_place(before: &Whitened, after: &Whitened) -> bool {
     let (mean, error) = improvement(before, after);
+    // A residual below the noise is as good as one at the noise.
+    let (ratio, spread) = paired(before, after, |b, a| (b.max(1.0) / a.max(1.0)).ln());
     // A perfect improvement in every chunk has no scatter to measure it by.
-    mean > 0.0 && mean > STANDARD_ERRORS * error
+    mean > 0.0 && (mean > STANDARD_ERRORS * error || ratio > STANDARD_ERRORS * spread)
 }
 
 /// What a candidate costs on all tests it may be judged on: half the sum of squares on fit and select, and for each free parameter half
