@@ -51,6 +51,23 @@ fn a_cyclic_history() {
 }
 
 #[test]
+fn run_up_and_run_down_of_a_short_record() {
+    // Two cycles up, three full, two down, from a mean that is not zero.
+    let rows = (0..7001).map(|i| {
+        let t = f64::from(i) / 1000.0;
+        let size = (t / 2.0).min((7.0 - t) / 2.0).clamp(0.0, 1.0);
+        let p = TAU * t;
+        format!("{t},{},{}\n", 0.3 + size * p.sin(), size * (p + 0.3).sin() + 0.2 * (3.0 * p).sin() * size)
+    });
+    let (_dir, path) = write("a.csv", &("time [s],displacement [in],force [kip]\n".to_string() + &rows.collect::<String>()));
+    let FoundItem::History(h) = inspect(&path).unwrap().items.remove(0) else { panic!() };
+    let c = h.cyclic.as_ref().unwrap();
+    assert!((c.frequency - 1.0).abs() < 1e-4, "{}", c.frequency);
+    assert_eq!((c.cycles, c.start_up, c.settled.cycles), (7, 2, 3));
+    assert!((c.settled.energy(None).unwrap().travel.value / 0.0508 - 1.0).abs() < 1e-3);
+}
+
+#[test]
 fn an_frf_and_what_is_neither() {
     let rows: String = (1..200).map(|k| format!("{k},0.1,0.2,0.9\n")).collect();
     let (_dir, path) = write("b.csv", &("f [Hz],re [m/s2/N],im [m/s2/N],coh\n".to_string() + &rows));
