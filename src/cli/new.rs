@@ -34,7 +34,12 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     for file in &args.from {
         let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         if names.contains(&name) {
-            return Err(Failure::new("data", file.display().to_string(), format!("two files are named `{name}`"), "files of different names"));
+            return Err(Failure::new(
+                "data",
+                file.display().to_string(),
+                format!("two files are named `{name}`"),
+                "files of different names",
+            ));
         }
         names.push(name);
     }
@@ -43,8 +48,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let scaffold = scaffold::write(&found);
     let Some(scaffold) = scaffold else {
         let inside: String = found.iter().flat_map(|f| &f.items).take(20).map(described).collect();
-        let message = format!("the files hold no test: neither a history with a channel that drives and one that answers, nor an FRF\n{inside}");
-        return Err(Failure::new("data", names.join(", "), message.trim_end(), "files with histories of force and displacement, or with FRFs"));
+        let message =
+            format!("the files hold no test: neither a history with a channel that drives and one that answers, nor an FRF\n{inside}");
+        return Err(Failure::new(
+            "data",
+            names.join(", "),
+            message.trim_end(),
+            "files with histories of force and displacement, or with FRFs",
+        ));
     };
     let (problem, modes) = create(&args.dir, &args.from, &scaffold)?;
     let shown = |name: &str| args.dir.join(name).display().to_string();
@@ -66,14 +77,21 @@ fn free(dir: &Path) -> Result<(), Failure> {
         Err(e) => e.kind() != io::ErrorKind::NotFound,
     };
     if taken {
-        return Err(Failure::new("study", dir.display().to_string(), "something is there already, and nothing is written over", "a new folder, or an empty one"));
+        return Err(Failure::new(
+            "study",
+            dir.display().to_string(),
+            "something is there already, and nothing is written over",
+            "a new folder, or an empty one",
+        ));
     }
     Ok(())
 }
 
 /// Writes everything beside the target and moves it there in one step: whole, or not at all. Reads the new dataset once for what is still wrong with it.
 fn create(dir: &Path, files: &[PathBuf], scaffold: &scaffold::Scaffold) -> Result<(Option<Failure>, Option<ModalFit>), Failure> {
-    let fail = |e: io::Error| Failure::new("study", dir.display().to_string(), format!("the study cannot be written: {e}"), "a folder that can be written to");
+    let fail = |e: io::Error| {
+        Failure::new("study", dir.display().to_string(), format!("the study cannot be written: {e}"), "a folder that can be written to")
+    };
     let parent = dir.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(parent).map_err(fail)?;
     let temporary = tempfile::Builder::new().prefix(".misfit-new-").tempdir_in(parent).map_err(fail)?;
@@ -156,9 +174,11 @@ fn measured(c: &Cyclic) -> Option<Value> {
     let e = c.settled.energy(None)?;
     let pair = |e: Estimate| json!({ "value": e.value, "std": e.sigma });
     let noise = |role: Role| c.settled.channels.iter().find(|c| c.role == role).map(|c| c.sigma_sample);
-    Some(json!({ "cycles_averaged": c.settled.cycles, "points": c.settled.n, "displacement_amplitude": 0.5 * e.travel.value, "force_amplitude": 0.5 * e.force_range.value,
+    Some(
+        json!({ "cycles_averaged": c.settled.cycles, "points": c.settled.n, "displacement_amplitude": 0.5 * e.travel.value, "force_amplitude": 0.5 * e.force_range.value,
                  "displacement_noise": noise(Role::Displacement), "force_noise": noise(Role::Force), "W_D": pair(e.dissipated),
-                 "W_s_slope": e.stored_slope.map(pair), "W_s_product": pair(e.stored_product), "D": pair(e.loss_ratio) }))
+                 "W_s_slope": e.stored_slope.map(pair), "W_s_product": pair(e.stored_product), "D": pair(e.loss_ratio) }),
+    )
 }
 
 fn told(found: &[FoundFile], scaffold: &scaffold::Scaffold, problem: Option<&Failure>, modes: Option<&ModalFit>, args: &Args) -> String {
@@ -215,7 +235,8 @@ fn history(h: &FoundHistory) -> String {
         );
         if let Some(e) = c.settled.energy(None) {
             let pair = |e: Estimate| format!("{} +- {}", significant(e.value, 4), significant(e.sigma, 2));
-            text += &format!("    settled loop: W_D {} J, D {}, over {} cycles\n", pair(e.dissipated), pair(e.loss_ratio), c.settled.cycles);
+            text +=
+                &format!("    settled loop: W_D {} J, D {}, over {} cycles\n", pair(e.dissipated), pair(e.loss_ratio), c.settled.cycles);
         }
     }
     h.findings.iter().for_each(|n| text += &format!("    finding: {}: {}\n", n.about, n.text));
@@ -224,7 +245,9 @@ fn history(h: &FoundHistory) -> String {
 
 fn frf(f: &FoundFrf) -> String {
     let record = f.record.as_deref().map_or(String::new(), |r| format!(" {r}"));
-    let place = |p: Option<(i64, &str, bool)>| p.map_or("?".to_string(), |(n, axis, against)| format!("{n}:{}{axis}", if against { "-" } else { "+" }));
+    let place = |p: Option<(i64, &str, bool)>| {
+        p.map_or("?".to_string(), |(n, axis, against)| format!("{n}:{}{axis}", if against { "-" } else { "+" }))
+    };
     let unit = f.columns.get(1).and_then(|c| c.2.clone()).unwrap_or_else(|| "not given".into());
     let mut text = format!(
         "  FRF{record}: {} over {}, {}, unit {unit}, {} lines from {} to {} Hz{}\n",

@@ -14,7 +14,8 @@ fn loop_text(frequency: f64) -> String {
         let up = (t * frequency / 1.5).min(1.0);
         let p = TAU * frequency * t;
         let wobble = f64::from((i * 7919) % 101) / 101.0 - 0.5;
-        writeln!(text, "{t:.4};{:.6};{:.6}", up * 2.0 * p.sin() + 0.002 * wobble, up * (40.0 * p.sin() + 8.0 * p.cos()) + 0.05 * wobble).unwrap();
+        writeln!(text, "{t:.4};{:.6};{:.6}", up * 2.0 * p.sin() + 0.002 * wobble, up * (40.0 * p.sin() + 8.0 * p.cos()) + 0.05 * wobble)
+            .unwrap();
     }
     text.replace('.', ",")
 }
@@ -39,7 +40,11 @@ fn loops_become_a_fitted_study() {
     assert_eq!(ran.code, 0, "{}", ran.stderr);
     let json = ran.json();
     let found = &json["found"][0];
-    assert_eq!((found["what"].as_str(), found["cycles"].as_u64(), found["control"].as_str()), (Some("cycle"), Some(10), Some("displacement")), "{found}");
+    assert_eq!(
+        (found["what"].as_str(), found["cycles"].as_u64(), found["control"].as_str()),
+        (Some("cycle"), Some(10), Some("displacement")),
+        "{found}"
+    );
     assert!((found["frequency_hz"].as_f64().unwrap() - 1.0).abs() < 1e-3 && (found["rate_hz"].as_f64().unwrap() - 200.0).abs() < 1e-6);
     assert_eq!(found["channels"][2]["unit"].as_str(), Some("N"));
     assert!(json["problem"].is_null(), "{json}");
@@ -49,7 +54,9 @@ fn loops_become_a_fitted_study() {
     let fit = misfit(&["fit", &study, "--json"]);
     assert_eq!(fit.code, 0, "{}", fit.stderr);
     let parameters = fit.json()["parameters"].clone();
-    let value = |name: &str| parameters.as_array().unwrap().iter().find(|p| p["name"].as_str().unwrap().ends_with(name)).unwrap()["value"].as_f64().unwrap();
+    let value = |name: &str| {
+        parameters.as_array().unwrap().iter().find(|p| p["name"].as_str().unwrap().ends_with(name)).unwrap()["value"].as_f64().unwrap()
+    };
     assert!((value(".k") / 20e3 - 1.0).abs() < 0.01, "{parameters}");
     // Nothing is written over.
     let again = misfit(&["new", &study, "--json", "--from", &files[0]]);
@@ -68,7 +75,8 @@ fn nothing_is_left_where_a_file_cannot_be_read() {
     assert_eq!(stage, "data");
     assert!(place.contains("bad.uff") && message.contains("closing line"), "{place}: {message}");
     assert!(!study.exists());
-    let hidden = std::fs::read_dir(dir.path()).unwrap().filter(|e| e.as_ref().unwrap().file_name().to_string_lossy().starts_with('.')).count();
+    let hidden =
+        std::fs::read_dir(dir.path()).unwrap().filter(|e| e.as_ref().unwrap().file_name().to_string_lossy().starts_with('.')).count();
     assert_eq!(hidden, 0);
 }
 

@@ -28,7 +28,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         let path = folder.join("long.csv");
         write(&path, rows)?;
         std::fs::write(folder.join("dataset.toml"), TOML)?;
-        println!("{rows} rows, {:.0} MB, {} processors", std::fs::metadata(&path)?.len() as f64 / 1e6, std::thread::available_parallelism()?);
+        println!(
+            "{rows} rows, {:.0} MB, {} processors",
+            std::fs::metadata(&path)?.len() as f64 / 1e6,
+            std::thread::available_parallelism()?
+        );
         let (mut alone, mut ours) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..3 {
             let clock = Instant::now();
@@ -41,7 +45,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             let Record::Cycle(record) = &dataset.tests[0].record else { return Err("no cycle".into()) };
             let settled = record.settled()?;
             ours = ours.min(clock.elapsed().as_secs_f64());
-            println!("{:.6} Hz, {} cycles of {} points, sigma of the force {:.4} N", settled.frequency, settled.cycles, settled.n, settled.channels[1].sigma_sample);
+            println!(
+                "{:.6} Hz, {} cycles of {} points, sigma of the force {:.4} N",
+                settled.frequency, settled.cycles, settled.n, settled.channels[1].sigma_sample
+            );
         }
         println!("polars alone {alone:.3} s, settled loop with sigma {ours:.3} s: {:.2}x", ours / alone);
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

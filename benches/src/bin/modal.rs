@@ -23,7 +23,13 @@ fn main() -> Result<(), Box<dyn Error>> {
             let (re, im) = (lists(&v["re"])?, lists(&v["im"])?);
             let h = re.iter().zip(&im).map(|(a, b)| a.iter().zip(b).map(|(a, b)| Complex64::new(*a, *b)).collect()).collect();
             let count = |key: &str| v[key].as_u64().map(|n| n as usize);
-            Some(FrfSet { frequency: list(&v["frequency"])?, outputs: count("outputs")?, inputs: count("inputs")?, h, sigma: lists(&v["sigma"])? })
+            Some(FrfSet {
+                frequency: list(&v["frequency"])?,
+                outputs: count("outputs")?,
+                inputs: count("inputs")?,
+                h,
+                sigma: lists(&v["sigma"])?,
+            })
         };
         let set = read().ok_or("frequency, outputs, inputs, re, im and sigma")?;
         let clock = Instant::now();
@@ -33,7 +39,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             json!({ "frequency": m.frequency, "frequency_sigma": m.frequency_sigma, "damping": m.damping, "damping_sigma": m.damping_sigma,
                     "shape": m.shape.iter().map(|s| [s.re, s.im]).collect::<Vec<_>>() })
         };
-        println!("{}", json!({ "modes": found.modes.iter().map(mode).collect::<Vec<_>>(), "chi_squared": found.chi_squared, "seconds": seconds }));
+        println!(
+            "{}",
+            json!({ "modes": found.modes.iter().map(mode).collect::<Vec<_>>(), "chi_squared": found.chi_squared, "seconds": seconds })
+        );
     }
     Ok(())
 }

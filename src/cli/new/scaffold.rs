@@ -89,19 +89,33 @@ impl Writer {
         let answers = h.columns.iter().filter_map(|c| c.role).filter(|r| r.has_place() && Some(*r) != drives).count();
         if h.cyclic.is_none() && (drives.is_none() || answers == 0) {
             let name = path.display();
-            self.to_confirm.push(format!("{name}: a history left out, it has no channel that drives (displacement or force) and one that answers"));
+            self.to_confirm
+                .push(format!("{name}: a history left out, it has no channel that drives (displacement or force) and one that answers"));
             return;
         }
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let id = self.id(path, "");
-        let turning = h.columns.iter().any(|c| c.role == Some(Role::Displacement) && c.unit.as_deref().is_some_and(|u| parse_unit(u, Dimension::ANGLE).is_ok()));
+        let turning = h
+            .columns
+            .iter()
+            .any(|c| c.role == Some(Role::Displacement) && c.unit.as_deref().is_some_and(|u| parse_unit(u, Dimension::ANGLE).is_ok()));
         let axis = if turning { "psi" } else { "x" };
         let at = format!("c1.{axis}");
-        let mut text = format!("\n[[test]]\nid = {}\nkind = \"{}\"\nfile = {}\n", quoted(&id), if h.cyclic.is_some() { "cycle" } else { "transient" }, quoted(&name));
+        let mut text = format!(
+            "\n[[test]]\nid = {}\nkind = \"{}\"\nfile = {}\n",
+            quoted(&id),
+            if h.cyclic.is_some() { "cycle" } else { "transient" },
+            quoted(&name)
+        );
         if let Some(c) = &h.cyclic {
             let remark = if c.recognised { "recognised by its shape" } else { "assumed: confirm it" };
             text += &format!("control = \"{}\"   # {remark}\n", c.control.role().word());
-            text += &format!("conditions = {{ frequency = \"{} Hz\" }}\ndiscard_cycles = {}   # start-up, of {} cycles\n", rounded(c.frequency, 6), c.start_up, c.cycles);
+            text += &format!(
+                "conditions = {{ frequency = \"{} Hz\" }}\ndiscard_cycles = {}   # start-up, of {} cycles\n",
+                rounded(c.frequency, 6),
+                c.start_up,
+                c.cycles
+            );
             if !c.recognised {
                 self.to_confirm.push(format!("{id}: the control could not be recognised"));
             }
@@ -196,7 +210,9 @@ impl Writer {
     }
 
     fn study(&mut self) -> String {
-        let mut text = "# Written by `misfit new`: the model below is a beginning, to be confirmed by eye.\nschema = 1\ndataset = \"data\"\n".to_string();
+        let mut text =
+            "# Written by `misfit new`: the model below is a beginning, to be confirmed by eye.\nschema = 1\ndataset = \"data\"\n"
+                .to_string();
         if self.ids.len() >= 3 {
             text += "# split = { held_out = [...] }   # keep a test or two for the end\n";
         }
@@ -206,7 +222,10 @@ impl Writer {
                 "\n[[body]]\nname = \"end\"                 # massless, driven\nfree = [\"{axis}\"]\n\n[[connector]]\nname = \"c1\"\nfrom = \"ground\"\nto = \"end\"\n"
             );
             let (k, c, per) = self.connector_values(axis);
-            text += &format!("\n[[effect]]\neffect = \"linear_stiffness\"\nat = \"c1.{axis}\"\nk = {{ start = \"{k}\", min = \"0 {}\" }}\n", per.0);
+            text += &format!(
+                "\n[[effect]]\neffect = \"linear_stiffness\"\nat = \"c1.{axis}\"\nk = {{ start = \"{k}\", min = \"0 {}\" }}\n",
+                per.0
+            );
             text += &format!("\n[[effect]]\neffect = \"viscous\"\nat = \"c1.{axis}\"\nc = {{ start = \"{c}\", min = \"0 {}\" }}\n", per.1);
         }
         if self.frfs {
@@ -216,14 +235,23 @@ impl Writer {
                 let free: Vec<String> = axes.iter().map(|a| format!("\"{a}\"")).collect();
                 let turning = axes.iter().any(|a| matches!(*a, "theta" | "phi" | "psi"));
                 let inertia = if turning { "inertia = \"0.001 kg m2\"   # placeholder\n" } else { "" };
-                text += &format!("\n[[body]]\nname = \"n{node}\"\nmass = \"1 kg\"                 # placeholder\n{inertia}free = [{}]\n", free.join(", "));
+                text += &format!(
+                    "\n[[body]]\nname = \"n{node}\"\nmass = \"1 kg\"                 # placeholder\n{inertia}free = [{}]\n",
+                    free.join(", ")
+                );
                 let joint = format!("j{}", k + 1);
-                text += &format!("\n[[connector]]               # placeholder: a chain in the order of the nodes\nname = \"{joint}\"\nfrom = \"{before}\"\nto = \"n{node}\"\n");
+                text += &format!(
+                    "\n[[connector]]               # placeholder: a chain in the order of the nodes\nname = \"{joint}\"\nfrom = \"{before}\"\nto = \"n{node}\"\n"
+                );
                 for axis in axes {
                     let about = matches!(*axis, "theta" | "phi" | "psi");
                     let (k, c) = if about { ("N m/rad", "N m s/rad") } else { ("N/mm", "N s/mm") };
-                    text += &format!("\n[[effect]]\neffect = \"linear_stiffness\"\nat = \"{joint}.{axis}\"\nk = {{ start = \"100 {k}\", min = \"0 {k}\" }}\n");
-                    text += &format!("\n[[effect]]\neffect = \"viscous\"\nat = \"{joint}.{axis}\"\nc = {{ start = \"0.01 {c}\", min = \"0 {c}\" }}\n");
+                    text += &format!(
+                        "\n[[effect]]\neffect = \"linear_stiffness\"\nat = \"{joint}.{axis}\"\nk = {{ start = \"100 {k}\", min = \"0 {k}\" }}\n"
+                    );
+                    text += &format!(
+                        "\n[[effect]]\neffect = \"viscous\"\nat = \"{joint}.{axis}\"\nc = {{ start = \"0.01 {c}\", min = \"0 {c}\" }}\n"
+                    );
                 }
                 before = format!("n{node}");
             }
@@ -234,7 +262,11 @@ impl Writer {
     /// Stiffness and damping as text in the units of the file, and their units; in SI where a unit is missing.
     fn connector_values(&self, axis: &str) -> (String, String, (String, String)) {
         let about = axis == "psi";
-        let (dk, dc) = if about { (Dimension::ROTATIONAL_STIFFNESS, Dimension::ROTATIONAL_DAMPING) } else { (Dimension::STIFFNESS, Dimension::DAMPING) };
+        let (dk, dc) = if about {
+            (Dimension::ROTATIONAL_STIFFNESS, Dimension::ROTATIONAL_DAMPING)
+        } else {
+            (Dimension::STIFFNESS, Dimension::DAMPING)
+        };
         let si = if about { ("N m/rad", "N m s/rad") } else { ("N/mm", "N s/mm") };
         let Some((k, c, force, length, _)) = &self.connector else {
             return (format!("1 {}", si.0), format!("0.01 {}", si.1), (si.0.into(), si.1.into()));

@@ -14,7 +14,8 @@ fn axis(kind: i64, label: &str, unit: &str) -> String {
 fn function(kind: i64, node: i64, ordinate: (i64, &str), denominator: (i64, &str), values: &[f64], complex: bool) -> String {
     let (form, per) = if complex { (5, 2) } else { (2, 1) };
     let reference = if kind == 1 { (0, 0) } else { (7, 3) };
-    let dofs = format!("{kind:5}{:10}{:5}{:10} {:<10}{node:10}{:4} {:<10}{:10}{:4}\n", 0, 1, 0, "NONE", 3, "NONE", reference.0, reference.1);
+    let dofs =
+        format!("{kind:5}{:10}{:5}{:10} {:<10}{node:10}{:4} {:<10}{:10}{:4}\n", 0, 1, 0, "NONE", 3, "NONE", reference.0, reference.1);
     let points = values.len() / per;
     let (first, step) = if kind == 1 { (0.0, 0.01) } else { (0.0, 1.0) };
     let shape = format!("{form:10}{points:10}{:10}{first:13.5e}{step:13.5e}{:13.5e}\n", 1, 0.0);
@@ -60,7 +61,11 @@ fn an_frf_of_a_universal_file() {
     let Record::Frf(f) = &ignored.tests[0].record else { panic!() };
     assert!((f.measured[9].re - 1.0).abs() < 1e-5);
     let none = e(toml("record = \"13:+Z/7:+Z\"\n", "mm/s2/N", "accelerance"));
-    assert!(none.to_string().contains("no function `13:+Z/7:+Z`") && none.accepted().contains("#1 12:+Z/7:+Z"), "{none} {}", none.accepted());
+    assert!(
+        none.to_string().contains("no function `13:+Z/7:+Z`") && none.accepted().contains("#1 12:+Z/7:+Z"),
+        "{none} {}",
+        none.accepted()
+    );
     let two = uff.clone() + &function(4, 13, (12, "mm/s^2"), (13, "N"), &frf(), true);
     let several = Folder::new(&toml("", "mm/s2/N", "accelerance")).with("a.uff", &two).load().unwrap_err();
     assert!(several.to_string().contains("2 functions"), "{several}");
@@ -73,7 +78,8 @@ fn an_frf_of_a_universal_file() {
 #[test]
 fn a_loop_of_a_universal_file() {
     let wave = |phase: f64, size: f64| (0..600).map(|i| size * (TAU * 0.01 * f64::from(i) + phase).sin()).collect::<Vec<f64>>();
-    let uff = function(1, 1, (8, "mm"), (0, "NONE"), &wave(0.0, 2.0), false) + &function(1, 2, (13, "N"), (0, "NONE"), &wave(0.2, 30.0), false);
+    let uff =
+        function(1, 1, (8, "mm"), (0, "NONE"), &wave(0.0, 2.0), false) + &function(1, 2, (13, "N"), (0, "NONE"), &wave(0.2, 30.0), false);
     let text = "schema = 1\n[[test]]\nid = \"a\"\nkind = \"cycle\"\nfile = \"a.uff\"\ncontrol = \"displacement\"\nchannels = [\
         { role = \"time\", column = \"time\", unit = \"s\" }, { role = \"displacement\", at = \"c1.x\", column = \"#1\", unit = \"mm\" },\
         { role = \"force\", at = \"c1.x\", column = \"2:+Z\", unit = \"N\" }]\n";
@@ -84,19 +90,26 @@ fn a_loop_of_a_universal_file() {
     let w = l.energy(None).unwrap().dissipated.value;
     assert!((w / (std::f64::consts::PI * 2e-3 * 30.0 * 0.2f64.sin()) - 1.0).abs() < 1e-4, "{w}");
     // Channels of unlike length.
-    let unlike = function(1, 1, (8, "mm"), (0, "NONE"), &wave(0.0, 2.0), false) + &function(1, 2, (13, "N"), (0, "NONE"), &wave(0.2, 30.0)[..500], false);
+    let unlike = function(1, 1, (8, "mm"), (0, "NONE"), &wave(0.0, 2.0), false)
+        + &function(1, 2, (13, "N"), (0, "NONE"), &wave(0.2, 30.0)[..500], false);
     let e = Folder::new(text).with("a.uff", &unlike).load().unwrap_err();
     assert!(e.to_string().contains("different abscissae (600 and 500 points)"), "{e}");
 }
 
 #[test]
 fn units_in_a_header_are_held_against_the_declaration() {
-    let rows: String = (0..600).map(|i| format!("{:.2},{:.6},{:.6}\n", 0.01 * f64::from(i), (TAU * 0.01 * f64::from(i)).sin(), (TAU * 0.01 * f64::from(i) + 0.1).sin())).collect();
+    let rows: String = (0..600)
+        .map(|i| {
+            format!("{:.2},{:.6},{:.6}\n", 0.01 * f64::from(i), (TAU * 0.01 * f64::from(i)).sin(), (TAU * 0.01 * f64::from(i) + 0.1).sin())
+        })
+        .collect();
     let csv = "t [s],x [mm],F [kN]\n".to_string() + &rows;
     let text = |force: &str, column: &str, more: &str| {
-        format!("schema = 1\n[[test]]\nid = \"a\"\nkind = \"cycle\"\nfile = \"a.csv\"\ncontrol = \"displacement\"\n{more}channels = [\
+        format!(
+            "schema = 1\n[[test]]\nid = \"a\"\nkind = \"cycle\"\nfile = \"a.csv\"\ncontrol = \"displacement\"\n{more}channels = [\
         {{ role = \"time\", column = \"t\", unit = \"s\" }}, {{ role = \"displacement\", at = \"c1.x\", column = \"x\", unit = \"mm\" }},\
-        {{ role = \"force\", at = \"c1.x\", column = \"{column}\", unit = \"{force}\" }}]\n")
+        {{ role = \"force\", at = \"c1.x\", column = \"{column}\", unit = \"{force}\" }}]\n"
+        )
     };
     let load = |t: String| Folder::new(&t).with("a.csv", &csv).load();
     assert!(load(text("kN", "F", "")).is_ok() && load(text("kN", "F [kN]", "")).is_ok());
@@ -114,12 +127,15 @@ fn an_frf_from_histories() {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         f64::from(state >> 8) / f64::from(1u32 << 24) - 0.5
     };
-    let rows: String = (0..4096).map(|i| (i, random())).map(|(i, f)| format!("{},{},{}\n", f64::from(i) / 512.0, f, f / 2.0 + 0.0)).collect();
+    let rows: String =
+        (0..4096).map(|i| (i, random())).map(|(i, f)| format!("{},{},{}\n", f64::from(i) / 512.0, f, f / 2.0 + 0.0)).collect();
     let csv = "t,F,a\n".to_string() + &rows;
     let text = |more: &str| {
-        format!("schema = 1\n[[test]]\nid = \"a\"\nkind = \"frf\"\nfile = \"a.csv\"\nexcite = \"m1.x\"\nrespond = \"m1.x\"\nquantity = \"accelerance\"\n\
+        format!(
+            "schema = 1\n[[test]]\nid = \"a\"\nkind = \"frf\"\nfile = \"a.csv\"\nexcite = \"m1.x\"\nrespond = \"m1.x\"\nquantity = \"accelerance\"\n\
          {more}channels = [{{ role = \"time\", column = \"t\", unit = \"s\" }}, {{ role = \"force\", at = \"m1.x\", column = \"F\", unit = \"N\" }},\
-         {{ role = \"acceleration\", at = \"m1.x\", column = \"a\", unit = \"m/s2\" }}]\n")
+         {{ role = \"acceleration\", at = \"m1.x\", column = \"a\", unit = \"m/s2\" }}]\n"
+        )
     };
     let load = |t: String| Folder::new(&t).with("a.csv", &csv).load();
     let first = |d: Dataset| match &d.tests[0].record {

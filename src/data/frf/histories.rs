@@ -34,9 +34,13 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>, excited
         o => Err(v.refuse(format!("an overlap of {o}"), "0 to 0.9")),
     })?;
     let specs = channels(table, &ROLES, &[])?;
-    let response_of = |s: &&ChannelSpec| matches!(s.role, Role::Displacement | Role::Velocity | Role::Acceleration) && s.at.as_deref() == Some(&excited.respond);
+    let response_of = |s: &&ChannelSpec| {
+        matches!(s.role, Role::Displacement | Role::Velocity | Role::Acceleration) && s.at.as_deref() == Some(&excited.respond)
+    };
     let force_of = |s: &&ChannelSpec| s.role == Role::Force && s.at.as_deref() == Some(&excited.excite);
-    let position = |f: &dyn Fn(&&ChannelSpec) -> bool, what: String| specs.iter().position(|s| f(&s)).ok_or_else(|| DataError::from(no_channel(table, &what)));
+    let position = |f: &dyn Fn(&&ChannelSpec) -> bool, what: String| {
+        specs.iter().position(|s| f(&s)).ok_or_else(|| DataError::from(no_channel(table, &what)))
+    };
     let time = position(&|s| s.role == Role::Time, "role = \"time\"".into())?;
     let force = position(&force_of, format!("role = \"force\" at {}", excited.excite))?;
     let response = position(&response_of, format!("role = \"displacement\", \"velocity\" or \"acceleration\" at {}", excited.respond))?;

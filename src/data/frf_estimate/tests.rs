@@ -156,7 +156,9 @@ fn double_hits_and_overloads_are_left_out() {
     let e = estimate(5e-4, &force, &response, &r);
     let reasons = match &e {
         Ok(e) => e.rejected.iter().map(|r| r.reason).collect::<Vec<_>>(),
-        Err(EstimateError::Blocks { rejected, .. }) => vec![if rejected.contains("overloaded") { "the response is overloaded" } else { "" }],
+        Err(EstimateError::Blocks { rejected, .. }) => {
+            vec![if rejected.contains("overloaded") { "the response is overloaded" } else { "" }]
+        }
         Err(e) => panic!("{e}"),
     };
     assert!(reasons.contains(&"the response is overloaded"), "{reasons:?}");

@@ -7,7 +7,10 @@ use crate::units::{Dimension, parse_unit};
 /// Words by which columns are named, of English and German rigs.
 const WORDS: [(Role, &[&str]); 10] = [
     (Role::Time, &["t", "time", "zeit", "sec", "seconds", "timestamp"]),
-    (Role::Displacement, &["x", "u", "disp", "displacement", "position", "pos", "stroke", "weg", "deflection", "lvdt", "angle", "rotation"]),
+    (
+        Role::Displacement,
+        &["x", "u", "disp", "displacement", "position", "pos", "stroke", "weg", "deflection", "lvdt", "angle", "rotation"],
+    ),
     (Role::Velocity, &["v", "vel", "velocity", "speed", "geschwindigkeit"]),
     (Role::Acceleration, &["a", "acc", "accel", "acceleration", "beschleunigung"]),
     (Role::Force, &["f", "force", "load", "kraft", "cell", "loadcell", "hammer", "moment", "torque"]),
@@ -22,7 +25,11 @@ const WORDS: [(Role, &[&str]); 10] = [
 pub fn guess_role(name: &str, unit: Option<&str>) -> Option<Role> {
     let lower = bare(name).to_lowercase();
     let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).collect();
-    let called = |role: Role| WORDS.iter().any(|(r, list)| *r == role && words.iter().any(|w| list.contains(w) || list.contains(&w.trim_end_matches(|c: char| c.is_ascii_digit()))));
+    let called = |role: Role| {
+        WORDS.iter().any(|(r, list)| {
+            *r == role && words.iter().any(|w| list.contains(w) || list.contains(&w.trim_end_matches(|c: char| c.is_ascii_digit())))
+        })
+    };
     let magnitude = || words.iter().any(|w| ["amp", "amplitude", "mag", "magnitude", "abs"].contains(w));
     let Some(unit) = unit else {
         if magnitude() {

@@ -76,7 +76,8 @@ fn columns(path: &Path) -> Result<Vec<FoundColumn>, DataError> {
     let read = match readers::read(path, &names.iter().map(|n| wanted(&n.0)).collect::<Vec<_>>(), None) {
         Ok(all) => all.columns.into_iter().map(Some).collect(),
         Err(first) => {
-            let each: Vec<_> = names.iter().map(|n| readers::read(path, &[wanted(&n.0)], None).ok().and_then(|mut c| c.columns.pop())).collect();
+            let each: Vec<_> =
+                names.iter().map(|n| readers::read(path, &[wanted(&n.0)], None).ok().and_then(|mut c| c.columns.pop())).collect();
             if each.iter().all(Option::is_none) {
                 return Err(first);
             }
@@ -101,14 +102,18 @@ fn tabular(path: &Path, columns: Vec<FoundColumn>) -> Result<Vec<FoundItem>, Dat
         let roles = [Role::Frequency].into_iter().chain(parts).chain(has(Role::Coherence).map(|_| Role::Coherence));
         let named = roles.filter_map(|r| has(r).map(|c| (r, c.column.clone(), c.unit.clone()))).collect();
         let quantity = columns.iter().find(|c| c.role == Some(parts[0])).and_then(|c| guess::quantity(c.unit.as_deref()));
-        let frf = FoundFrf { record: None, respond: None, excite: None, quantity, columns: named, lines: f.values.len(), band, findings: vec![] };
+        let frf =
+            FoundFrf { record: None, respond: None, excite: None, quantity, columns: named, lines: f.values.len(), band, findings: vec![] };
         return Ok(vec![FoundItem::Frf(frf)]);
     }
     let names: Vec<&str> = columns.iter().map(|c| c.column.as_str()).collect();
     Err(super::error::FileError {
         file: path.to_path_buf(),
         place: String::new(),
-        message: format!("neither a history (no column of time) nor an FRF (no frequency with real and imaginary part) among {}", names.join(", ")),
+        message: format!(
+            "neither a history (no column of time) nor an FRF (no frequency with real and imaginary part) among {}",
+            names.join(", ")
+        ),
         accepted: "columns whose names or units say what they are, such as `time [s]`, `displacement [mm]`, `force [N]`".into(),
     }
     .into())

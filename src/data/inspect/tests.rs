@@ -34,7 +34,8 @@ fn roles_by_unit_and_name() {
 fn a_cyclic_history() {
     let rows = (0..2600).map(|i| {
         let t = f64::from(i) / 256.0;
-        let up = (t / 1.5).min(1.0);
+        // Full size in the middle of the second cycle.
+        let up = (t / 1.9).min(1.0);
         let p = TAU * 0.8 * t;
         format!("{t:.6};{:.6};{:.6}\n", up * 2.0 * p.sin(), up * (30.0 * (p + 0.2).sin() + 3.0 * (3.0 * p).sin()))
     });

@@ -78,13 +78,18 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
             }
             SetContent::Header(h) => items.push(FoundItem::Other(format!("written by {}", [h.program, h.written].join(" ").trim()))),
             SetContent::Units(u) => {
-                items.push(FoundItem::Other(format!("units of set 164: code {} {}, length factor {}, force factor {}", u.code, u.description, u.length, u.force)));
+                items.push(FoundItem::Other(format!(
+                    "units of set 164: code {} {}, length factor {}, force factor {}",
+                    u.code, u.description, u.length, u.force
+                )));
             }
             SetContent::Nodes(n) => items.push(FoundItem::Other(format!("{} nodes", n.len()))),
             SetContent::Elements(e) => items.push(FoundItem::Other(format!("{} elements", e.len()))),
             SetContent::Trace(t) => count(format!("trace line ({})", t.name)),
             SetContent::NodalData(d) => match d.mode() {
-                Some((f, z)) => items.push(FoundItem::Other(format!("mode shape at {f:.3} Hz, damping {:.3} %, {} nodes", 100.0 * z, d.nodes.len()))),
+                Some((f, z)) => {
+                    items.push(FoundItem::Other(format!("mode shape at {f:.3} Hz, damping {:.3} %, {} nodes", 100.0 * z, d.nodes.len())))
+                }
                 None => count("data at nodes".into()),
             },
             SetContent::Analysis(_) => count("analysis data".into()),
@@ -112,7 +117,11 @@ fn frf(
     coherences: &[String],
     findings: Vec<String>,
 ) -> FoundFrf {
-    let mut columns = vec![(Role::Frequency, "frequency".to_string(), x), (Role::Real, "real".to_string(), y.clone()), (Role::Imag, "imag".to_string(), y)];
+    let mut columns = vec![
+        (Role::Frequency, "frequency".to_string(), x),
+        (Role::Real, "real".to_string(), y.clone()),
+        (Role::Imag, "imag".to_string(), y),
+    ];
     if coherences.iter().filter(|c| **c == f.header.label()).count() == 1 {
         columns.push((Role::Coherence, "coherence".to_string(), None));
     }

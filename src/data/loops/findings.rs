@@ -69,7 +69,9 @@ fn clipping(c: &Channel, record: &TimeRecord, frequency: f64) -> Option<Note> {
     };
     let (value, (runs, best)) = [(high, longest(high)), (low, longest(low))].into_iter().max_by_key(|l| l.1)?;
     // One flat stretch may be a dwell of the machine; clipping comes back with every cycle.
-    (runs >= 2).then(|| Note::new(c.label(), format!("clipped: it stands at {} for up to {best} samples, {runs} times", c.unit.print_difference(value))))
+    (runs >= 2).then(|| {
+        Note::new(c.label(), format!("clipped: it stands at {} for up to {best} samples, {runs} times", c.unit.print_difference(value)))
+    })
 }
 
 /// Power beyond the fundamental over the power at it.
@@ -99,9 +101,8 @@ fn control(record: &TimeRecord, l: &SettledLoop) -> Option<Note> {
     let driven = l.channels.get(l.controlled)?;
     let (declared, found) = (record.control?, recognised(l, &driven.at)?);
     let word = |c: Control| c.role().word();
-    (declared != found).then(|| {
-        Note::new("control", format!("{} control is declared, and the {} is nearer to a sine", word(declared), word(found)))
-    })
+    (declared != found)
+        .then(|| Note::new("control", format!("{} control is declared, and the {} is nearer to a sine", word(declared), word(found))))
 }
 
 /// Energy is dissipated, and a spring pushes back: where the loop says otherwise a sign is swapped, or a channel is late.

@@ -113,7 +113,9 @@ pub(crate) fn names(path: &Path) -> Result<Vec<(String, Option<String>)>, DataEr
             Ok(d.names.into_iter().zip(d.units).collect())
         }
         FileKind::Parquet => Ok(parquet::names(path, bytes)?.into_iter().map(|n| (n.clone(), dialect::bracket(&n))).collect()),
-        FileKind::Universal => Err(DataError::Format { file: path.to_path_buf(), reason: "a universal file has functions, not columns".into() }),
+        FileKind::Universal => {
+            Err(DataError::Format { file: path.to_path_buf(), reason: "a universal file has functions, not columns".into() })
+        }
         FileKind::Matlab => {
             let vectors = mat::list(path, &bytes)?.into_iter().filter(|l| l.numeric && l.rows * l.columns > 1);
             let each = |l: mat::Listed| match (l.rows, l.columns) {
