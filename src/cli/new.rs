@@ -47,8 +47,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let found: Vec<FoundFile> = args.from.iter().map(|f| inspect(f)).collect::<Result<_, _>>()?;
     let scaffold = scaffold::write(&found);
     let Some(scaffold) = scaffold else {
-        let message = "the files hold no test: neither a history nor an FRF";
-        return Err(Failure::new("data", names.join(", "), message, "files with histories of force and displacement, or with FRFs"));
+        let inside: String = found.iter().flat_map(|f| &f.items).take(20).map(described).collect();
+        let message =
+            format!("the files hold no test: neither a history with a channel that drives and one that answers, nor an FRF\n{inside}");
+        return Err(Failure::new(
+            "data",
+            names.join(", "),
+            message.trim_end(),
+            "files with histories of force and displacement, or with FRFs",
+        ));
     };
     let (problem, modes) = create(&args.dir, &args.from, &scaffold)?;
     let shown = |name: &str| args.dir.join(name).display().to_string();
@@ -115,10 +122,17 @@ fn create(dir: &Path, files: &[PathBuf], scaffold: &scaffold::Scaffold) -> Resul
     Ok((problem, modes))
 }
 
+/// Values of FRFs up to which modes are looked for.
+const VALUES: usize = 200_000;
+
 /// Modal parameters of the FRFs, where they make one set.
 fn modes(dataset: &Dataset) -> Option<ModalFit> {
     let frfs: Vec<_> = dataset.tests.iter().filter_map(|t| if let Record::Frf(f) = &t.record { Some(f.as_ref()) } else { None }).collect();
     let set = FrfSet::from_frfs(&frfs).ok()?;
+    // A look, not a study: large sets would take minutes.
+    if set.h.len() * set.frequency.len() > VALUES {
+        return None;
+    }
     modal_fit::fit(&set, &modal_fit::Settings::default()).ok()
 }
 
@@ -172,11 +186,7 @@ fn told(found: &[FoundFile], scaffold: &scaffold::Scaffold, problem: Option<&Fai
     for file in found {
         text += &format!("{}\n", file.path.display());
         for item in &file.items {
-            text += &match item {
-                FoundItem::History(h) => history(h),
-                FoundItem::Frf(f) => frf(f),
-                FoundItem::Other(what) => format!("  {what}\n"),
-            };
+            text += &described(item);
         }
     }
     if let Some(fit) = modes.filter(|m| !m.modes.is_empty()) {
@@ -198,6 +208,14 @@ fn told(found: &[FoundFile], scaffold: &scaffold::Scaffold, problem: Option<&Fai
         None => text += &format!("Next: read both files, then `misfit check {}`.\n", args.dir.display()),
     }
     text
+}
+
+fn described(item: &FoundItem) -> String {
+    match item {
+        FoundItem::History(h) => history(h),
+        FoundItem::Frf(f) => frf(f),
+        FoundItem::Other(what) => format!("  {what}\n"),
+    }
 }
 
 fn history(h: &FoundHistory) -> String {

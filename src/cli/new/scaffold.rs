@@ -84,6 +84,15 @@ impl Writer {
     }
 
     fn history(&mut self, path: &Path, h: &FoundHistory) {
+        let has = |r: Role| h.columns.iter().any(|c| c.role == Some(r));
+        let drives = [Role::Displacement, Role::Force].into_iter().find(|r| has(*r));
+        let answers = h.columns.iter().filter_map(|c| c.role).filter(|r| r.has_place() && Some(*r) != drives).count();
+        if h.cyclic.is_none() && (drives.is_none() || answers == 0) {
+            let name = path.display();
+            self.to_confirm
+                .push(format!("{name}: a history left out, it has no channel that drives (displacement or force) and one that answers"));
+            return;
+        }
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let id = self.id(path, "");
         let turning = h
@@ -112,13 +121,9 @@ impl Writer {
             }
             self.start(h, axis);
         } else {
-            let has = |r: Role| h.columns.iter().any(|c| c.role == Some(r));
             let control = if has(Role::Displacement) { Control::Displacement } else { Control::Force };
             text += &format!("control = \"{}\"   # assumed: confirm it\n", control.role().word());
             self.to_confirm.push(format!("{id}: what drives this history"));
-            if !has(control.role()) {
-                self.to_confirm.push(format!("{id}: no channel that drives"));
-            }
         }
         text += "channels = [\n";
         for c in &h.columns {

@@ -6,16 +6,14 @@ use crate::data::{Channel, Control, Note, Role, SettledLoop, TimeRecord, estimat
 use crate::units::{Dimension, Unit, parse_unit};
 use std::path::PathBuf;
 
-/// A cycle is settled when its size is within this part of the last ones.
-const SETTLED: f64 = 0.005;
-/// Part of the power the fundamental and its next two harmonics have in a cyclic test.
-const CYCLIC: f64 = 0.9;
+/// A cycle is of full size within this part.
+const SETTLED: f64 = 0.01;
+/// Part of the power the fundamental has in the controlled motion of a cyclic test (a triangle has 0.986).
+const CYCLIC: f64 = 0.8;
 
 /// A history.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FoundHistory {
-    /// Function of a universal file, where it is one.
-    pub record: Option<String>,
     pub columns: Vec<FoundColumn>,
     pub samples: usize,
     /// Hz, and s
@@ -50,7 +48,7 @@ fn channel(c: &FoundColumn) -> Option<Channel> {
     Some(Channel { role, at: "c1.x".into(), unit, sigma: None, input: false, values })
 }
 
-pub(super) fn found(mut columns: Vec<FoundColumn>, record: Option<String>) -> FoundHistory {
+pub(super) fn found(mut columns: Vec<FoundColumn>) -> FoundHistory {
     let position = columns.iter().position(|c| c.role == Some(Role::Time)).unwrap_or(0);
     let unit = columns.get(position).and_then(|c| c.unit.as_deref()).and_then(|u| parse_unit(u, Dimension::TIME).ok());
     let scale = unit.map_or(1.0, |u| u.factor);
@@ -71,33 +69,40 @@ pub(super) fn found(mut columns: Vec<FoundColumn>, record: Option<String>) -> Fo
     }
     if let Some(k) = time.windows(2).position(|w| w[1] <= w[0]) {
         findings.push(Note::new("time", format!("does not increase after sample {}", k + 1)));
-        return FoundHistory { record, columns, samples, rate: 0.0, seconds, cyclic: None, findings };
+        return FoundHistory { columns, samples, rate: 0.0, seconds, cyclic: None, findings };
     }
     let rate = if seconds > 0.0 { (samples.max(1) - 1) as f64 / seconds } else { 0.0 };
     let channels: Vec<Channel> = columns.iter().filter_map(channel).collect();
     let cyclic = cyclic(&time, &channels, &mut findings);
-    FoundHistory { record, columns, samples, rate, seconds, cyclic, findings }
+    FoundHistory { columns, samples, rate, seconds, cyclic, findings }
 }
 
 fn cyclic(time: &[f64], channels: &[Channel], findings: &mut Vec<Note>) -> Option<Cyclic> {
     let of = |role: Role| channels.iter().position(|c| c.role == role);
     let (x, f) = (of(Role::Displacement)?, of(Role::Force)?);
     let drive = &channels[x].values;
-    let fit = estimate_frequency(time, drive)?;
+    let whole = estimate_frequency(time, drive)?;
     let seconds = time[time.len() - 1] - time[0];
-    let cycles = ((seconds * fit.frequency + 0.02) as usize).max(1);
-    // The middle of the record is settled: what is not the fundamental there is no cycle.
-    let middle = time.len() / 4..3 * time.len() / 4;
+    // The middle of a record of several cycles is free of run-up and run-down.
+    let several = seconds * whole.frequency >= 5.0;
+    let middle = if several { time.len() / 4..3 * time.len() / 4 } else { 0..time.len() };
     let size = spread(&drive[middle.clone()]);
     let inner = estimate_frequency(&time[middle.clone()], &drive[middle])?;
-    if cycles < 2 || inner.amplitude * inner.amplitude / 2.0 < CYCLIC * size * size * 0.9 {
+    let cycles = (seconds * inner.frequency + 0.02) as usize;
+    // What is not the fundamental and its like there is no cycle.
+    if cycles < 2 || 0.5 * inner.amplitude * inner.amplitude < CYCLIC * size * size {
         return None;
     }
-    let start_up = start_up(time, channels, fit.frequency, cycles);
+    let (start_up, end) = steady(time, drive, inner.frequency, cycles);
+    let at = |c: usize| time.partition_point(|t| (t - time[0]) * inner.frequency < c as f64 - 1e-6);
+    let (from, to) = (at(start_up as usize), at(end));
+    let fitted = estimate_frequency(&time[from..to], &drive[from..to]).filter(|_| end >= start_up as usize + 2);
+    let frequency = fitted.map_or(inner.frequency, |f| f.frequency);
+    let cycles = ((seconds * frequency + 0.02) as usize).max(1);
     let record = |control: Control| {
         let mut channels = channels.to_vec();
         channels[if control == Control::Displacement { x } else { f }].input = true;
-        let mut r = TimeRecord::new("", PathBuf::new(), control, None, time.to_vec(), channels);
+        let mut r = TimeRecord::new("", PathBuf::new(), control, Some(frequency), time.to_vec(), channels);
         r.discard_cycles = start_up;
         r
     };
@@ -119,19 +124,15 @@ fn cyclic(time: &[f64], channels: &[Channel], findings: &mut Vec<Note>) -> Optio
     Some(Cyclic { frequency, cycles, start_up, control, recognised: found.is_some(), settled })
 }
 
-/// Cycles before the size of every channel stays within half a percent of its median over the last half of the record (or what it varies by there).
-fn start_up(time: &[f64], channels: &[Channel], frequency: f64, cycles: usize) -> u32 {
+/// The cycles of full size: those before them are the start-up, those after them the run-down. Full is what a quarter of the cycles reach.
+fn steady(time: &[f64], drive: &[f64], frequency: f64, cycles: usize) -> (u32, usize) {
     let start = |c: usize| time.partition_point(|t| (t - time[0]) * frequency < c as f64 - 1e-6);
-    let mut most = 0;
-    for c in channels.iter().filter(|c| matches!(c.role, Role::Displacement | Role::Force)) {
-        let sizes: Vec<f64> = (0..cycles).map(|k| spread(&c.values[start(k)..start(k + 1)])).collect();
-        let mut late = sizes[cycles / 2..].to_vec();
-        late.sort_by(f64::total_cmp);
-        let median = late[late.len() / 2];
-        let mut off: Vec<f64> = late.iter().map(|s| (s - median).abs()).collect();
-        off.sort_by(f64::total_cmp);
-        let usual = (5.0 * off[off.len() / 2]).max(SETTLED * median);
-        most = most.max(sizes[..cycles / 2].iter().rposition(|s| (s - median).abs() > usual).map_or(0, |k| k + 1));
-    }
-    most as u32
+    let sizes: Vec<f64> = (0..cycles).map(|k| spread(&drive[start(k)..start(k + 1)])).collect();
+    let mut sorted = sizes.clone();
+    sorted.sort_by(f64::total_cmp);
+    let full = sorted.get(cycles * 3 / 4).or(sorted.last()).copied().unwrap_or(0.0);
+    let is_full = |s: &f64| (s - full).abs() <= SETTLED * full;
+    let first = sizes.iter().position(is_full).unwrap_or(0);
+    let last = sizes.iter().rposition(is_full).unwrap_or(cycles.saturating_sub(1));
+    (first as u32, last + 1)
 }

@@ -94,7 +94,7 @@ fn columns(path: &Path) -> Result<Vec<FoundColumn>, DataError> {
 fn tabular(path: &Path, columns: Vec<FoundColumn>) -> Result<Vec<FoundItem>, DataError> {
     let has = |role: Role| columns.iter().find(|c| c.role == Some(role));
     if has(Role::Time).is_some() {
-        return Ok(vec![FoundItem::History(Box::new(history::found(columns, None)))]);
+        return Ok(vec![FoundItem::History(Box::new(history::found(columns)))]);
     }
     let parts = [[Role::Real, Role::Imag], [Role::Amplitude, Role::Phase]].into_iter().find(|p| p.iter().all(|r| has(*r).is_some()));
     if let (Some(f), Some(parts)) = (has(Role::Frequency), parts) {

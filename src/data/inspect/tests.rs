@@ -34,7 +34,8 @@ fn roles_by_unit_and_name() {
 fn a_cyclic_history() {
     let rows = (0..2600).map(|i| {
         let t = f64::from(i) / 256.0;
-        let up = (t / 1.5).min(1.0);
+        // Full size in the middle of the second cycle.
+        let up = (t / 1.9).min(1.0);
         let p = TAU * 0.8 * t;
         format!("{t:.6};{:.6};{:.6}\n", up * 2.0 * p.sin(), up * (30.0 * (p + 0.2).sin() + 3.0 * (3.0 * p).sin()))
     });
@@ -48,6 +49,23 @@ fn a_cyclic_history() {
     assert_eq!((c.cycles, c.start_up, c.control), (8, 2, super::super::Control::Displacement));
     let amplitude = c.settled.input.sin[0];
     assert!((amplitude - 2e-3).abs() < 1e-6, "{amplitude}");
+}
+
+#[test]
+fn run_up_and_run_down_of_a_short_record() {
+    // Two cycles up, three full, two down, from a mean that is not zero.
+    let rows = (0..7001).map(|i| {
+        let t = f64::from(i) / 1000.0;
+        let size = (t / 2.0).min((7.0 - t) / 2.0).clamp(0.0, 1.0);
+        let p = TAU * t;
+        format!("{t},{},{}\n", 0.3 + size * p.sin(), size * (p + 0.3).sin() + 0.2 * (3.0 * p).sin() * size)
+    });
+    let (_dir, path) = write("a.csv", &("time [s],displacement [in],force [kip]\n".to_string() + &rows.collect::<String>()));
+    let FoundItem::History(h) = inspect(&path).unwrap().items.remove(0) else { panic!() };
+    let c = h.cyclic.as_ref().unwrap();
+    assert!((c.frequency - 1.0).abs() < 1e-4, "{}", c.frequency);
+    assert_eq!((c.cycles, c.start_up, c.settled.cycles), (7, 2, 3));
+    assert!((c.settled.energy(None).unwrap().travel.value / 0.0508 - 1.0).abs() < 1e-3);
 }
 
 #[test]

@@ -99,7 +99,7 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
     for g in groups {
         let mut columns = vec![FoundColumn { column: "time".into(), role: Some(Role::Time), unit: g.unit, values: g.abscissa }];
         columns.extend(g.columns);
-        items.push(FoundItem::History(Box::new(history::found(columns, None))));
+        items.push(FoundItem::History(Box::new(history::found(columns))));
     }
     items.extend(others.into_iter().map(|(what, n)| FoundItem::Other(if n > 1 { format!("{n} x {what}") } else { what })));
     Ok(items)

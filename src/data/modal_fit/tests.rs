@@ -94,8 +94,8 @@ fn modes_of_a_chain_of_22_parts() {
     sorted.sort_by(f64::total_cmp);
     let high = 0.5 * (sorted[4] + sorted[5]);
     let lines: Vec<f64> = (1..=800).map(|k| high * f64::from(k) / 800.0).collect();
-    let mut covered = [0; 4];
-    for (seed, relative) in [(1, false), (2, true), (3, false), (4, true)] {
+    let mut covered = [0; 3];
+    for (seed, relative) in [(1, false), (2, true)] {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let set = truth.measure(&lines, 0.01, relative, &mut rng);
         let clock = std::time::Instant::now();
@@ -109,8 +109,8 @@ fn modes_of_a_chain_of_22_parts() {
         }
     }
     println!("covered {covered:?}");
-    // 20 intervals of each: fewer than 15 inside has a chance below 1e-3.
-    assert!(covered[1] >= 15 && covered[2] >= 15, "{covered:?}");
+    // 10 intervals of each: fewer than 7 inside has a chance near 1e-3.
+    assert!(covered[1] >= 7 && covered[2] >= 7, "{covered:?}");
 }
 
 #[test]
