@@ -233,7 +233,7 @@ fn what_is_wrong_with_a_chain_is_said_where_it_is() {
     case("absent = [\"loop-*\"]", "absent = [\"lop-*\"]", "there is no test `lop-*`", "");
     case("at = \"P.x\"\ncondition", "at = \"P.w\"\ncondition", "there is no degree of freedom `P.w`", "key load[0].at");
     case("factor = -1\nvia", "factor = -1\nforce = \"3 N\"\nvia", "not there, or given twice", "key load[0]");
-    case("at = \"GF1-3.psi\"", "at = \"GF1-9.psi\"", "GF9.psi", "key effect[5].at");
+    case("at = \"GF1-3.psi\"", "at = \"GF1-9.psi\"", "GF8.psi", "key effect[5].at");
     // A gap in the chain: nothing acts at GF4.
     let gap = SPACE.replace("GF1-7", "GF5-7").replace("at = \"GF4-7.psi\"", "at = \"GF5-7.psi\"");
     let free = gap
