@@ -22,6 +22,8 @@ pub struct Equilibrium {
 
 /// Length of a step [s]: long against every relaxation.
 const SETTLED: f64 = 1e4;
+/// Steps at the end in which nothing changes any more, for laws that look back over steps.
+const HOLD: usize = 2;
 /// How often the steps are halved where one of them fails.
 const HALVINGS: usize = 5;
 
@@ -78,7 +80,7 @@ fn path(bound: &Bound, finer: usize) -> Loads {
             let (stage, part) = (k / per_stage, (k % per_stage) as f64 / per_stage as f64);
             if part == 0.0 { level(stage) } else { level(stage) + part * (level(stage + 1) - level(stage)) }
         });
-        (l.dof, values.collect())
+        (l.dof, values.chain([level(stages); HOLD]).collect())
     });
     Loads { dt: SETTLED, prescribed: vec![], forces: forces.collect() }
 }

@@ -75,6 +75,13 @@ impl Joint {
         self.relative_of(space, &self.gather(q))
     }
 
+    /// Components and derivatives between poses at hand.
+    #[inline]
+    pub fn between(&self, space: &Space, poses: &[Pose<f64>]) -> Relative<f64> {
+        let (from, to) = (space.parts[self.from].origin, space.parts[self.to].origin);
+        Relative::new(&space.frames[self.connector], from, to, &poses[self.from], &poses[self.to])
+    }
+
     /// The same over any numbers.
     pub fn relative_of<T: crate::effect::Num>(&self, space: &Space, q: &[T; 12]) -> (Relative<T>, Pose<T>, Pose<T>) {
         let (a, b) = (Pose::new(&std::array::from_fn(|i| q[i])), Pose::new(&std::array::from_fn(|i| q[6 + i])));

@@ -2,7 +2,7 @@
 
 use crate::effect::Inputs;
 use crate::model::Model;
-use crate::model::space::{Inertial, Space};
+use crate::model::space::{Inertial, Pose, Space};
 
 use super::super::EngineError;
 use super::super::blocktri::Layout;
@@ -14,6 +14,9 @@ pub(super) struct Spatial {
     pub space: Space,
     pub joints: Vec<JointWork>,
     pub parts: Vec<PartWork>,
+    poses: Vec<Pose<f64>>,
+    /// Coordinates at which the components at hand were taken.
+    taken: Vec<f64>,
 }
 
 pub(super) struct JointWork {
@@ -48,15 +51,31 @@ impl Spatial {
         let parts = moving
             .map(|(k, p)| Ok(PartWork { part: k, dofs: p.dofs, slots: slots(&p.dofs, layout, free)?, inertial: Inertial::default() }));
         let parts = parts.collect::<Result<Vec<_>, EngineError>>()?;
-        Ok(Some(Spatial { space: space.clone(), joints, parts }))
+        let poses = vec![Pose::turned([0.0; 3]); space.parts.len()];
+        Ok(Some(Spatial { space: space.clone(), joints, parts, poses, taken: vec![] }))
     }
 
     /// Takes the components at the start of a step.
     pub fn begin(&mut self, old: &State) {
-        for j in &mut self.joints {
-            let (relative, ..) = j.joint.relative(&self.space, &old.q);
-            (j.before.g, j.before.b) = (relative.g, relative.b);
+        let known = self.taken == old.q;
+        if !known {
+            self.pose(&old.q);
         }
+        for j in &mut self.joints {
+            if !known {
+                let relative = j.joint.between(&self.space, &self.poses);
+                (j.now.g, j.now.b) = (relative.g, relative.b);
+            }
+            (j.before.g, j.before.b) = (j.now.g, j.now.b);
+        }
+    }
+
+    fn pose(&mut self, q: &[f64]) {
+        for (k, pose) in self.poses.iter_mut().enumerate() {
+            *pose = Pose::new(&self.space.coordinates(k, q));
+        }
+        self.taken.clear();
+        self.taken.extend_from_slice(q);
     }
 }
 
@@ -65,9 +84,10 @@ impl March<'_> {
     pub(super) fn internal_spatial(&mut self, spatial: &mut Spatial, state: &mut State, stage: Stage, force: &mut [f64]) -> f64 {
         let (dt, rates) = (self.loads.dt, self.rates());
         let mut scale = 0.0;
+        spatial.pose(&state.q);
         for work in &mut spatial.joints {
             let joint = &work.joint;
-            let (relative, a, b) = joint.relative(&spatial.space, &state.q);
+            let relative = joint.between(&spatial.space, &spatial.poses);
             (work.now.g, work.now.b) = (relative.g, relative.b);
             let (reads_v, reads_a) = joint.rates;
             let with_rates = reads_a || (reads_v && stage == Stage::Full);
@@ -106,7 +126,7 @@ impl March<'_> {
                 }
             }
             if stage != Stage::Value {
-                work.geometric = relative.geometric(&f, &a, &b);
+                work.geometric = relative.geometric(&f, &spatial.poses[joint.from], &spatial.poses[joint.to]);
             }
             if stage == Stage::Newton {
                 add_joint(&mut self.matrix, work, &rows);
@@ -116,10 +136,12 @@ impl March<'_> {
             let part = &spatial.space.parts[work.part];
             let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[d]));
             let (q, v, a) = (at(&state.q), at(&state.v), at(&state.a));
-            work.inertial = match stage {
-                Stage::Full => part.inertial_tangent(&q, &v, &a),
-                _ => part.inertial_by_acceleration(&q, &v, &a),
-            };
+            let pose = &spatial.poses[work.part];
+            match stage {
+                Stage::Full => work.inertial = part.inertial_tangent(&q, &v, &a),
+                Stage::Newton => work.inertial = part.inertial_by_acceleration(pose, &v, &a),
+                Stage::Value => work.inertial.p = part.inertial_forces(pose, &v, &a),
+            }
             for (d, p) in work.dofs.iter().zip(work.inertial.p) {
                 if let Some(d) = d {
                     force[*d] += p;

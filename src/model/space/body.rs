@@ -2,6 +2,7 @@
 
 use num_dual::DualSVec64;
 
+use super::joint::Pose;
 use super::rotation::*;
 use crate::effect::Num;
 
@@ -44,22 +45,22 @@ impl Part {
     /// Inertial forces of d'Alembert on the six coordinates: with the angular velocity `W = T'w` and acceleration `W' = T'w' + (T')'w`
     /// along the turned axes, centre of mass `d` and inertia `J` about the origin,
     /// `p_u = m (u'' + R (W' x d + W x (W x d)))`, `p_t = T (J W' + W x J W + m d x R'u'')`.
-    pub fn inertial<T: Num>(&self, u: V3<T>, turn: V3<T>, rate: V3<T>, acceleration: V3<T>) -> [T; 6] {
-        let (less_unit, spin) = exponential(turn);
-        let omega = transposed_times(&spin, rate);
-        let alpha = add(transposed_times(&spin, acceleration), times(&slope_of_transposed(turn, rate), rate));
+    pub fn inertial<T: Num>(&self, pose: &Pose<T>, u: V3<T>, rate: V3<T>, acceleration: V3<T>) -> [T; 6] {
+        let (turn, less_unit, spin) = (pose.turn, &pose.less_unit, &pose.spin);
+        let omega = transposed_times(spin, rate);
+        let alpha = add(transposed_times(spin, acceleration), times(&slope_of_transposed(turn, rate), rate));
         let j = matrix::<T>(&self.inertia_about_origin());
         let mut moment = add(times(&j, alpha), cross(omega, times(&j, omega)));
         let mut force = u.map(|x| x * self.mass);
         if self.centre != [0.0; 3] {
             let d = vector::<T>(self.centre);
-            let forward = |v: V3<T>| add(v, times(&less_unit, v));
+            let forward = |v: V3<T>| add(v, times(less_unit, v));
             let offset = add(cross(alpha, d), cross(omega, cross(omega, d)));
             force = add(force, forward(offset).map(|x| x * self.mass));
-            let seen = add(u, transposed_times(&less_unit, u));
+            let seen = add(u, transposed_times(less_unit, u));
             moment = add(moment, cross(d, seen).map(|x| x * self.mass));
         }
-        let moment = times(&spin, moment);
+        let moment = times(spin, moment);
         [force[0], force[1], force[2], moment[0], moment[1], moment[2]]
     }
 
@@ -69,7 +70,7 @@ impl Part {
         let seed = |value: f64, k: usize| DualSVec64::<9>::from_re(value).derivative(k);
         let at = |x: &[f64; 6], first: usize| -> V3<DualSVec64<9>> { std::array::from_fn(|i| seed(x[3 + i], first + i)) };
         let u: V3<DualSVec64<9>> = std::array::from_fn(|i| DualSVec64::from_re(a[i]));
-        let p = self.inertial(u, at(q, 0), at(v, 3), at(a, 6));
+        let p = self.inertial(&Pose::turned(at(q, 0)), u, at(v, 3), at(a, 6));
         for (i, p) in p.iter().enumerate() {
             out.p[i] = p.re;
             if let Some(d) = &p.eps.0 {
@@ -88,12 +89,16 @@ impl Part {
         out
     }
 
+    /// Inertial forces alone.
+    pub fn inertial_forces(&self, pose: &Pose<f64>, v: &[f64; 6], a: &[f64; 6]) -> [f64; 6] {
+        self.inertial(pose, [a[0], a[1], a[2]], [v[3], v[4], v[5]], [a[3], a[4], a[5]])
+    }
+
     /// Inertial forces with the mass matrix alone: enough for Newton's method where a step turns a part by little.
-    pub fn inertial_by_acceleration(&self, q: &[f64; 6], v: &[f64; 6], a: &[f64; 6]) -> Inertial {
-        let three = |x: &[f64; 6]| [x[3], x[4], x[5]];
-        let mut out = Inertial { p: self.inertial([a[0], a[1], a[2]], three(q), three(v), three(a)), ..Inertial::default() };
-        let (less_unit, spin) = exponential(three(q));
-        let turned = product(&product(&spin, &self.inertia_about_origin()), &transposed(&spin));
+    pub fn inertial_by_acceleration(&self, pose: &Pose<f64>, v: &[f64; 6], a: &[f64; 6]) -> Inertial {
+        let mut out = Inertial { p: self.inertial_forces(pose, v, a), ..Inertial::default() };
+        let (less_unit, spin) = (&pose.less_unit, &pose.spin);
+        let turned = product(&product(spin, &self.inertia_about_origin()), &transposed(spin));
         for i in 0..3 {
             out.by_a[i][i] = self.mass;
             out.by_a[3 + i][3..].copy_from_slice(&turned[i]);
@@ -101,7 +106,7 @@ impl Part {
         if self.centre != [0.0; 3] {
             // m T d~ R'.
             let r: M3<f64> = std::array::from_fn(|i| std::array::from_fn(|j| less_unit[i][j] + f64::from(i == j)));
-            let offset = product(&product(&spin, &tilde(self.centre)), &transposed(&r));
+            let offset = product(&product(spin, &tilde(self.centre)), &transposed(&r));
             for i in 0..3 {
                 for j in 0..3 {
                     out.by_a[3 + i][j] = self.mass * offset[i][j];
@@ -114,10 +119,10 @@ impl Part {
 
     /// The mass matrix at a rotation vector.
     pub fn mass_matrix<T: Num>(&self, turn: V3<T>) -> [[T; 6]; 6] {
-        let zero = [T::from(0.0); 3];
+        let (pose, zero) = (Pose::turned(turn), [T::from(0.0); 3]);
         let unit = |k: usize| -> V3<T> { std::array::from_fn(|i| T::from(f64::from(i == k))) };
         let columns: [[T; 6]; 6] = std::array::from_fn(|k| {
-            if k < 3 { self.inertial(unit(k), turn, zero, zero) } else { self.inertial(zero, turn, zero, unit(k - 3)) }
+            if k < 3 { self.inertial(&pose, unit(k), zero, zero) } else { self.inertial(&pose, zero, zero, unit(k - 3)) }
         });
         std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i]))
     }
@@ -192,7 +197,7 @@ mod tests {
         let part = part();
         let (q, v, a) = ([0.1, 0.2, 0.3, 0.9, -0.7, 1.2], [1.0, -2.0, 0.5, 3.0, -1.0, 2.0], [4.0, 1.0, -3.0, 20.0, -9.0, 5.0]);
         let out = part.inertial_tangent(&q, &v, &a);
-        let short = part.inertial_by_acceleration(&q, &v, &a);
+        let short = part.inertial_by_acceleration(&Pose::new(&q), &v, &a);
         let m = part.mass_matrix([q[3], q[4], q[5]]);
         for j in 0..6 {
             assert!((short.p[j] - out.p[j]).abs() < 1e-13 && (0..6).all(|i| (short.by_a[i][j] - out.by_a[i][j]).abs() < 1e-14));

@@ -45,9 +45,14 @@ impl<T: Num> Pose<T> {
     /// The pose of the coordinates `q`: displacement of the origin, then rotation vector, along fixed axes.
     #[inline]
     pub fn new(q: &[T; 6]) -> Self {
-        let turn = [q[3], q[4], q[5]];
+        Pose { u: [q[0], q[1], q[2]], ..Pose::turned([q[3], q[4], q[5]]) }
+    }
+
+    /// Turned by a rotation vector, its origin in place.
+    #[inline]
+    pub fn turned(turn: V3<T>) -> Self {
         let (less_unit, spin) = exponential(turn);
-        Pose { u: [q[0], q[1], q[2]], turn, less_unit, spin }
+        Pose { u: [T::from(0.0); 3], turn, less_unit, spin }
     }
 }
 

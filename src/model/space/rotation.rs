@@ -80,25 +80,36 @@ pub fn matrix<T: Num>(m: &M3<f64>) -> M3<T> {
 /// Below this square of the angle the coefficients are series.
 const SERIES: f64 = 1.0;
 
+/// `(-1)^j / (2j + k)!` for k = 1, 2, 3.
+const POWERS: [[f64; 10]; 3] = {
+    let mut table = [[0.0; 10]; 3];
+    let mut k = 1;
+    while k <= 3 {
+        let mut term = [1.0, 0.5, 1.0 / 6.0][k - 1];
+        let mut j = 0;
+        while j < 10 {
+            table[k - 1][j] = term;
+            term /= -(((2 * j + k + 1) * (2 * j + k + 2)) as f64);
+            j += 1;
+        }
+        k += 1;
+    }
+    table
+};
+
 /// `sin a/a, (1 - cos a)/a^2, (a - sin a)/a^3`, and `1/a d/da` of the last two; that of the first is the third less the second.
 #[inline]
 fn coefficients<T: Num>(s: T) -> [T; 5] {
     if s.re() < SERIES {
         // sum (-s)^j / (2j + k)!, and twice its derivative with respect to s.
         let (mut c, mut d) = ([T::from(0.0); 3], [T::from(0.0); 3]);
-        for k in 1..=3usize {
-            let mut term = 1.0 / (1..=k).map(|i| i as f64).product::<f64>();
-            let mut series = [0.0; 10];
-            for (j, a) in series.iter_mut().enumerate() {
-                *a = term;
-                term /= -(((2 * j + k + 1) * (2 * j + k + 2)) as f64);
-            }
+        for (k, series) in POWERS.iter().enumerate() {
             let (mut value, mut slope) = (T::from(0.0), T::from(0.0));
             for a in series.iter().rev() {
                 slope = slope * s + value;
                 value = value * s + *a;
             }
-            (c[k - 1], d[k - 1]) = (value, slope * 2.0);
+            (c[k], d[k]) = (value, slope * 2.0);
         }
         return [c[0], c[1], c[2], d[1], d[2]];
     }
