@@ -342,8 +342,10 @@ impl<'a> March<'a> {
         let n_free = self.free_dofs.len();
         let mut at_end = false;
         if n_free > 0 {
+            // A stiff link feels the second order of a prediction.
+            let second = if self.spatial.is_some() && !alpha.still { 0.5 * dt * dt } else { 0.0 };
             for &d in &self.free_dofs {
-                state.q[d] += dt * state.v[d];
+                state.q[d] += dt * state.v[d] + second * state.w[d];
             }
             update(state, &self.old, &self.free_dofs);
             let (mut base_norm, mut factor) = (f64::INFINITY, 1.0);
