@@ -32,6 +32,8 @@ const TOLERANCE: f64 = 1e-10;
 /// Largest state for which the monodromy matrix is formed.
 const SHOOT: usize = 200;
 const CYCLES: usize = 300;
+/// Cycles of the loading path that are marched with sensitivities.
+const PATH_CYCLES: usize = 3;
 /// Spectral radius at infinite frequency: little error of second order in what is resolved, and damping of what is not.
 const RADIUS: f64 = 0.7;
 
@@ -39,7 +41,8 @@ const RADIUS: f64 = 0.7;
 pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], sensitivities: bool) -> Result<Cycle, EngineError> {
     let steps = length(loads);
     let columns = if sensitivities { bound.n_free } else { 0 };
-    let mut state = ramp(model, bound, loads, (steps / 4).max(16))?;
+    let rise = (steps / 4).max(16);
+    let mut state = ramp(model, bound, loads, rise, 0)?;
     let mut march = March::new(model, bound, loads, RADIUS)?;
     let mut z = Shooting::new(&march, &state);
     let mut cycles = 0;
@@ -81,13 +84,25 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
             c
         });
     }
+    // What an element that stays stuck keeps of the loading path depends on the parameters too: the path is marched with sensitivities.
+    let path = if z.ns > 0 {
+        let mut state = ramp(model, bound, loads, rise, columns)?;
+        for _ in 0..cycles.clamp(1, PATH_CYCLES) {
+            for k in 1..=steps {
+                march.step(k, &mut state, columns)?;
+            }
+        }
+        Some(state)
+    } else {
+        None
+    };
     let mut cycle = None;
     if z.len() == 0 || 2 * columns < z.len() || z.len() > SHOOT {
-        cycle = by_repetition(&mut march, &start, &z, steps, probes, columns)?;
+        cycle = by_repetition(&mut march, &start, path.as_ref(), &z, steps, probes, columns)?;
     }
     let mut cycle = match cycle {
         Some(cycle) => cycle,
-        None => by_monodromy(&mut march, &start, &z, steps, probes, columns)?,
+        None => by_monodromy(&mut march, &start, path.as_ref(), &z, steps, probes, columns)?,
     };
     cycle.cycles = cycles;
     Ok(cycle)
@@ -106,8 +121,8 @@ fn length(loads: &Loads) -> usize {
     paths.min().unwrap_or(1) - 1
 }
 
-/// From rest to the loads at the start of the cycle along a smooth monotonic path.
-fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize) -> Result<State, EngineError> {
+/// From rest to the loads at the start of the cycle along a smooth monotonic path, with `columns` sensitivities.
+fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize, columns: usize) -> Result<State, EngineError> {
     let rise = |k: usize| {
         let t = k as f64 / steps as f64;
         let per_step = 1.0 / (steps as f64 * loads.dt);
@@ -127,9 +142,9 @@ fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize) -> Result<Sta
             .collect(),
     };
     let mut march = March::loading(model, bound, &path, RADIUS)?;
-    let mut state = march.rest(0);
+    let mut state = march.rest(columns);
     for k in 1..=steps {
-        march.step(k, &mut state, 0)?;
+        march.step(k, &mut state, columns)?;
     }
     for (dof, p) in &loads.prescribed {
         (state.v[*dof], state.a[*dof]) = (p[0][1], p[0][2]);
@@ -193,13 +208,13 @@ fn record_with(
 fn by_repetition(
     march: &mut March,
     start: &State,
+    path: Option<&State>,
     z: &Shooting,
     steps: usize,
     probes: &[Probe],
     columns: usize,
 ) -> Result<Option<Cycle>, EngineError> {
-    let mut state = start.clone();
-    march.set_columns(&mut state, columns);
+    let mut state = with_columns(march, start, path, columns);
     let limit = if z.len() > SHOOT { 12 } else { 3 };
     let mut before = z.pack_columns(&state, columns);
     for round in 0..limit {
@@ -214,16 +229,29 @@ fn by_repetition(
         }
         before = after;
         // Values start again exactly from the steady cycle; only the sensitivities go on.
-        let kept = std::mem::take(&mut state);
-        state = State { dq: kept.dq, dv: kept.dv, da: kept.da, ds: kept.ds, dw: kept.dw, dg: kept.dg, ..start.clone() };
+        state = with_columns(march, start, Some(&state), columns);
     }
     Ok(None)
 }
 
-/// Sensitivities of the steady cycle: those of the start solve `(I - M) S = b`.
+/// The start of the cycle with the sensitivities of another state, or none yet.
+fn with_columns(march: &March, start: &State, from: Option<&State>, columns: usize) -> State {
+    let mut state = start.clone();
+    match from {
+        Some(s) => {
+            let (dq, dv, da) = (s.dq.clone(), s.dv.clone(), s.da.clone());
+            state = State { dq, dv, da, ds: s.ds.clone(), dw: s.dw.clone(), dg: s.dg.clone(), ..state };
+        }
+        None => march.set_columns(&mut state, columns),
+    }
+    state
+}
+
+/// Sensitivities of the steady cycle: those of the start solve `(I - M) S = b`; what never decays has those of the loading path.
 fn by_monodromy(
     march: &mut March,
     start: &State,
+    path: Option<&State>,
     z: &Shooting,
     steps: usize,
     probes: &[Probe],
@@ -237,7 +265,8 @@ fn by_monodromy(
     let end = z.pack_columns(&state, all);
     let b = end.columns(0, columns).into_owned();
     let monodromy = end.columns(columns, z.len()).into_owned();
-    let s0 = solve_fixed_point(&monodromy, &b)?;
+    let path = path.map(|p| z.pack_columns(p, columns));
+    let s0 = solve_fixed_point(&monodromy, &b, path.as_ref())?;
     let slopes = cycle
         .slopes
         .iter()
@@ -255,15 +284,24 @@ fn by_monodromy(
     Ok(Cycle { columns, slopes, ..cycle })
 }
 
-/// Solves `(I - M) S = b`, leaving out the directions that never decay.
-fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<DMatrix<f64>, EngineError> {
+/// Solves `(I - M) S = b`. With `L'(I - M) = 0 = (I - M) R` the directions `R` never decay and `L'S` is what a cycle conserves: it is that
+/// of `path`, or left out.
+fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>, path: Option<&DMatrix<f64>>) -> Result<DMatrix<f64>, EngineError> {
     if monodromy.iter().chain(b.iter()).any(|v| !v.is_finite()) {
         return Err(EngineError::NotFinite { step: 0 });
     }
     let n = monodromy.nrows();
     let svd = (DMatrix::identity(n, n) - monodromy).svd(true, true);
     let cut = 1e-9 * svd.singular_values.max();
-    Ok(svd.solve(b, cut).unwrap_or_else(|_| DMatrix::zeros(n, b.ncols())))
+    let mut s = svd.solve(b, cut).unwrap_or_else(|_| DMatrix::zeros(n, b.ncols()));
+    let lasting: Vec<usize> = (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] <= cut).collect();
+    if let (Some(path), Some(u), Some(v_t), false) = (path, &svd.u, &svd.v_t, lasting.is_empty()) {
+        let (l, r) = (u.select_columns(&lasting), v_t.select_rows(&lasting).transpose());
+        if let Some(share) = l.tr_mul(&r).lu().solve(&l.tr_mul(&(path - &s))) {
+            s += r * share;
+        }
+    }
+    Ok(s)
 }
 
 /// The state at the start of a cycle as one scaled vector: displacement, velocity, acceleration of the free degrees of freedom, states
@@ -348,7 +386,7 @@ impl Shooting {
         marched?;
         let gap = self.pack(state) - &before;
         let monodromy = self.pack_columns(state, self.len());
-        let delta = solve_fixed_point(&monodromy, &DMatrix::from_column_slice(gap.len(), 1, gap.as_slice()))?;
+        let delta = solve_fixed_point(&monodromy, &DMatrix::from_column_slice(gap.len(), 1, gap.as_slice()), None)?;
         *state = start;
         march.set_columns(state, 0);
         self.unpack(&(before + delta.column(0)), state);

@@ -229,7 +229,11 @@ fn every_key_is_used() {
         let (whole, all) = all_fields(text);
         for field in all.iter().filter(|f| !f.plain.contains("conditions.")) {
             let Some(Step::Key(key)) = field.steps.last() else { continue };
-            let table = format!("{study} {}", field.plain.rsplit_once('.').map_or("", |p| p.0));
+            // Parameters of effects share their keys.
+            let table = match field.plain.rsplit_once('.').map_or("", |p| p.0) {
+                t if study && t.starts_with("effect.") && t.matches('.').count() == 1 => "true effect.parameter".to_string(),
+                t => format!("{study} {t}"),
+            };
             used.entry(table.clone()).or_default().insert(key.clone());
             // Where the key decides what the table is, the error is that it is missing; its neighbours show the list.
             let accepted = refused(&with(&whole, field, Some("zzz"), None), study);
