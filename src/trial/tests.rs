@@ -30,12 +30,12 @@ fn losses_per_cycle_are_those_of_the_closed_forms() {
     let own = PI * 30.0 * TAU * f * a * a;
     let loss = |law: Law| work(&connector::march(&b, &b.params, &[planted(law, 0.3)], f, a, 4, 0.0), a) - own;
     let size: f64 = 6.0;
-    // Coulomb: 4 F X. A slider behind a spring: 4 F (X - d). Sliders of uniform density, all slipping: 4 F (X - d/3).
+    // Coulomb: 4 F X. A slider behind a spring: 4 F (X - d). Sliders of uniform density, all slipping: 4 F (X - 2d/3).
     assert_relative_eq!(loss(Law::Dry), 4.0 * size * a, max_relative = 0.01);
     assert_relative_eq!(loss(Law::Slider { d: 2e-4 }), 4.0 * size * (a - 2e-4), max_relative = 0.01);
-    assert_relative_eq!(loss(Law::Sliders { d: 8e-4 }), 4.0 * size * (a - 8e-4 / 3.0), max_relative = 0.01);
-    // Exponential yield with n = 1 (sharp reversals) tends to 4 F (X - d) as d falls.
-    assert_relative_eq!(loss(Law::Yielding { d: 5e-5, n: 1.0 }), 4.0 * size * (a - 5e-5), max_relative = 0.01);
+    assert_relative_eq!(loss(Law::Sliders { d: 8e-4 }), 4.0 * size * (a - 2.0 * 8e-4 / 3.0), max_relative = 0.01);
+    // Yield with n = 1: elastic over d, then an exponential, which leave 5/2 d F of each half of the rectangle: 4 F (X - 5/4 d).
+    assert_relative_eq!(loss(Law::Yielding { d: 5e-5, n: 1.0 }), 4.0 * size * (a - 1.25 * 5e-5), max_relative = 0.01);
     // Maxwell: pi X^2 Im Z.
     let maxwell = Law::Relaxing { tau: 0.05, x1: a };
     let z = maxwell.linear(TAU * f).unwrap();
