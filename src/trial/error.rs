@@ -28,6 +28,12 @@ pub enum TrialError {
         /// What would do.
         accepted: String,
     },
+    /// No thread to run cases on.
+    #[error("a thread cannot be started: {reason}")]
+    Threads {
+        /// Why.
+        reason: String,
+    },
     /// The generated study is no study: an error of the generator.
     #[error(transparent)]
     Study(#[from] StudyError),
@@ -41,6 +47,7 @@ impl Explain for TrialError {
         match self {
             TrialError::Write { path, .. } => path.display().to_string(),
             TrialError::Resume { path, line, .. } => line.map_or(path.display().to_string(), |l| format!("{}:{l}", path.display())),
+            TrialError::Threads { .. } => "--threads".into(),
             TrialError::Study(e) => e.place(),
         }
     }
@@ -48,6 +55,7 @@ impl Explain for TrialError {
         match self {
             TrialError::Write { .. } => "a folder that can be written".into(),
             TrialError::Resume { accepted, .. } => accepted.clone(),
+            TrialError::Threads { .. } => "a number of threads the machine can start".into(),
             TrialError::Study(e) => e.accepted(),
         }
     }

@@ -18,8 +18,8 @@ mod write;
 mod tests;
 
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnose::{self, Case};
@@ -135,8 +135,8 @@ pub fn run_case(options: &Options, index: usize, monitor: &Monitor) -> Result<Op
     Ok(Some(judge::judge(options.kind(index), index, &made, climbed.as_ref(), started.elapsed().as_secs_f64())))
 }
 
-/// Runs the cases of `0..cases` that are not in `done`, in parallel, and hands each to `each` as it ends. Stops with what there is when
-/// the monitor says so.
+/// Runs the cases of `0..cases` that are not in `done`, as many at a time as there are threads, and hands each to `each` as it ends. Stops
+/// with what there is when the monitor says so.
 pub fn run(
     options: &Options,
     cases: usize,
@@ -145,24 +145,30 @@ pub fn run(
     each: &(dyn Fn(&CaseResult) -> Result<(), TrialError> + Sync),
 ) -> Result<Vec<CaseResult>, TrialError> {
     let left: Vec<usize> = (0..cases).filter(|i| !done.iter().any(|d| d.index == *i)).collect();
-    let quiet = monitor.quiet();
-    // One case after the other where there is one thread for each; the case itself is parallel where there are more.
-    let fresh: Vec<CaseResult> = left
-        .into_par_iter()
-        .with_max_len(1)
-        .map(|index| {
-            if quiet.stops() {
-                return Ok(None);
+    let (quiet, next) = (monitor.quiet(), AtomicUsize::new(0));
+    // Each worker has a pool of one thread: in a shared pool, a thread that waits inside one case would begin another on top of it.
+    let work = || -> Result<Vec<CaseResult>, TrialError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| TrialError::Threads { reason: e.to_string() })?;
+        let mut own = Vec::new();
+        while let Some(index) = left.get(next.fetch_add(1, Ordering::Relaxed)).filter(|_| !quiet.stops()) {
+            let result = pool.install(|| run_case(options, *index, &quiet));
+            match result.and_then(|r| r.as_ref().map_or(Ok(()), each).map(|()| r)) {
+                Ok(result) => own.extend(result),
+                Err(e) => {
+                    next.store(left.len(), Ordering::Relaxed);
+                    return Err(e);
+                }
             }
-            let result = run_case(options, index, &quiet)?;
-            result.as_ref().map_or(Ok(()), each)?;
-            Ok(result)
-        })
-        .collect::<Result<Vec<_>, TrialError>>()?
-        .into_iter()
-        .flatten()
-        .collect();
-    let mut all: Vec<CaseResult> = done.iter().filter(|d| d.index < cases).cloned().chain(fresh).collect();
+        }
+        Ok(own)
+    };
+    let workers = rayon::current_num_threads().min(left.len());
+    let fresh = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(&work)).collect();
+        let joined = threads.into_iter().map(|t| t.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        joined.collect::<Result<Vec<_>, TrialError>>()
+    })?;
+    let mut all: Vec<CaseResult> = done.iter().filter(|d| d.index < cases).cloned().chain(fresh.into_iter().flatten()).collect();
     all.sort_by_key(|r| r.index);
     Ok(all)
 }
