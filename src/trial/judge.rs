@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnose::DiagnoseError;
-use crate::diagnose::results::{Candidate, LadderResult, SplitName, Verdict};
+use crate::diagnose::results::{Candidate, LadderResult, Missing, SplitName, Verdict};
 use crate::effect::{Role, find};
 
 use super::Kind;
@@ -118,7 +118,10 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
     let verdict = ladder.verdict;
     r.verdict = serde_json::to_value(verdict).ok().and_then(|v| v.as_str().map(str::to_string)).unwrap_or_default();
     r.ended = ladder.ended.clone();
-    let named = ladder.missing.iter().filter(|m| !made.nuisances.iter().any(|f| is_there(f, &m.effect, &m.at)));
+    // What is hidden counts as such, also where a nuisance of the same name lies on all tests.
+    let hidden = r.truth.clone();
+    let is_nuisance = |m: &Missing| made.nuisances.iter().any(|f| is_there(f, &m.effect, &m.at));
+    let named = ladder.missing.iter().filter(|m| hidden.contains(&format!("{} at {}", m.effect, m.at)) || !is_nuisance(m));
     for m in named.clone() {
         r.said.push(format!("{} at {}", m.effect, m.at));
         r.tied.push(m.tied_with.clone());
