@@ -14,6 +14,7 @@ pub mod identify;
 pub mod residual;
 pub mod diagnose;
 pub mod study;
+pub mod trial;
 pub mod report;
 pub mod export;
 pub mod cli;

@@ -20,6 +20,7 @@ mod session;
 mod simulate;
 mod table;
 mod text;
+mod trial;
 
 use std::process::ExitCode;
 
@@ -60,6 +61,8 @@ enum Verb {
     Export(export::Args),
     /// Writes one HTML file that opens offline
     Report(report::Args),
+    /// Known-truth recovery: how often generated hidden effects are found
+    Trial(trial::Args),
     /// Lists the library of effects, or shows one
     Effects(effects::Args),
 }
@@ -78,6 +81,7 @@ impl Verb {
             Verb::Predict(a) => predict::run(a),
             Verb::Export(a) => export::run(a),
             Verb::Report(a) => report::run(a),
+            Verb::Trial(a) => trial::run(a),
             Verb::Effects(a) => effects::run(a),
         }
     }
@@ -95,6 +99,7 @@ impl Verb {
             Verb::Predict(a) => a.common.json,
             Verb::Export(a) => a.common.json,
             Verb::Report(a) => a.common.json,
+            Verb::Trial(a) => a.json,
             Verb::Effects(a) => a.json,
         }
     }

@@ -40,11 +40,19 @@ pub(super) struct Common {
     pub data: Option<PathBuf>,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+/// A time limit.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(s) if s.is_finite() && s > 0.0 => Ok(s),
         _ => Err("a number of seconds above 0, such as 60".into()),
     }
+}
+
+/// Threads of everything parallel.
+pub(super) fn threads(n: Option<u16>) -> Result<(), Failure> {
+    let Some(n) = n else { return Ok(()) };
+    let built = rayon::ThreadPoolBuilder::new().num_threads(n.into()).build_global();
+    built.map_err(|e| Failure::new("cli", "--threads", e.to_string(), "a number of threads the machine can start"))
 }
 
 /// A verb at work.
@@ -58,12 +66,7 @@ pub(super) struct Session<'a> {
 impl<'a> Session<'a> {
     /// Sets threads and the handler of Ctrl-C.
     pub fn begin(common: &'a Common) -> Result<Self, Failure> {
-        if let Some(n) = common.threads {
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(n.into())
-                .build_global()
-                .map_err(|e| Failure::new("cli", "--threads", e.to_string(), "a number of threads the machine can start"))?;
-        }
+        threads(common.threads)?;
         let flag = interrupt_flag()
             .map_err(|e| Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers"))?;
         // What no Duration can hold is as good as no limit.

@@ -104,6 +104,11 @@ impl<'a> Monitor<'a> {
         Monitor { cancel: self.cancel.clone(), deadline: self.deadline, on_iteration: None, checkpoint: None }
     }
 
+    /// Whether it is time to stop.
+    pub fn stops(&self) -> bool {
+        self.stop().is_some()
+    }
+
     /// Why to stop now, if at all.
     pub(crate) fn stop(&self) -> Option<&'static str> {
         if self.cancel.as_ref().is_some_and(|f| f.load(Ordering::Relaxed)) {

@@ -12,4 +12,5 @@ mod shapes;
 mod slopes;
 mod stopping;
 mod studies;
+mod trial;
 mod verbs;

@@ -1,0 +1,142 @@
+//! `misfit trial`: known-truth recovery on generated hidden effects.
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use crate::identify::{Monitor, interrupt_flag};
+use crate::trial::{self, CaseResult, Counts, Kept, Kind, NONCENTRALITY, Options, Structure, TrialError};
+
+use super::failure::Failure;
+use super::progress::Progress;
+use super::table::{significant, table};
+use super::{INTERRUPTED, Outcome};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Cases
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..))]
+    pub cases: u32,
+    /// Seed of models, tests, hidden effects and noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// What is hidden: one, two, none, outside, instrument; these in turn [default: a mix of all]
+    #[arg(long, value_name = "KINDS", value_delimiter = ',', value_parser = kind)]
+    pub kinds: Vec<Kind>,
+    /// One connector under loops, chains under loops and frequency responses, or both
+    #[arg(long, value_name = "WHAT", default_value = "both", value_parser = structure)]
+    pub models: Structure,
+    /// Folder of the finished cases [default: runs/trial-SEED]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Goes on with the trial in DIR, with its seed and kinds
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "seed", "kinds", "models"])]
+    pub resume: Option<PathBuf>,
+    /// Writes every case that was not found into DIR, as a study with its truth
+    #[arg(long, value_name = "DIR")]
+    pub write: Option<PathBuf>,
+    /// One JSON object on stdout, everything else on stderr
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Stop after this time with the cases done
+    #[arg(long, value_name = "S", value_parser = super::session::seconds)]
+    pub max_seconds: Option<f64>,
+}
+
+fn kind(text: &str) -> Result<Kind, String> {
+    let words: Vec<&str> = Kind::WORDS.iter().map(|w| w.0).collect();
+    Kind::WORDS.iter().find(|w| w.0 == text).map(|w| w.1).ok_or_else(|| format!("one of {}", words.join(", ")))
+}
+
+fn structure(text: &str) -> Result<Structure, String> {
+    match text {
+        "connector" => Ok(Structure::Connector),
+        "chain" => Ok(Structure::Chain),
+        "both" => Ok(Structure::Both),
+        _ => Err("connector, chain or both".into()),
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    super::session::threads(args.threads)?;
+    let flag = interrupt_flag()
+        .map_err(|e| Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers"))?;
+    let limit = args.max_seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+    let mut monitor = Monitor::default().cancel(flag);
+    monitor.deadline = limit.and_then(|d| Instant::now().checked_add(d));
+    let (folder, kept, options, done) = match &args.resume {
+        Some(folder) => {
+            let (kept, options, done) = Kept::resume(folder)?;
+            (folder.clone(), kept, options, done)
+        }
+        None => {
+            let folder = args.out.clone().unwrap_or_else(|| format!("runs/trial-{}", args.seed).into());
+            let options = Options { seed: args.seed, kinds: args.kinds.clone(), structure: args.models };
+            (folder.clone(), Kept::create(&folder, &options)?, options, vec![])
+        }
+    };
+    let cases = args.cases as usize;
+    let before = done.iter().filter(|d| d.index < cases).count();
+    let progress = Progress::new(args.json, monitor.deadline);
+    progress.say(&format!("{} cases", cases - before));
+    let (started, tally) = (Instant::now(), Mutex::new((0usize, 0usize)));
+    let each = |r: &CaseResult| -> Result<(), TrialError> {
+        kept.add(r)?;
+        if let (Some(dir), true) = (&args.write, r.failed()) {
+            trial::write_case(&options, r.index, &dir.join(format!("case-{}", r.index)))?;
+        }
+        if let Ok(mut tally) = tally.lock() {
+            tally.0 += 1;
+            tally.1 += usize::from(r.with_ties);
+            let left = started.elapsed().as_secs_f64() / tally.0 as f64 * (cases - before - tally.0) as f64;
+            progress.say(&format!("{} of {cases} cases, {} of {} found, about {left:.0} s left", before + tally.0, tally.1, tally.0));
+        }
+        Ok(())
+    };
+    let ran = trial::run(&options, cases, &done, &monitor, &each);
+    progress.end();
+    let results = ran?;
+    let told = trial::table(&results);
+    let mut value: Value =
+        serde_json::to_value(&told).map_err(|e| Failure::new("cli", "trial", e.to_string(), "a result that can be written as JSON"))?;
+    let interrupted = results.len() < cases;
+    value["seed"] = json!(options.seed);
+    value["least_noncentrality"] = json!(NONCENTRALITY);
+    value["not_strict"] = json!(results.iter().filter(|r| !r.strict).collect::<Vec<_>>());
+    value["interrupted"] = json!(interrupted);
+    value["folder"] = json!(folder.display().to_string());
+    let rest = if interrupted {
+        format!("Stopped after {} of {cases} cases: misfit trial --resume {} --cases {cases}\n", results.len(), folder.display())
+    } else {
+        format!("Cases: {}\n", folder.join("cases.jsonl").display())
+    };
+    let text = tell(&options, &told, &results) + &rest;
+    Ok(Outcome { json: value, text, code: if interrupted { INTERRUPTED } else { 0 } })
+}
+
+fn tell(options: &Options, told: &trial::Table, results: &[CaseResult]) -> String {
+    let row = |name: &str, c: &Counts| {
+        let mut row = vec![name.to_string()];
+        row.extend([c.cases, c.strict, c.with_ties, c.missed, c.false_alarms, c.with_extra, c.failed].map(|n| n.to_string()));
+        row
+    };
+    let mut rows: Vec<Vec<String>> = told.by_kind.iter().map(|(name, c)| row(name, c)).collect();
+    rows.push(row("all", &told.all));
+    let mut text = format!("Trial of {} cases, seed {}\n\n", results.len(), options.seed);
+    text += &table(&["hidden", "cases", "strict", "with ties", "missed", "false alarms", "more named", "failed"], &rows);
+    text += "\n";
+    let rows: Vec<Vec<String>> = told.confusion.iter().map(|c| vec![c.truth.clone(), c.said.clone(), c.count.to_string()]).collect();
+    text += &table(&["truth", "said", "count"], &rows);
+    if let Some(ratio) = told.held_out_over_floor {
+        text += &format!("\nHeld-out error over floor, median: {}\n", significant(ratio, 3));
+    }
+    for r in results.iter().filter(|r| r.failed()) {
+        text += &format!("case {}: {} -> {}; {}\n", r.index, r.truth.join(" + "), r.said.join(" + "), r.ended);
+    }
+    text
+}

@@ -1,0 +1,195 @@
+//! The virtual bench of a trial: one driven connector or a chain, loops and frequency responses, and what its instruments do to them.
+
+use num_complex::Complex64;
+
+use super::law::Law;
+use super::{chain, connector};
+
+/// Samples per cycle of a loop.
+pub const SAMPLES: usize = 128;
+/// Cycles that are kept.
+pub const KEPT: usize = 4;
+
+/// What is hidden.
+#[derive(Clone, Debug)]
+pub enum Hidden {
+    /// A force in parallel; size in parts of the spring's largest force.
+    Force(Law),
+    /// Free play in series; size in parts of the largest displacement.
+    Gap,
+    /// A spring in series; size in parts of the connector's own compliance.
+    Compliance,
+    /// `k exp(size u)`, `u` the condition from -1/2 to 1/2 of its span.
+    Exponent,
+    /// `k (1 + size u)`.
+    Slope,
+}
+
+/// A hidden effect at a place.
+#[derive(Clone, Debug)]
+pub struct Planted {
+    /// Name in the library; `outside: ...` where it has none.
+    pub effect: String,
+    /// The law.
+    pub hidden: Hidden,
+    /// Its size without unit.
+    pub size: f64,
+    /// 0: the base, or the one connector; j: c_j of a chain.
+    pub place: usize,
+}
+
+/// The structure.
+#[derive(Clone, Debug)]
+pub struct Bench {
+    /// Bodies; 0: one massless connector under displacement control.
+    pub bodies: usize,
+    /// Mass of each [kg].
+    pub mass: f64,
+    /// Free parameters: k and c of the connector, or k_base, c_base, k, c of the chain [N/m, N s/m]. c may be left out of the first.
+    pub params: Vec<f64>,
+    /// Largest force of a spring [N].
+    pub force: f64,
+    /// Largest displacement of a connector [m].
+    pub travel: f64,
+}
+
+/// A test of the bench.
+#[derive(Clone, Debug)]
+pub struct Test {
+    /// Its id.
+    pub id: String,
+    /// What is driven.
+    pub drive: Drive,
+    /// Noise in parts of the signal.
+    pub noise: f64,
+    /// `fit`, `select` or `held_out`.
+    pub split: &'static str,
+    /// Test condition: its value as written and its place in its span, from -1/2 to 1/2.
+    pub condition: Option<(String, f64)>,
+}
+
+/// The drive.
+#[derive(Clone, Debug)]
+pub enum Drive {
+    /// Sine of displacement (connector, m) or of force on the last body (chain, N).
+    Loop { frequency: f64, amplitude: f64, discard: usize, bodies: Vec<usize> },
+    /// Small force on the last body, acceleration of body `respond` over it at these frequencies [Hz].
+    Frf { respond: usize, lines: Vec<f64> },
+}
+
+/// An error of an instrument.
+#[derive(Clone, Debug)]
+pub struct Flaw {
+    /// gain, delay, offset, drift, moving_mass.
+    pub effect: &'static str,
+    /// Id of the test, or `*`.
+    pub test: String,
+    /// Role of the channel: force, displacement, response.
+    pub role: &'static str,
+    /// gain - 1; delay over the period (of the highest drive, or of the highest line); offset and drift over a record in parts of the
+    /// amplitude; mass in parts of k/w^2 at the highest drive.
+    pub size: f64,
+}
+
+/// The channels that answer, each with the standard deviation of a sample; an FRF as real and imaginary parts in two channels.
+pub struct Response {
+    /// Values by channel [SI].
+    pub channels: Vec<Vec<f64>>,
+    /// Standard deviations by channel.
+    pub sigma: Vec<Vec<f64>>,
+}
+
+impl Bench {
+    /// Highest drive of these tests [Hz].
+    fn highest(tests: &[Test]) -> f64 {
+        let top = |t: &Test| match &t.drive {
+            Drive::Loop { frequency, .. } => *frequency,
+            Drive::Frf { lines, .. } => lines.last().copied().unwrap_or(0.0),
+        };
+        tests.iter().map(top).fold(0.0, f64::max)
+    }
+
+    /// What the instruments read, without noise; of a loop every cycle from the start.
+    pub fn read(&self, params: &[f64], planted: &[Planted], flaws: &[Flaw], tests: &[Test], test: &Test) -> Response {
+        let highest = Self::highest(tests);
+        let here = |f: &&Flaw, role: &str| (f.test == "*" || f.test == test.id) && f.role == role;
+        match &test.drive {
+            Drive::Loop { frequency, amplitude, discard, bodies } => {
+                let cycles = discard + KEPT;
+                let u = test.condition.as_ref().map_or(0.0, |c| c.1);
+                let (mut channels, role) = if self.bodies == 0 {
+                    (vec![connector::march(self, params, planted, *frequency, *amplitude, cycles, u)], "force")
+                } else {
+                    (chain::march(self, params, planted, *frequency, *amplitude, cycles, bodies), "displacement")
+                };
+                let sigma = channels.iter().map(|c| vec![test.noise * rms(&c[c.len() - SAMPLES..]); c.len()]).collect();
+                for flaw in flaws.iter().filter(|f| here(f, role)) {
+                    // A mass of the load cell: its share of the spring's force at the highest drive.
+                    let inertia = -flaw.size * self.params[0] * amplitude * (frequency / highest).powi(2);
+                    channels.iter_mut().for_each(|c| spoil(c, flaw, frequency / highest, inertia));
+                }
+                Response { channels, sigma }
+            }
+            Drive::Frf { respond, lines } => {
+                let mut h: Vec<Complex64> = lines.iter().map(|f| chain::accelerance(self, params, planted, *respond, *f)).collect();
+                let level = (h.iter().map(|h| h.norm_sqr()).sum::<f64>() / h.len().max(1) as f64).sqrt();
+                let sigma: Vec<f64> = h.iter().map(|h| test.noise * (h.norm() + 0.2 * level)).collect();
+                for flaw in flaws.iter().filter(|f| here(f, "response")) {
+                    for (h, f) in h.iter_mut().zip(lines) {
+                        *h *= match flaw.effect {
+                            "gain" => Complex64::new(1.0 + flaw.size, 0.0),
+                            "delay" => Complex64::from_polar(1.0, -std::f64::consts::TAU * flaw.size * f / highest),
+                            _ => Complex64::new(1.0, 0.0),
+                        };
+                    }
+                }
+                let channels = vec![h.iter().map(|h| h.re).collect(), h.iter().map(|h| h.im).collect()];
+                Response { channels, sigma: vec![sigma.clone(), sigma] }
+            }
+        }
+    }
+
+    /// The part of a response that the analysis sees, whitened: the last cycle of a loop at the noise of the mean of the cycles.
+    pub fn seen(&self, params: &[f64], planted: &[Planted], flaws: &[Flaw], tests: &[Test], sigma: &[Response]) -> Vec<f64> {
+        let mut all = Vec::new();
+        for (test, reference) in tests.iter().zip(sigma) {
+            let r = self.read(params, planted, flaws, tests, test);
+            let averaged = if matches!(test.drive, Drive::Loop { .. }) { (KEPT as f64).sqrt() } else { 1.0 };
+            for (c, s) in r.channels.iter().zip(&reference.sigma) {
+                let from = if averaged > 1.0 { c.len() - SAMPLES } else { 0 };
+                all.extend(c[from..].iter().zip(&s[from..]).map(|(c, s)| c * averaged / s));
+            }
+        }
+        all
+    }
+}
+
+/// What a flaw does to a record from phase 0; `share` is the drive over the highest one.
+fn spoil(c: &mut [f64], flaw: &Flaw, share: f64, inertia: f64) {
+    let n = c.len();
+    let last = &c[n - SAMPLES..];
+    let amplitude = 0.5 * (last.iter().fold(f64::MIN, |a, b| a.max(*b)) - last.iter().fold(f64::MAX, |a, b| a.min(*b)));
+    match flaw.effect {
+        "gain" => c.iter_mut().for_each(|c| *c *= 1.0 + flaw.size),
+        "offset" => c.iter_mut().for_each(|c| *c += flaw.size * amplitude),
+        "drift" => c.iter_mut().enumerate().for_each(|(k, c)| *c += flaw.size * amplitude * (k as f64 / n as f64 - 0.5)),
+        "moving_mass" => {
+            c.iter_mut().enumerate().for_each(|(k, c)| *c += inertia * (std::f64::consts::TAU * k as f64 / SAMPLES as f64).sin());
+        }
+        _ => {
+            // The record is periodic at its end and starts at rest: linear between samples, the first held.
+            let shift = flaw.size * share * SAMPLES as f64;
+            let old = c.to_vec();
+            for (k, c) in c.iter_mut().enumerate() {
+                let at = (k as f64 - shift).clamp(0.0, (n - 1) as f64);
+                let (low, part) = (at.floor() as usize, at.fract());
+                *c = old[low] + part * (old[(low + 1).min(n - 1)] - old[low]);
+            }
+        }
+    }
+}
+
+fn rms(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+}

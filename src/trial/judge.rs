@@ -1,0 +1,299 @@
+//! Whether a ladder said what was true.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::diagnose::DiagnoseError;
+use crate::diagnose::results::{Candidate, LadderResult, Missing, SplitName, Verdict};
+use crate::effect::{Role, find};
+
+use super::Kind;
+use super::bench::Flaw;
+use super::generate::Generated;
+
+/// Root mean square of whitened residuals up to which a model is at the floor.
+const AT_FLOOR: f64 = 1.1;
+
+/// One finished case.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CaseResult {
+    /// Its index.
+    pub index: usize,
+    /// What was hidden.
+    pub kind: Kind,
+    /// Bodies; 0: one connector.
+    pub bodies: usize,
+    /// Tests, by kind: loops and frequency responses.
+    pub tests: (usize, usize),
+    /// `effect at place` of what was hidden.
+    pub truth: Vec<String>,
+    /// Least noncentrality of it.
+    pub noncentrality: f64,
+    /// Errors of instruments within tolerance, `effect at channel`.
+    pub nuisances: Vec<String>,
+    /// `effect at place` of what the ladder names, without the nuisances that are there.
+    pub said: Vec<String>,
+    /// What each is said to be tied with.
+    pub tied: Vec<Vec<String>>,
+    /// Verdict of the ladder, or `failed`.
+    pub verdict: String,
+    /// Why the ladder ended, or why it failed.
+    pub ended: String,
+    /// Right effect and place first (two hidden: both; none: none; outside: said to be unexplained, or matched at the floor).
+    pub strict: bool,
+    /// The same, declared ties counted.
+    pub with_ties: bool,
+    /// Something was hidden, and nothing is said to be missing.
+    pub missed: bool,
+    /// Nothing was hidden in the structure, and physics is said to be missing.
+    pub false_alarm: bool,
+    /// Effects named beyond the truth.
+    pub extra: usize,
+    /// Root mean square of the whitened residuals of the fitted tests at the end.
+    pub whitened_rms: Option<f64>,
+    /// Held-out error over floor at the end.
+    pub held_out: Option<f64>,
+    /// What the first step said of the truth and of the best: for the reader of a failure.
+    pub evidence: Vec<String>,
+    /// Wall time [s].
+    pub wall_s: f64,
+}
+
+impl CaseResult {
+    /// Whether it is worth a look.
+    pub fn failed(&self) -> bool {
+        !self.with_ties
+    }
+}
+
+fn is_instrument(effect: &str) -> bool {
+    find(effect).is_ok_and(|e| e.info().role == Role::Channel)
+}
+
+/// Whether a named channel effect is an instrument error that was put there: at its test or at all of them; offset and drift of one
+/// record are one matter once its cycles are averaged.
+fn is_there(flaw: &Flaw, effect: &str, at: &str) -> bool {
+    let alike = |a: &str, b: &str| a == b || (["offset", "drift"].contains(&a) && ["offset", "drift"].contains(&b));
+    let channel = at.rsplit_once('.');
+    alike(flaw.effect, effect)
+        && channel.is_some_and(|(test, role)| role == flaw.role && (test == "*" || flaw.test == "*" || test == flaw.test))
+}
+
+/// Judges what a ladder said about a generated case.
+pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderResult, &DiagnoseError>, wall_s: f64) -> CaseResult {
+    let flaw_name = |f: &Flaw| format!("{} at {}.{}", f.effect, f.test, f.role);
+    let mut truth: Vec<String> = made.planted.iter().map(|p| format!("{} at {}", p.effect, made.place(p))).collect();
+    truth.extend(made.instrument.as_ref().map(flaw_name));
+    let loops = made.tests.iter().filter(|t| matches!(t.drive, super::bench::Drive::Loop { .. })).count();
+    let mut r = CaseResult {
+        index,
+        kind,
+        bodies: made.bench.bodies,
+        tests: (loops, made.tests.len() - loops),
+        truth,
+        noncentrality: made.noncentrality,
+        nuisances: made.nuisances.iter().map(flaw_name).collect(),
+        said: vec![],
+        tied: vec![],
+        verdict: "failed".into(),
+        ended: String::new(),
+        strict: false,
+        with_ties: false,
+        missed: false,
+        false_alarm: false,
+        extra: 0,
+        whitened_rms: None,
+        held_out: None,
+        evidence: vec![],
+        wall_s,
+    };
+    let ladder = match ladder {
+        Ok(ladder) => ladder,
+        Err(e) => {
+            r.ended = e.to_string();
+            return r;
+        }
+    };
+    let verdict = ladder.verdict;
+    r.verdict = serde_json::to_value(verdict).ok().and_then(|v| v.as_str().map(str::to_string)).unwrap_or_default();
+    r.ended = ladder.ended.clone();
+    // What is hidden counts as such, also where a nuisance of the same name lies on all tests.
+    let hidden = r.truth.clone();
+    let is_nuisance = |m: &Missing| made.nuisances.iter().any(|f| is_there(f, &m.effect, &m.at));
+    let named = ladder.missing.iter().filter(|m| hidden.contains(&format!("{} at {}", m.effect, m.at)) || !is_nuisance(m));
+    for m in named.clone() {
+        r.said.push(format!("{} at {}", m.effect, m.at));
+        r.tied.push(m.tied_with.clone());
+    }
+    let physics: Vec<bool> = named.map(|m| !is_instrument(&m.effect)).collect();
+    r.whitened_rms = ladder.rungs.last().map(|rung| {
+        let fit = rung.tests.iter().filter(|t| t.split == SplitName::Fit);
+        let (sum, n) = fit.fold((0.0, 0.0), |(s, n), t| (s + t.whitened_rms.powi(2) * t.n as f64, n + t.n as f64));
+        (sum / f64::max(n, 1.0)).sqrt()
+    });
+    r.held_out = ladder.held_out.after.zip(ladder.held_out.floor).map(|(a, f)| a / f);
+    let same = |k: usize, truth: &str| r.said.get(k).is_some_and(|s| s == truth);
+    let tied = |k: usize, truth: &str| r.tied.get(k).is_some_and(|t| t.iter().any(|t| t == truth));
+    let at_floor = r.whitened_rms.is_some_and(|rms| rms <= AT_FLOOR);
+    let (strict, with_ties) = match kind {
+        Kind::One | Kind::Instrument => {
+            // A drift that the averaging of the cycles has taken out leaves nothing to name.
+            let drift = made.instrument.as_ref().is_some_and(|f| f.effect == "drift");
+            let harmless = drift && !physics.contains(&true) && at_floor;
+            r.truth.first().map_or((false, false), |t| (same(0, t) || harmless, same(0, t) || tied(0, t) || harmless))
+        }
+        Kind::Two => {
+            let found = |ties: bool| {
+                let mut free: Vec<usize> = (0..r.said.len()).collect();
+                r.truth.iter().all(|t| match free.iter().position(|k| same(*k, t) || (ties && tied(*k, t))) {
+                    Some(at) => {
+                        free.remove(at);
+                        true
+                    }
+                    None => false,
+                })
+            };
+            (found(false), found(true))
+        }
+        Kind::None => {
+            let quiet = r.said.is_empty() && verdict != Verdict::Unexplained;
+            (quiet, quiet)
+        }
+        Kind::Outside => {
+            // The ladder says that something is left, or it has matched the data.
+            let left = verdict == Verdict::Unexplained || r.ended.contains("above the noise") || r.ended.contains("earned its place");
+            let ok = if r.said.is_empty() { verdict == Verdict::Unexplained } else { left || at_floor };
+            (ok, ok)
+        }
+    };
+    (r.strict, r.with_ties) = (strict, with_ties);
+    r.missed = kind != Kind::None && r.said.is_empty() && verdict == Verdict::NothingMissing && !with_ties;
+    r.false_alarm = match kind {
+        Kind::None => !with_ties,
+        Kind::Instrument => !with_ties && physics.contains(&true),
+        _ => false,
+    };
+    r.extra = r.said.len().saturating_sub(r.truth.len());
+    if !strict || r.extra > 0 {
+        r.evidence = evidence(ladder, &r.truth);
+    }
+    r
+}
+
+/// What each step said of the truth and of the one it took.
+fn evidence(ladder: &LadderResult, truth: &[String]) -> Vec<String> {
+    let name = |c: &Candidate| format!("{} at {}", c.effect, c.at);
+    let mut lines = Vec::new();
+    for (k, rung) in ladder.rungs.iter().enumerate() {
+        for (rank, c) in rung.candidates.iter().enumerate() {
+            if rank == 0 || c.accepted || truth.contains(&name(c)) {
+                lines.push(format!(
+                    "rung {k}, rank {}: {}, predicted drop {:.4}, p {:.1e}: {}",
+                    rank + 1,
+                    name(c),
+                    c.predicted_drop,
+                    c.p_value,
+                    c.remark
+                ));
+            }
+        }
+    }
+    lines
+}
+
+/// Counts of some cases.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Cases.
+    pub cases: usize,
+    /// Right, strictly.
+    pub strict: usize,
+    /// Right, declared ties counted.
+    pub with_ties: usize,
+    /// Missed.
+    pub missed: usize,
+    /// False alarms.
+    pub false_alarms: usize,
+    /// Cases in which more is named than is hidden.
+    pub with_extra: usize,
+    /// Cases in which the ladder ended in an error.
+    pub failed: usize,
+}
+
+/// How often one truth was said to be what.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Confusion {
+    /// Effects hidden.
+    pub truth: String,
+    /// Effects said, or the verdict.
+    pub said: String,
+    /// Cases.
+    pub count: usize,
+}
+
+/// What a trial amounts to.
+#[derive(Clone, Debug, Serialize)]
+pub struct Table {
+    /// All cases.
+    #[serde(flatten)]
+    pub all: Counts,
+    /// By kind and structure, `one, connector`.
+    pub by_kind: BTreeMap<String, Counts>,
+    /// Truth against what was said.
+    pub confusion: Vec<Confusion>,
+    /// Median of held-out error over floor.
+    pub held_out_over_floor: Option<f64>,
+}
+
+/// Sums up.
+pub fn table(results: &[CaseResult]) -> Table {
+    let mut all = Counts::default();
+    let mut by_kind: BTreeMap<String, Counts> = BTreeMap::new();
+    let mut confusion: BTreeMap<(String, String), usize> = BTreeMap::new();
+    let mut held: Vec<f64> = results.iter().filter_map(|r| r.held_out).filter(|h| h.is_finite()).collect();
+    for r in results {
+        let key = format!("{}, {}", r.kind.word(), if r.bodies == 0 { "connector" } else { "chain" });
+        for c in [&mut all, by_kind.entry(key).or_default()] {
+            c.cases += 1;
+            c.strict += usize::from(r.strict);
+            c.with_ties += usize::from(r.with_ties);
+            c.missed += usize::from(r.missed);
+            c.false_alarms += usize::from(r.false_alarm);
+            c.with_extra += usize::from(r.extra > 0);
+            c.failed += usize::from(r.verdict == "failed");
+        }
+        *confusion.entry((told(&r.truth, &[]), said(r))).or_default() += 1;
+    }
+    held.sort_by(f64::total_cmp);
+    Table {
+        all,
+        by_kind,
+        confusion: confusion.into_iter().map(|((truth, said), count)| Confusion { truth, said, count }).collect(),
+        held_out_over_floor: held.get(held.len() / 2).copied(),
+    }
+}
+
+/// Effects without their places, those at another place than one of `truth` marked.
+fn told(list: &[String], truth: &[String]) -> String {
+    let effect = |s: &str| s.split(" at ").next().unwrap_or(s).to_string();
+    let mut names: Vec<String> = list
+        .iter()
+        .map(|s| {
+            let elsewhere = truth.iter().any(|t| effect(t) == effect(s)) && !truth.contains(s);
+            effect(s) + if elsewhere { " (elsewhere)" } else { "" }
+        })
+        .collect();
+    names.sort();
+    if names.is_empty() { "nothing".into() } else { names.join(" + ") }
+}
+
+fn said(r: &CaseResult) -> String {
+    match (r.said.is_empty(), r.verdict.as_str()) {
+        (false, _) => told(&r.said, &r.truth),
+        // Only nuisances were named.
+        (true, "missing") => "nothing".into(),
+        (true, "nothing_missing") => "nothing".into(),
+        (true, verdict) => verdict.into(),
+    }
+}

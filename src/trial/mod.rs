@@ -1,0 +1,174 @@
+//! Known-truth recovery: random models and tests with hidden effects, and how often the search finds them.
+//!
+//! The truth comes from laws, integrators and a frequency-domain solution of this module's own ([`law`], [`connector`], [`chain`]); what
+//! the search gets is a study folder, read as any other. Every case follows from seed and index alone.
+
+mod bench;
+mod chain;
+mod connector;
+mod draw;
+mod error;
+mod generate;
+mod judge;
+mod kept;
+mod law;
+mod write;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use serde::{Deserialize, Serialize};
+
+use crate::diagnose::{self, Case};
+use crate::identify::Monitor;
+use crate::study::Study;
+
+use bench::Planted;
+use generate::{Generated, generate};
+
+pub use error::TrialError;
+pub use generate::NONCENTRALITY;
+pub use judge::{CaseResult, Confusion, Counts, Table, table};
+pub use kept::Kept;
+
+/// What is hidden in a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// One effect of the library.
+    One,
+    /// Two.
+    Two,
+    /// Nothing.
+    None,
+    /// A law the library does not have.
+    Outside,
+    /// An error of an instrument beyond its tolerance.
+    Instrument,
+}
+
+impl Kind {
+    /// Every kind by its word.
+    pub const WORDS: [(&'static str, Kind); 5] =
+        [("one", Kind::One), ("two", Kind::Two), ("none", Kind::None), ("outside", Kind::Outside), ("instrument", Kind::Instrument)];
+
+    /// Its word.
+    pub fn word(self) -> &'static str {
+        Self::WORDS.iter().find(|w| w.1 == self).map_or("", |w| w.0)
+    }
+}
+
+/// What is tested.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Structure {
+    /// One massless connector, loops under displacement control.
+    Connector,
+    /// Chains of 3 to 8 bodies, one in ten of 22; loops under force control, frequency responses, both.
+    Chain,
+    /// Seven connectors to three chains.
+    #[default]
+    Both,
+}
+
+/// What is drawn.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Options {
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Kinds in turn; empty: of ten cases five with one effect, one with two, two with none, one outside, one instrument.
+    pub kinds: Vec<Kind>,
+    /// What is tested.
+    pub structure: Structure,
+}
+
+impl Options {
+    /// Kind of case `index`.
+    pub fn kind(&self, index: usize) -> Kind {
+        use Kind::*;
+        const MIX: [Kind; 10] = [One, None, One, Two, One, Outside, One, Instrument, One, None];
+        let list: &[Kind] = if self.kinds.is_empty() { &MIX } else { &self.kinds };
+        list[index % list.len()]
+    }
+}
+
+impl Generated {
+    /// Name of the place of a hidden effect.
+    fn place(&self, p: &Planted) -> String {
+        match (self.bench.bodies, p.place) {
+            (0, _) => "c1.x".into(),
+            (_, 0) => "base.x".into(),
+            (_, j) => format!("c{j}.x"),
+        }
+    }
+
+    fn title(&self, options: &Options, index: usize) -> String {
+        let what = if self.bench.bodies == 0 { "one connector".into() } else { format!("chain of {} bodies", self.bench.bodies) };
+        format!("Trial {index} of seed {}: {what}", options.seed)
+    }
+}
+
+/// Writes case `index` as a study into `folder`, with its truth beside it.
+pub fn write_case(options: &Options, index: usize, folder: &Path) -> Result<(), TrialError> {
+    let mut made = generate(options, index);
+    let title = made.title(options, index);
+    write::write(&mut made, &title, folder)
+}
+
+/// Makes case `index`, climbs its ladder and judges what it says. `None`: it was interrupted.
+pub fn run_case(options: &Options, index: usize, monitor: &Monitor) -> Result<Option<CaseResult>, TrialError> {
+    let started = std::time::Instant::now();
+    let mut made = generate(options, index);
+    let title = made.title(options, index);
+    let folder = tempfile::tempdir().map_err(|e| TrialError::Write { path: std::env::temp_dir(), reason: e.to_string() })?;
+    write::write(&mut made, &title, folder.path())?;
+    let study = Study::load(folder.path(), None)?;
+    let climbed = Case::from_study(&study, options.seed.wrapping_add(index as u64))
+        .and_then(|case| diagnose::ladder(&case, &monitor.quiet(), &|_| {}))
+        .map(|(ladder, _)| ladder);
+    if climbed.as_ref().is_ok_and(|l| l.interrupted) {
+        return Ok(None);
+    }
+    Ok(Some(judge::judge(options.kind(index), index, &made, climbed.as_ref(), started.elapsed().as_secs_f64())))
+}
+
+/// Runs the cases of `0..cases` that are not in `done`, as many at a time as there are threads, and hands each to `each` as it ends. Stops
+/// with what there is when the monitor says so.
+pub fn run(
+    options: &Options,
+    cases: usize,
+    done: &[CaseResult],
+    monitor: &Monitor,
+    each: &(dyn Fn(&CaseResult) -> Result<(), TrialError> + Sync),
+) -> Result<Vec<CaseResult>, TrialError> {
+    let left: Vec<usize> = (0..cases).filter(|i| !done.iter().any(|d| d.index == *i)).collect();
+    let (quiet, next) = (monitor.quiet(), AtomicUsize::new(0));
+    // Each worker has a pool of one thread: in a shared pool, a thread that waits inside one case would begin another on top of it.
+    let work = || -> Result<Vec<CaseResult>, TrialError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| TrialError::Threads { reason: e.to_string() })?;
+        let mut own = Vec::new();
+        while let Some(index) = left.get(next.fetch_add(1, Ordering::Relaxed)).filter(|_| !quiet.stops()) {
+            let result = pool.install(|| run_case(options, *index, &quiet));
+            match result.and_then(|r| r.as_ref().map_or(Ok(()), each).map(|()| r)) {
+                Ok(result) => own.extend(result),
+                Err(e) => {
+                    next.store(left.len(), Ordering::Relaxed);
+                    return Err(e);
+                }
+            }
+        }
+        Ok(own)
+    };
+    let workers = rayon::current_num_threads().min(left.len());
+    let fresh = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(&work)).collect();
+        let joined = threads.into_iter().map(|t| t.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        joined.collect::<Result<Vec<_>, TrialError>>()
+    })?;
+    let mut all: Vec<CaseResult> = done.iter().filter(|d| d.index < cases).cloned().chain(fresh.into_iter().flatten()).collect();
+    all.sort_by_key(|r| r.index);
+    Ok(all)
+}
