@@ -3,7 +3,7 @@
 //! These stand in the score test as columns with priors, so that a physical effect is scored by what such errors cannot imitate
 //! (design.md section 6). Where a channel is itself the suspect, the candidates of role channel say so.
 
-use crate::effect::{LIBRARY, Sign};
+use crate::effect::{Sign, find};
 use crate::model::{ChannelSite, Instance, ParamValue, Site};
 use crate::response::{BlockKind, Plan};
 
@@ -11,7 +11,7 @@ use crate::response::{BlockKind, Plan};
 const GAIN: f64 = 0.005;
 /// Standard deviation of an offset, in parts of half the measured range.
 const OFFSET: f64 = 0.005;
-/// Standard deviation of a delay, in parts of the shortest period of the test: a third of a degree.
+/// Standard deviation of a delay, in parts of the period of a cycle or of the shortest period of an FRF: a third of a degree.
 const DELAY: f64 = 1e-3;
 
 /// A nuisance: the channel effect at its null value, its only free parameter first, and the prior's standard deviation [SI].
@@ -36,9 +36,7 @@ pub fn nuisances(plans: &[&Plan]) -> Vec<Nuisance> {
                 if (name == "offset" && block.kind == BlockKind::Frf) || (name == "delay" && block.kind == BlockKind::Record) {
                     continue;
                 }
-                let Some(effect) = LIBRARY.iter().find(|e| e.info().name == name).filter(|_| sigma.is_finite() && sigma > 0.0) else {
-                    continue;
-                };
+                let Some(effect) = find(name).ok().filter(|_| sigma.is_finite() && sigma > 0.0) else { continue };
                 let site = ChannelSite { test: plan.id.clone(), role: block.role.clone() };
                 let params = effect.info().params.iter().enumerate();
                 let params = params
