@@ -35,6 +35,4 @@ pub use record::{Channel, Control, TimeRecord};
 pub use tables::{EnergyRow, EnergyTable, ModalTable, ModeRow, StoredEnergy, TableValue};
 
 #[cfg(test)]
-mod friction_damper_check;
-#[cfg(test)]
 mod tests;

@@ -60,7 +60,7 @@ impl Force for Springpot {
         let series = Series::new(p);
         let mut sum = s * series.damper + Complex::new(series.spring, T::from(0.0));
         for (rate, weight) in series.branches() {
-            sum = sum + s * weight / (s + Complex::new(rate, T::from(0.0)));
+            sum += s * weight / (s + Complex::new(rate, T::from(0.0)));
         }
         Ok(sum * p[0])
     }

@@ -46,7 +46,7 @@ impl Force for StructuralDamping {
         let mut sum = Complex::new(T::from(0.0), T::from(0.0));
         for tau in tau {
             let st = s * tau;
-            sum = sum + st / (st + T::from(1.0));
+            sum += st / (st + T::from(1.0));
         }
         Ok(sum * (p[0] * g))
     }

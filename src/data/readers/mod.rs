@@ -133,7 +133,7 @@ fn locate(path: &Path, header: &[String], wanted: &[Wanted]) -> Result<Vec<usize
         .iter()
         .map(|w| {
             // `Force` finds `Force [N]` where no column has the very name.
-            let exact = header.iter().any(|h| *h == w.name);
+            let exact = header.contains(&w.name);
             let same = |h: &&String| if exact { **h == w.name } else { dialect::bare(h) == w.name };
             let mut found = header.iter().enumerate().filter(|(_, h)| same(h)).map(|(i, _)| i);
             let (first, second) = (found.next(), found.next());

@@ -323,7 +323,7 @@ impl Formula {
             for j in 0..n {
                 m[i][j] = complex(-rows[1 + i][3 + j]);
             }
-            m[i][i] = m[i][i] + s;
+            m[i][i] += s;
             m[i][STATES] = drive(&rows[1 + i]);
         }
         let size = |z: &Complex<D>| z.re.re.hypot(z.im.re);
@@ -336,7 +336,7 @@ impl Formula {
             for r in (0..n).filter(|r| *r != c).collect::<Vec<_>>() {
                 let factor = m[r][c] / m[c][c];
                 let pivot_row = m[c];
-                m[r].iter_mut().zip(pivot_row).for_each(|(x, y)| *x = *x - y * factor);
+                m[r].iter_mut().zip(pivot_row).for_each(|(x, y)| *x -= y * factor);
             }
         }
         Ok((0..n).fold(drive(&rows[0]), |sum, k| sum + m[k][STATES] / m[k][k] * rows[0][3 + k]))

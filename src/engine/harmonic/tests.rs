@@ -137,23 +137,6 @@ fn one_harmonic_of_a_jenkins_element_is_its_describing_function() {
 }
 
 #[test]
-#[ignore = "prints a time"]
-fn time_per_line() {
-    let mut effects: Vec<(&str, &str, &[f64])> = vec![("linear_stiffness", "c0-7.x", &[1e5]), ("viscous", "c0-7.x", &[8.0])];
-    effects.push(("elastic_slip", "c4.x", &[0.5, 2e-6]));
-    let eight = system(&[0.1; 8], &effects);
-    let omega: Vec<f64> = (0..1000).map(|k| TAU * (20.0 + 0.3 * k as f64)).collect();
-    let bound = bind(&eight);
-    for (label, sens) in [("response", false), ("with sensitivities", true)] {
-        for settings in [fine(3, 64), fine(7, 128), fine(7, 256), fine(15, 128), Settings::default()] {
-            let start = std::time::Instant::now();
-            at_amplitude(&eight.model, &bound, &omega, 0, 0.5, &[7], sens, settings).unwrap();
-            println!("{label}, {settings:?}: {:.1} us per line", start.elapsed().as_secs_f64() * 1e3);
-        }
-    }
-}
-
-#[test]
 fn linear_structures_and_tiny_amplitudes_give_the_receptance() {
     let omega: Vec<f64> = (1..40).map(|k| 5.0 * k as f64).collect();
     let linear = with(&[("maxwell", "c0.x", &[500.0, 0.04]), ("structural_damping", "c1.x", &[150.0, 0.1, 100.0])]);

@@ -225,18 +225,3 @@ fn a_band_holds_the_modes_in_it_and_a_rigid_law_is_refused() {
     let refused = modes(&rigid.model, &bind(&rigid), Range::Lowest(1), false);
     assert!(matches!(refused, Err(EngineError::Effect(_))), "{refused:?}");
 }
-
-#[test]
-#[ignore = "prints a time"]
-fn time_of_the_modes() {
-    for n in [8, 22, 132] {
-        let last = format!("c0-{}.x", n - 1);
-        let s = system(chain(&vec![0.1; n]), &[("linear_stiffness", &last, &[1e5]), ("viscous", &last, &[2.0])]);
-        let bound = bind(&s);
-        let start = std::time::Instant::now();
-        for _ in 0..20 {
-            modes(&s.model, &bound, Range::Lowest(6), true).unwrap();
-        }
-        println!("{n} bodies, six modes with sensitivities: {:.0} us", start.elapsed().as_secs_f64() / 20.0 * 1e6);
-    }
-}
