@@ -61,6 +61,9 @@ fn told(result: &LadderResult) -> String {
     let missing: Vec<(&str, &str)> = result.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
     text += &super::diagnose::sentence(result.verdict, &missing);
     text += if result.interrupted && !missing.is_empty() { " So far: the search was interrupted.\n" } else { "\n" };
+    if result.unexplained_remainder {
+        text += "These effects leave a misfit beyond the noise that no further effect of the library explains.\n";
+    }
     for m in result.missing.iter().filter(|m| !m.tied_with.is_empty()) {
         text += &format!("{} at {} cannot be told from {} by these tests.\n", m.effect, m.at, m.tied_with.join(", "));
     }

@@ -5,7 +5,7 @@ use super::refit::{Proof, Whitened, cost};
 /// Points per chunk at least: neighbouring residuals are not independent, their chunk means nearly are.
 const CHUNKS: usize = 12;
 /// Standard errors by which the improvement must exceed zero.
-const STANDARD_ERRORS: f64 = 2.0;
+pub const STANDARD_ERRORS: f64 = 2.0;
 
 /// Mean improvement of the squared whitened residual and its standard error, paired over chunks of every test.
 pub fn improvement(before: &Whitened, after: &Whitened) -> (f64, f64) {

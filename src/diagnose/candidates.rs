@@ -243,13 +243,19 @@ fn push(
     let candidate = names.len();
     names.push(Name { effect: info.name, at: at.clone(), of });
     for shape in shapes {
-        let mut params: Vec<ParamValue> = info.params.iter().map(|p| ParamValue::fixed(p.default)).collect();
+        let mut instance = at_null(effect, at.clone(), site.clone(), target.clone());
         for (k, v) in shape {
-            params[k].value = v;
+            instance.params[k].value = v;
         }
-        params[0] = ParamValue::free(info.params[0].default, info.params[0].sign);
-        let follower = matches!(info.role, Role::Force | Role::Series);
-        let instance = Instance { effect, at: at.clone(), site: site.clone(), params, target: target.clone(), follower };
         trials.push(Trial { instance, candidate });
     }
+}
+
+/// An effect at its null value, its strength free.
+fn at_null(effect: &'static Effect, at: String, site: Site, target: Option<Target>) -> Instance {
+    let info = effect.info();
+    let mut params: Vec<ParamValue> = info.params.iter().map(|p| ParamValue::fixed(p.default)).collect();
+    params[0] = ParamValue::free(info.params[0].default, info.params[0].sign);
+    let follower = matches!(info.role, Role::Force | Role::Series);
+    Instance { effect, at, site, params, target, follower }
 }

@@ -65,6 +65,13 @@ impl Case {
         self.plans.iter().filter(|(_, s)| *s == split).map(|(p, _)| p).collect()
     }
 
+    /// The same case with instruments that may err within tolerance (`response::Correlated`): what the search for missing physics is held
+    /// against. A plain fit takes the stated sigma at its word.
+    pub fn with_instruments(&self) -> Case {
+        let plans = self.plans.iter().map(|(p, s)| (p.with_instruments(), *s)).collect();
+        Case { plans: Arc::new(plans), ..self.clone() }
+    }
+
     /// The case with as many time steps in every test as the noise asks for at the system's present values; `None` where they are enough.
     pub fn refined(&self, system: &System) -> Option<Case> {
         use rayon::prelude::*;

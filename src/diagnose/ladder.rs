@@ -6,7 +6,7 @@ use crate::response::Plan;
 
 use super::case::{Case, Fitted, compare, effects, fit, parameters};
 use super::findings::{findings, unsettled};
-use super::refit::{cost, prove, whitened};
+use super::refit::{Proof, cost, prove};
 use super::results::*;
 use super::search::{LEVEL, Step, step};
 use super::{DiagnoseError, trace};
@@ -15,8 +15,12 @@ use super::{DiagnoseError, trace};
 const MAX_ADDED: usize = 6;
 /// Fall of the cost that an effect must be worth, per parameter, to stay.
 const WORTH_KEEPING: f64 = 4.0;
-/// Root mean square of whitened residuals up to which a model is at the floor.
+/// Root mean square of whitened residuals up to which a model is at the floor, where chance does not already reach beyond it: so many
+/// standard deviations of a sum of squares.
 const AT_FLOOR: f64 = 1.1;
+const CHANCE: f64 = 3.1;
+/// Level of the score test below which something is missing even where no candidate earned its place.
+const SURE: f64 = 1e-3;
 
 type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 
@@ -24,8 +28,8 @@ type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResult, Diagnosis), DiagnoseError> {
     let (case, fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
     let case = &case;
-    let step = step(case, &fitted, monitor, watch)?;
-    let verdict = verdict(&step, whitened_rms(case, &fitted), trace::stopped(monitor));
+    let step = step(&case.with_instruments(), &fitted, monitor, watch)?;
+    let verdict = verdict(&step, trace::stopped(monitor));
     let missing = step.accepted.iter().map(|(n, ..)| EffectAt { effect: n.effect.into(), at: n.at.clone() }).collect();
     let would = if verdict == Verdict::NothingMissing {
         let unit = |at: &str, effect: &str| strength_unit(&fitted.system, effect, at);
@@ -53,22 +57,21 @@ fn strength_unit(system: &System, effect: &str, at: &str) -> String {
     crate::effect::find(effect).ok().and_then(|e| e.info().params.first()).map(|p| p.dim.si(rotational)).unwrap_or_default()
 }
 
-fn verdict(step: &Step, rms: f64, stopped: bool) -> Verdict {
+fn verdict(step: &Step, stopped: bool) -> Verdict {
     if step.accepted.is_some() {
         Verdict::Missing
     } else if stopped {
         Verdict::Interrupted
-    } else if step.p_value > LEVEL && rms < AT_FLOOR {
+    } else if step.p_value > SURE && at_floor(step.left) {
         Verdict::NothingMissing
     } else {
         Verdict::Unexplained
     }
 }
 
-fn whitened_rms(case: &Case, fitted: &Fitted) -> f64 {
-    let plans = case.plans_of(SplitName::Fit);
-    let n: usize = plans.iter().map(|p| p.len()).sum();
-    whitened(&plans, &fitted.system).map_or(f64::INFINITY, |w| (2.0 * cost(&w) / n.max(1) as f64).sqrt())
+/// Whether this root mean square of so many whitened residuals is noise.
+fn at_floor((rms, n): (f64, usize)) -> bool {
+    rms * rms < (AT_FLOOR * AT_FLOOR).max(1.0 + CHANCE * (2.0 / n.max(1) as f64).sqrt())
 }
 
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
@@ -108,7 +111,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let mut rungs = vec![rung(&case, &fitted, None, vec![], vec![], first.tests)?];
     let mut missing: Vec<Missing> = Vec::new();
     let limit = case.search.max_added.unwrap_or(MAX_ADDED);
-    let mut next = None;
+    let (mut next, mut remainder) = (None, false);
     let mut stopped;
     let (ended, verdict) = loop {
         let now = rungs.len();
@@ -120,11 +123,12 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break (format!("{limit} effects were added, which is the limit"), Verdict::Missing);
         }
         watch(&format!("rung {now}"));
-        let step = step(&case, &fitted, monitor, watch)?;
+        let searched = case.with_instruments();
+        let step = step(&searched, &fitted, monitor, watch)?;
         if let Some(last) = rungs.last_mut() {
             last.candidates = step.candidates.clone();
         }
-        let step_verdict = verdict(&step, whitened_rms(&case, &fitted), trace::stopped(monitor));
+        let step_verdict = verdict(&step, trace::stopped(monitor));
         next = next.or_else(|| next_test(&case, &step));
         let Some((name, proof, ties)) = step.accepted else {
             stopped = step_verdict == Verdict::Interrupted;
@@ -132,10 +136,14 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
                 break interrupted(&missing);
             }
             let said = match step_verdict {
-                Verdict::NothingMissing => "the residual is at the noise and no candidate scores beyond chance".to_string(),
+                Verdict::NothingMissing if step.p_value > LEVEL => {
+                    "the residual is at the noise and no candidate scores beyond chance".to_string()
+                }
+                Verdict::NothingMissing => format!("the residual is at the noise and no candidate earned its place {}", judged(&case)),
                 _ if step.p_value > LEVEL => "no candidate scores beyond chance, but the residual lies above the noise".to_string(),
                 _ => format!("no candidate earned its place {}", judged(&case)),
             };
+            remainder = step_verdict == Verdict::Unexplained && !missing.is_empty();
             let v = match (missing.is_empty(), step_verdict) {
                 (true, v) => v,
                 (false, _) => Verdict::Missing,
@@ -143,16 +151,16 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break (said, v);
         };
         watch(&format!("added {} at {}", name.effect, name.at));
-        fitted = proof.fitted;
-        // The refit was cut short, and a new effect may ask for finer steps.
-        case = case.refined(&fitted.system).unwrap_or(case);
-        fitted = case.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
         missing.push(Missing {
             effect: name.effect.into(),
             at: name.at.clone(),
             tied_with: ties.iter().map(|n| format!("{} at {}", n.effect, n.at)).collect(),
         });
-        let removed = prune(&case, &mut fitted, base_instances, &mut missing, monitor, watch);
+        let mut system = proof.fitted.system;
+        let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
+        // A new effect may ask for finer steps; what is reported takes the stated sigma at its word.
+        case = case.refined(&system).unwrap_or(case);
+        fitted = case.fit_system(&system, case.plans_of(SplitName::Fit), monitor)?;
         let tests = compare(&case, &fitted.system, &seen)?;
         let added = EffectAt { effect: name.effect.into(), at: name.at };
         let undone = removed.contains(&added);
@@ -182,6 +190,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         verdict,
         missing,
         held_out,
+        unexplained_remainder: remainder,
         next_test: next,
         ended,
         interrupted: stopped,
@@ -222,34 +231,37 @@ fn rung(
 
 /// Takes away again what the added effects have made superfluous: each added effect whose removal costs less than its parameters are
 /// worth on fit and select together.
-fn prune(case: &Case, fitted: &mut Fitted, base: usize, missing: &mut Vec<Missing>, monitor: &Monitor, watch: Watch) -> Vec<EffectAt> {
+fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missing>, monitor: &Monitor, watch: Watch) -> Vec<EffectAt> {
     let mut removed = Vec::new();
-    loop {
-        let plans: Vec<&Plan> = case.plans_of(SplitName::Fit).into_iter().chain(case.plans_of(SplitName::Select)).collect();
-        let Ok(now) = whitened(&plans, &fitted.system).map(|w| cost(&w)) else { return removed };
-        let mut best: Option<(usize, f64, super::refit::Proof)> = None;
-        // The one added last has just been judged.
-        for k in base..fitted.system.instances.len().saturating_sub(1) {
-            let mut without = fitted.system.clone();
+    let whole = |p: &Proof| cost(&p.fit) + cost(&p.select);
+    let mut now: Option<f64> = None;
+    // The one added last has just been judged.
+    while base + 1 < system.instances.len() {
+        let Some(before) = now.or_else(|| prove(case, system, monitor).ok().map(|p| whole(&p))) else { break };
+        let mut best: Option<(usize, f64, Proof)> = None;
+        for k in base..system.instances.len() - 1 {
+            let mut without = system.clone();
             let gone = without.instances.remove(k);
             if without.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instance >= k)) {
                 continue;
             }
             let params = gone.params.iter().filter(|p| p.free).count() as f64;
             let Ok(proof) = prove(case, &without, monitor) else { continue };
-            let rise = cost(&proof.fit) + cost(&proof.select) - now;
+            let rise = whole(&proof) - before;
             if rise < WORTH_KEEPING * params && best.as_ref().is_none_or(|b| rise < b.1) {
                 best = Some((k, rise, proof));
             }
         }
-        let Some((k, _, proof)) = best else { return removed };
-        let gone = &fitted.system.instances[k];
+        let Some((k, _, proof)) = best else { break };
+        let gone = &system.instances[k];
         let gone = EffectAt { effect: gone.name().into(), at: gone.at.clone() };
         watch(&format!("pruned {} at {}", gone.effect, gone.at));
         missing.retain(|m| m.effect != gone.effect || m.at != gone.at);
         removed.push(gone);
-        *fitted = proof.fitted;
+        now = Some(whole(&proof));
+        *system = proof.fitted.system;
     }
+    removed
 }
 
 /// The test that separates tied candidates: the drive of each fit test at other frequencies and amplitudes is the plan's own business;

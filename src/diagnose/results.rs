@@ -307,6 +307,8 @@ pub struct LadderResult {
     pub verdict: Verdict,
     /// Effects added that stayed.
     pub missing: Vec<Missing>,
+    /// Whether these effects leave a misfit beyond the noise that no further candidate explains.
+    pub unexplained_remainder: bool,
     /// Held-out error, read once.
     pub held_out: HeldOut,
     /// Findings on the last rung.

@@ -253,6 +253,7 @@ fn ladder(n: usize) -> LadderResult {
     second.removed.push(at("viscous", "c1.x"));
     let third = rung(Some(at("film", "c2.x")), tests(n, 2.0, 0.0301, true), 610.0, vec![candidate("film", "c2.x", 0.4, true)]);
     LadderResult {
+        unexplained_remainder: false,
         study: "rod".into(),
         rungs: vec![rung(None, tests(n, 0.0, 0.1, true), 81234.0, vec![]), second, third],
         verdict: Verdict::Missing,

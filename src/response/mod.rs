@@ -4,6 +4,7 @@
 //! the engine for the present parameters.
 
 mod channel;
+mod correlated;
 mod cycle;
 mod energy;
 mod error;
@@ -15,11 +16,15 @@ mod site;
 mod transient;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::{DMatrixViewMut, DVector};
 
 use crate::data::{Record, Test, TestKind, Unsettled};
 use crate::model::{Bound, FreeParam, Model, System};
 use crate::units::Unit;
 
+pub use correlated::{Correlated, DELAY, GAIN, OFFSET};
 pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
@@ -85,6 +90,8 @@ pub struct Plan {
     pub notes: Vec<String>,
     /// Channels of a cycle test whose kept cycles still change.
     pub unsettled: Vec<Unsettled>,
+    /// What the errors of instruments within tolerance add to the covariance; none: sigma is all there is.
+    pub correlated: Option<Arc<Correlated>>,
     work: Work,
 }
 
@@ -139,6 +146,7 @@ impl Plan {
             blocks: vec![],
             notes: vec![],
             unsettled: vec![],
+            correlated: None,
             work: Work::Energy(EnergyPlan::default()),
         };
         plan.work = match &test.record {
@@ -161,6 +169,27 @@ impl Plan {
     /// Whether nothing was measured.
     pub fn is_empty(&self) -> bool {
         self.measured.is_empty()
+    }
+
+    /// The same test, whose channels may have a gain, an offset and a delay within the tolerance of good instruments.
+    pub fn with_instruments(&self) -> Plan {
+        let correlated = Some(Arc::new(Correlated::new(self, &self.measured)));
+        Plan { correlated, ..self.clone() }
+    }
+
+    /// Whitened residuals, computed minus measured.
+    pub fn whitened(&self, computed: &[f64]) -> DVector<f64> {
+        let rows = computed.iter().zip(&self.measured).zip(&self.sigma).map(|((y, m), s)| (y - m) / s);
+        let mut r = DVector::from_iterator(self.len(), rows);
+        self.whiten_shared(DMatrixViewMut::from_slice(r.as_mut_slice(), self.len(), 1));
+        r
+    }
+
+    /// Takes what the channels' errors may do out of rows that are whitened by sigma.
+    pub fn whiten_shared(&self, rows: DMatrixViewMut<f64>) {
+        if let Some(correlated) = &self.correlated {
+            correlated.whiten(rows);
+        }
     }
 
     fn add_block(&mut self, block: Block, measured: Vec<f64>, sigma: Vec<f64>) {
@@ -214,7 +243,7 @@ impl Plan {
     pub fn varied(&self, frequency: f64, amplitude: f64) -> Option<(Plan, f64, f64)> {
         let Work::Cycle(cycle) = &self.work else { return None };
         let (cycle, f, a) = cycle.varied(frequency, amplitude);
-        Some((Plan { work: Work::Cycle(cycle), ..self.clone() }, f, a))
+        Some((Plan { work: Work::Cycle(cycle), correlated: None, ..self.clone() }, f, a))
     }
 
     /// What is left of the model's own transient in the kept cycles of a cycle test; none where it is long gone, or the test no cycle.

@@ -2,6 +2,8 @@
 
 use num_complex::Complex64;
 
+use crate::response::{DELAY, GAIN, OFFSET};
+
 use super::law::Law;
 use super::{chain, connector};
 
@@ -149,19 +151,66 @@ impl Bench {
         }
     }
 
+    /// What errors of instruments within tolerance add to what is seen, one column for one standard deviation of each: gain, offset and
+    /// delay of every channel.
+    pub fn tolerances(&self, tests: &[Test], read: &[Response]) -> Vec<Vec<f64>> {
+        let total: usize = tests.iter().zip(read).map(|(t, r)| r.channels.iter().map(|c| shown(t, c).len()).sum::<usize>()).sum();
+        let (mut columns, mut row) = (Vec::new(), 0);
+        for (test, r) in tests.iter().zip(read) {
+            let averaged = averaged(test);
+            let mut add = |row: usize, changes: &[(&[f64], &[f64])]| {
+                let mut column = vec![0.0; total];
+                let rows = changes.iter().flat_map(|(c, s)| shown(test, c).iter().zip(shown(test, s)).map(|(c, s)| c * averaged / s));
+                column[row..].iter_mut().zip(rows).for_each(|(a, b)| *a = b);
+                columns.push(column);
+            };
+            match &test.drive {
+                Drive::Loop { .. } => {
+                    for (c, s) in r.channels.iter().zip(&r.sigma) {
+                        for (effect, size) in [("gain", GAIN), ("offset", OFFSET), ("delay", DELAY)] {
+                            let mut changed = c.clone();
+                            // In parts of the test's own period.
+                            spoil(&mut changed, &Flaw { effect, test: "*".into(), role: "", size }, 1.0, 0.0);
+                            changed.iter_mut().zip(c).for_each(|(a, b)| *a -= b);
+                            add(row, &[(&changed, s)]);
+                        }
+                        row += shown(test, c).len();
+                    }
+                }
+                Drive::Frf { lines, .. } => {
+                    let [re, im] = r.channels.as_slice() else { continue };
+                    let scaled = |c: &[f64], by: &dyn Fn(usize) -> f64| c.iter().enumerate().map(|(k, c)| c * by(k)).collect::<Vec<f64>>();
+                    let turn = |k: usize| -std::f64::consts::TAU * DELAY * lines[k] / lines[lines.len() - 1];
+                    add(row, &[(&scaled(re, &|_| GAIN), &r.sigma[0]), (&scaled(im, &|_| GAIN), &r.sigma[1])]);
+                    add(row, &[(&scaled(im, &|k| -turn(k)), &r.sigma[0]), (&scaled(re, &turn), &r.sigma[1])]);
+                    row += 2 * lines.len();
+                }
+            }
+        }
+        columns
+    }
+
     /// The part of a response that the analysis sees, whitened: the last cycle of a loop at the noise of the mean of the cycles.
     pub fn seen(&self, params: &[f64], planted: &[Planted], flaws: &[Flaw], tests: &[Test], sigma: &[Response]) -> Vec<f64> {
         let mut all = Vec::new();
         for (test, reference) in tests.iter().zip(sigma) {
             let r = self.read(params, planted, flaws, tests, test);
-            let averaged = if matches!(test.drive, Drive::Loop { .. }) { (KEPT as f64).sqrt() } else { 1.0 };
             for (c, s) in r.channels.iter().zip(&reference.sigma) {
-                let from = if averaged > 1.0 { c.len() - SAMPLES } else { 0 };
-                all.extend(c[from..].iter().zip(&s[from..]).map(|(c, s)| c * averaged / s));
+                all.extend(shown(test, c).iter().zip(shown(test, s)).map(|(c, s)| c * averaged(test) / s));
             }
         }
         all
     }
+}
+
+/// The last cycle of a loop; every line of a frequency response.
+fn shown<'a>(test: &Test, c: &'a [f64]) -> &'a [f64] {
+    if matches!(test.drive, Drive::Loop { .. }) { &c[c.len() - SAMPLES..] } else { c }
+}
+
+/// By how much the noise of what is seen is less than that of a sample.
+fn averaged(test: &Test) -> f64 {
+    if matches!(test.drive, Drive::Loop { .. }) { (KEPT as f64).sqrt() } else { 1.0 }
 }
 
 /// What a flaw does to a record from phase 0; `share` is the drive over the highest one.

@@ -290,7 +290,7 @@ fn finish(
 }
 
 /// For each hidden effect (or the instrument's) the squared length of what it adds to the whitened fit tests, beyond what the free
-/// parameters of the model and the other hidden effect can imitate.
+/// parameters of the model, the other hidden effect and instruments within tolerance can imitate; the last as columns with a prior.
 fn noncentralities(bench: &Bench, planted: &[Planted], instrument: Option<&Flaw>, tests: &[Test]) -> Vec<f64> {
     let flaws: Vec<Flaw> = instrument.into_iter().cloned().collect();
     if planted.is_empty() && flaws.is_empty() {
@@ -314,14 +314,25 @@ fn noncentralities(bench: &Bench, planted: &[Planted], instrument: Option<&Flaw>
     if !flaws.is_empty() {
         own.push(differs(bench.seen(&bench.params, planted, &[], tests, &reference)));
     }
+    let tolerances = bench.tolerances(tests, &reference);
+    // Below the data stand the rows of the priors, one for each error of an instrument.
+    let (n, errors) = (whole.len(), tolerances.len());
+    let below = |c: &DVector<f64>| c.clone().resize_vertically(n + errors, 0.0);
     let left = |j: usize| -> f64 {
-        let all: Vec<_> = columns.iter().chain(own.iter().enumerate().filter(|(i, _)| *i != j).map(|(_, c)| c)).cloned().collect();
+        let others = own.iter().enumerate().filter(|(i, _)| *i != j).map(|(_, c)| c);
+        let mut all: Vec<DVector<f64>> = columns.iter().chain(others).map(below).collect();
+        all.extend(tolerances.iter().enumerate().map(|(k, c)| {
+            let mut c = below(&DVector::from_column_slice(c));
+            c[n + k] = 1.0;
+            c
+        }));
         let scaled: Vec<_> = all.into_iter().filter(|c| c.norm() > 0.0).map(|c| c.normalize()).collect();
         if scaled.is_empty() {
             return own[j].norm_squared();
         }
         let q = DMatrix::from_columns(&scaled).qr().q();
-        (&own[j] - &q * q.tr_mul(&own[j])).norm_squared()
+        let own = below(&own[j]);
+        (&own - &q * q.tr_mul(&own)).norm_squared()
     };
     (0..own.len()).map(left).filter(|n| !n.is_nan()).collect()
 }
