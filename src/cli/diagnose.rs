@@ -50,11 +50,23 @@ pub(super) fn candidates(list: &[Candidate]) -> String {
             percent(c.error_before),
             c.error_after.map_or("-".into(), percent),
             if c.accepted { "yes" } else { "no" }.into(),
+            c.selected.map_or("-".into(), percent),
             c.tied_with.join("; "),
             c.remark.clone(),
         ]
     };
-    let header = ["effect", "at", "predicted drop", "p", "error before", "after", "accepted", "cannot be told from", "remark"];
+    let header = [
+        "effect",
+        "at",
+        "predicted drop",
+        "p",
+        "error before",
+        "after",
+        "accepted",
+        "part of all at once",
+        "cannot be told from",
+        "remark",
+    ];
     table(&header, &list.iter().map(row).collect::<Vec<_>>())
 }
 
@@ -81,6 +93,9 @@ fn told(d: &Diagnosis, study: &str) -> String {
     if !d.candidates.is_empty() {
         text += &candidates(&d.candidates);
         text += "\n";
+    }
+    if let Some(remark) = &d.second_opinion.remark {
+        text += &format!("Second opinion: {remark}.\n");
     }
     let missing: Vec<(&str, &str)> = d.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
     text += &sentence(d.verdict, &missing);

@@ -61,6 +61,9 @@ fn told(result: &LadderResult) -> String {
     let missing: Vec<(&str, &str)> = result.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
     text += &super::diagnose::sentence(result.verdict, &missing);
     text += if result.interrupted && !missing.is_empty() { " So far: the search was interrupted.\n" } else { "\n" };
+    for (k, remark) in result.rungs.iter().enumerate().filter_map(|(k, r)| Some((k, r.second_opinion.remark.as_ref()?))) {
+        text += &format!("Second opinion on what rung {k} misses: {remark}.\n");
+    }
     if result.unexplained_remainder {
         text += "These effects leave a misfit beyond the noise that no further effect of the library explains.\n";
     }

@@ -50,7 +50,7 @@ pub fn verdict_cost(proof: &Proof) -> f64 {
 
 /// Cost difference up to which responses that agree within the noise on every test are not told apart; beyond it the many points
 /// together decide.
-const DECISIVE: f64 = 8.0;
+pub const DECISIVE: f64 = 8.0;
 
 /// Whether the data cannot tell a candidate from the best: on every planned test their responses differ by less than the noise and the
 /// costs by less than [`DECISIVE`]; or the costs differ by less than the noise in a cost difference explains, or by a hundredth where

@@ -28,7 +28,8 @@ type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResult, Diagnosis), DiagnoseError> {
     let (case, fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
     let case = &case;
-    let step = step(&case.with_instruments(), &fitted, monitor, watch)?;
+    let searched = case.with_instruments();
+    let step = step(&searched, &fitted, monitor, watch)?;
     let verdict = verdict(&step, trace::stopped(monitor));
     let missing = step.accepted.iter().map(|(n, ..)| EffectAt { effect: n.effect.into(), at: n.at.clone() }).collect();
     let would = if verdict == Verdict::NothingMissing {
@@ -37,12 +38,13 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     } else {
         vec![]
     };
-    let next_test = next_test(case, &step);
+    let next_test = next_test(&searched, &step, monitor, watch);
     Ok((
         result,
         Diagnosis {
             findings: all_findings(case, &fitted.system)?,
             candidates: step.candidates,
+            second_opinion: step.second_opinion,
             verdict,
             missing,
             next_test,
@@ -127,9 +129,10 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         let step = step(&searched, &fitted, monitor, watch)?;
         if let Some(last) = rungs.last_mut() {
             last.candidates = step.candidates.clone();
+            last.second_opinion = step.second_opinion.clone();
         }
         let step_verdict = verdict(&step, trace::stopped(monitor));
-        next = next.or_else(|| next_test(&case, &step));
+        next = next.or_else(|| next_test(&searched, &step, monitor, watch));
         let Some((name, proof, ties)) = step.accepted else {
             stopped = step_verdict == Verdict::Interrupted;
             if stopped {
@@ -224,6 +227,7 @@ fn rung(
         parameters: parameters(case, fitted)?.0,
         effects: effects(&fitted.system),
         candidates,
+        second_opinion: SecondOpinion::default(),
         termination: fitted.outcome.termination.name().into(),
         cost: fitted.outcome.cost,
     })
@@ -264,14 +268,12 @@ fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missin
     removed
 }
 
-/// The test that separates tied candidates: the drive of each fit test at other frequencies and amplitudes is the plan's own business;
-/// among the tests that exist, the one where the tied responses differ most is named with its conditions.
-fn next_test(case: &Case, step: &Step) -> Option<NextTest> {
+/// The test that separates what is tied with the accepted candidate.
+fn next_test(case: &Case, step: &Step, monitor: &Monitor, watch: Watch) -> Option<NextTest> {
     let (_, best, _) = step.accepted.as_ref()?;
-    let rivals = &step.tied_systems;
-    if rivals.is_empty() {
+    if step.tied.is_empty() || trace::stopped(monitor) {
         return None;
     }
-    let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
-    super::next::separating(&plans, &best.fitted.system, rivals)
+    watch("looking for the test that separates what is tied");
+    super::next::separating(case, &best.fitted, &step.tied, monitor)
 }

@@ -244,7 +244,9 @@ pub fn cross_validated(case: &Case, system: &System, monitor: &Monitor) -> Resul
 
 /// Every fourth test is left out in turn.
 fn over_tests(plans: &[&Plan], fit: impl Fn(Vec<&Plan>) -> Result<Fitted, String> + Sync) -> Result<Whitened, String> {
-    let of = |fold: usize, inside: bool| -> Vec<&Plan> { plans.iter().enumerate().filter(|(t, _)| (t % FOLDS == fold) == inside).map(|(_, p)| *p).collect() };
+    let of = |fold: usize, inside: bool| -> Vec<&Plan> {
+        plans.iter().enumerate().filter(|(t, _)| (t % FOLDS == fold) == inside).map(|(_, p)| *p).collect()
+    };
     let parts: Vec<Whitened> =
         (0..FOLDS).into_par_iter().map(|fold| whitened(&of(fold, true), &fit(of(fold, false))?.system)).collect::<Result<_, String>>()?;
     Ok((0..plans.len()).map(|t| parts[t % FOLDS][t / FOLDS].clone()).collect())

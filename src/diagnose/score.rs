@@ -20,6 +20,7 @@ use crate::response::Plan;
 
 use super::DiagnoseError;
 use super::candidates::Trial;
+use super::selection::{Column, select};
 
 /// A column keeps at least this part of itself after projection, or the data cannot tell it from what the model has.
 const VISIBLE: f64 = 1e-3;
@@ -43,7 +44,15 @@ pub struct Score {
     pub visible: f64,
 }
 
-/// Scores every trial; the largest expected drop first. `at_bound[k]` holds for free parameters of `system` that lie at a bound.
+/// What the score test says.
+pub struct Scores {
+    /// Every trial that can be seen, the largest expected drop first.
+    pub list: Vec<Score>,
+    /// The second opinion: candidates that a sparse combination of all columns needs, with their part of what it explains.
+    pub selected: Vec<(usize, f64)>,
+}
+
+/// Scores every trial. `at_bound[k]` holds for free parameters of `system` that lie at a bound.
 pub fn score(
     plans: &[&Plan],
     system: &System,
@@ -51,7 +60,7 @@ pub fn score(
     at_bound: &[bool],
     priors: &[(usize, f64, f64)],
     seed: u64,
-) -> Result<Vec<Score>, DiagnoseError> {
+) -> Result<Scores, DiagnoseError> {
     let mut augmented = system.clone();
     augmented.instances.extend(trials.iter().map(|t| t.instance.clone()));
     let problem = Problem::new(plans.to_vec(), augmented);
@@ -112,6 +121,9 @@ pub fn score(
     }
     let null = null_distribution(&columns, &scores.iter().map(|s| s.1).collect::<Vec<_>>(), seed);
     let level = null.get(null.len() * 99 / 100).copied().unwrap_or(0.0);
+    let weighed = scores.iter().zip(&columns);
+    let weighed: Vec<Column> = weighed.map(|((s, both), g)| Column { g, two_sided: *both, candidate: trials[s.trial].candidate }).collect();
+    let selected = select(&r, &weighed, level);
     let mut scores: Vec<Score> = scores
         .into_iter()
         .map(|(mut s, _)| {
@@ -123,7 +135,7 @@ pub fn score(
         })
         .collect();
     scores.sort_by(|a, b| b.drop.total_cmp(&a.drop));
-    Ok(scores)
+    Ok(Scores { list: scores, selected })
 }
 
 /// Orthonormal basis of the columns, leaving out what is numerically dependent.

@@ -1,15 +1,14 @@
 //! One step of the search: score everything, refit the best, say what earned its place.
 
 use crate::identify::{Monitor, Termination};
-use crate::model::System;
 
 use super::accept::{improvement, tied, verdict_cost};
 use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::{Case, Fitted};
 use super::judge::Judge;
 use super::refit::{Bench, Proof, Refit, best_per_candidate, cost, proof};
-use super::results::{Candidate, SplitName};
-use super::score::{Score, score};
+use super::results::{Candidate, SecondOpinion, Share, SplitName};
+use super::score::{Score, Scores, score};
 use super::{DiagnoseError, trace};
 
 /// Candidates refitted per step.
@@ -25,10 +24,12 @@ pub const LEVEL: f64 = 0.01;
 pub struct Step {
     /// Every candidate that was weighed, best first.
     pub candidates: Vec<Candidate>,
+    /// What all candidates at once say.
+    pub second_opinion: SecondOpinion,
     /// The accepted one with its proof, and what it is tied with.
     pub accepted: Option<(Name, Proof, Vec<Name>)>,
-    /// Systems of the tied candidates, for the next test.
-    pub tied_systems: Vec<(Name, System)>,
+    /// The tied candidates refitted, for the next test.
+    pub tied: Vec<(Name, Fitted)>,
     /// p-value of the best score.
     pub p_value: f64,
     /// Root mean square of the whitened residuals on the fit tests before the step, and their number.
@@ -50,7 +51,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let bound = base.options.constraints.at_bound(&base.outcome.p);
     let at_bound: Vec<bool> = (0..base.free.len()).map(|k| bound.iter().any(|(i, _)| *i == k)).collect();
     let priors: Vec<_> = base.options.priors.iter().map(|p| (p.index, p.mean, p.sigma)).collect();
-    let scores = score(&plans, &base.system, &trials, &at_bound, &priors, case.seed)?;
+    let Scores { list: scores, selected } = score(&plans, &base.system, &trials, &at_bound, &priors, case.seed)?;
     let best = best_per_candidate(&scores, &trials);
     let p_value = best.iter().map(|s| s.p_value).fold(1.0, f64::min);
     let visible = visible(&scores, &names, &trials);
@@ -58,11 +59,12 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let before = proof(case, base.clone()).map_err(failed)?;
     let n: usize = before.fit.iter().map(Vec::len).sum();
     let left = ((2.0 * cost(&before.fit) / n.max(1) as f64).sqrt(), n);
-    let listed = Listed { names: &names, trials: &trials, before: &before };
+    let listed = Listed { names: &names, trials: &trials, before: &before, selected: &selected };
     if p_value > LEVEL || trace::stopped(monitor) {
         let remark = |s: &Score| if s.p_value > LEVEL { "within what chance gives" } else { "not refitted: the search was stopped" };
         let list = best.iter().take(REFITS).map(|s| listed.blank(s, remark(s))).collect();
-        return Ok(Step { candidates: list, accepted: None, tied_systems: vec![], p_value, left, visible });
+        let second_opinion = listed.second_opinion(best.first().map(|s| trials[s.trial].candidate), &[]);
+        return Ok(Step { candidates: list, second_opinion, accepted: None, tied: vec![], p_value, left, visible });
     }
     let top = best.first().map_or(0.0, |s| s.drop);
     let picked: Vec<Score> = best.iter().filter(|s| s.p_value <= LEVEL && s.drop >= WORTH * top).take(REFITS).copied().collect();
@@ -78,16 +80,16 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let Chosen { winner, ties, weighed } = choose(&refits, &Judge::new(case, &before, monitor));
     let mut list: Vec<Candidate> = (0..refits.len()).map(|k| listed.weighed(k, &refits, winner, &ties, &weighed[k])).collect();
     list.extend(rest.iter().map(|s| listed.blank(s, "not refitted: its predicted drop is far below the best")));
+    let taken = winner.map(|w| refits[w].candidate).or(best.first().map(|s| trials[s.trial].candidate));
+    let second_opinion = listed.second_opinion(taken, &ties.iter().map(|t| refits[*t].candidate).collect::<Vec<_>>());
     let tied_names: Vec<Name> = ties.iter().map(|k| names[refits[*k].candidate].clone()).collect();
-    let tied_systems = ties
-        .iter()
-        .filter_map(|k| Some((names[refits[*k].candidate].clone(), refits[*k].result.as_ref().ok()?.fitted.system.clone())))
-        .collect();
+    let tied = ties.iter().filter_map(|k| Some((names[refits[*k].candidate].clone(), refits[*k].result.as_ref().ok()?.fitted.clone())));
+    let tied = tied.collect();
     let accepted = winner.and_then(|w| {
         let r = refits.swap_remove(w);
         Some((names[r.candidate].clone(), r.result.ok()?, tied_names))
     });
-    Ok(Step { candidates: list, accepted, tied_systems, p_value, left, visible })
+    Ok(Step { candidates: list, second_opinion, accepted, tied, p_value, left, visible })
 }
 
 /// What is taken of the refitted candidates.
@@ -124,6 +126,8 @@ struct Listed<'a> {
     names: &'a [Name],
     trials: &'a [Trial],
     before: &'a Proof,
+    /// The second opinion.
+    selected: &'a [(usize, f64)],
 }
 
 impl Listed<'_> {
@@ -139,8 +143,29 @@ impl Listed<'_> {
             accepted: false,
             tied_with: vec![],
             p_value: s.p_value,
+            selected: self.selected.iter().find(|c| c.0 == self.trials[s.trial].candidate).map(|c| c.1),
             remark: remark.into(),
         }
+    }
+
+    /// The sparse combination against the candidate that was taken.
+    fn second_opinion(&self, taken: Option<usize>, tied: &[usize]) -> SecondOpinion {
+        let share = |(c, part): &(usize, f64)| Share { effect: self.names[*c].effect.into(), at: self.names[*c].at.clone(), part: *part };
+        let needs: Vec<Share> = self.selected.iter().map(share).collect();
+        let agrees = self.selected.first().map(|s| s.0).is_none_or(|first| taken == Some(first) || tied.contains(&first));
+        let remark = needs.first().zip(taken).filter(|_| !agrees).map(|(first, taken)| {
+            let (name, own) = (&self.names[taken], self.selected.iter().find(|s| s.0 == taken).map_or(0.0, |s| s.1));
+            format!(
+                "all candidates at once give {} at {} the largest part ({:.0} %), and {} at {} {}",
+                first.effect,
+                first.at,
+                100.0 * first.part,
+                name.effect,
+                name.at,
+                if own > 0.0 { format!("{:.0} %", 100.0 * own) } else { "none".into() }
+            )
+        });
+        SecondOpinion { needs, agrees, remark }
     }
 
     fn weighed(&self, k: usize, refits: &[Refit], winner: Option<usize>, ties: &[usize], weighed: &str) -> Candidate {

@@ -38,4 +38,5 @@ pub use monitor::{Checkpoint, CheckpointFile, Monitor, Progress, interrupt_flag}
 pub use multi_start::{StartResult, latin_hypercube, multi_start};
 pub use problem::{LeastSquares, Loss, LossBlock, Prior};
 pub use profile::{Profile, profile};
+pub(crate) use qp::Program;
 pub use uncertainty::{NullCombination, ParameterUncertainty, Uncertainty, UncertaintyOptions, uncertainty};

@@ -194,6 +194,7 @@ fn parameters() -> Vec<ParameterResult> {
 
 fn candidate(effect: &str, place: &str, drop: f64, accepted: bool) -> Candidate {
     Candidate {
+        selected: None,
         effect: effect.into(),
         at: place.into(),
         of: None,
@@ -232,6 +233,7 @@ fn ladder(n: usize) -> LadderResult {
         parameters: parameters(),
         effects: vec![at("linear_stiffness", "c1.x"), at("viscous", "c1.x")],
         candidates,
+        second_opinion: SecondOpinion::default(),
         termination: "converged".into(),
         cost,
     };
@@ -262,10 +264,14 @@ fn ladder(n: usize) -> LadderResult {
         findings: vec![finding()],
         next_test: Some(NextTest {
             describe: "drive c1.x at 0.2 Hz, 0.1 mm".into(),
+            test: "loop-1".into(),
+            kind: "cycle".into(),
             frequency: 0.2,
             amplitude: 1e-4,
+            mean: 0.0,
             unit: "m".into(),
             separation: 7.3,
+            breaks: true,
         }),
         ended: "nothing earns its place".into(),
         interrupted: false,
@@ -283,6 +289,10 @@ fn diagnosis(verdict: Verdict) -> Diagnosis {
     Diagnosis {
         findings: vec![finding()],
         candidates: vec![candidate("coulomb", "c3<.x", 0.9, verdict == Verdict::Missing)],
+        second_opinion: SecondOpinion {
+            remark: Some("all candidates at once give <b> the largest part".into()),
+            ..SecondOpinion::default()
+        },
         verdict,
         missing,
         next_test: None,

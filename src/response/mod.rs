@@ -14,6 +14,7 @@ mod modal;
 mod settling;
 mod site;
 mod transient;
+mod variation;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -22,7 +23,6 @@ use nalgebra::{DMatrixViewMut, DVector};
 
 use crate::data::{Record, Test, TestKind, Unsettled};
 use crate::model::{Bound, FreeParam, Model, System};
-use crate::units::Unit;
 
 pub use correlated::{Correlated, DELAY, GAIN, OFFSET};
 pub use cycle::CyclePlan;
@@ -33,6 +33,7 @@ pub use frf::FrfPlan;
 pub use modal::ModalPlan;
 pub use settling::Transient;
 pub use transient::TransientPlan;
+pub use variation::{CycleDrive, Variation};
 
 /// Integration error that is allowed, in units of sigma: its square is a hundredth of the noise's.
 const STEP_ERROR: f64 = 0.1;
@@ -238,28 +239,12 @@ impl Plan {
         }
     }
 
-    /// The same test with its drive at `frequency` times the frequency and `amplitude` times the amplitude, with that frequency [Hz] and
-    /// half range of the drive [SI]; `None` for tests that are not cycles. What was measured loses its meaning.
-    pub fn varied(&self, frequency: f64, amplitude: f64) -> Option<(Plan, f64, f64)> {
-        let Work::Cycle(cycle) = &self.work else { return None };
-        let (cycle, f, a) = cycle.varied(frequency, amplitude);
-        Some((Plan { work: Work::Cycle(cycle), correlated: None, ..self.clone() }, f, a))
-    }
-
     /// What is left of the model's own transient in the kept cycles of a cycle test; none where it is long gone, or the test no cycle.
     /// `enough`: what may be left, in units of sigma.
     pub fn transient(&self, system: &System, enough: f64) -> Result<Option<Transient>, ResponseError> {
         let Work::Cycle(cycle) = &self.work else { return Ok(None) };
         let named = |source| ResponseError::Engine { test: self.id.clone(), source };
         settling::transient(cycle, &system.model, &self.bind(system, &[])?, self, enough).map_err(named)
-    }
-
-    /// Unit in which the drive of a cycle test was recorded, for printing.
-    pub fn drive_unit(&self) -> Option<&Unit> {
-        match &self.work {
-            Work::Cycle(cycle) => Some(cycle.drive_unit()),
-            _ => None,
-        }
     }
 
     /// The plan with as many steps as its noise asks for at the system's present values: they are doubled until the computed response
