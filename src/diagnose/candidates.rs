@@ -42,7 +42,7 @@ impl Scene {
     }
 
     /// What the tests show at any of these places.
-    fn at(&self, places: &[usize]) -> Scales {
+    pub fn at(&self, places: &[usize]) -> Scales {
         let none = Scales { least_v: f64::INFINITY, periods: self.periods, ..Scales::default() };
         places.iter().map(|p| self.scales[*p]).fold(none, |a, b| Scales {
             x: a.x.max(b.x),
@@ -126,7 +126,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
 }
 
 /// Every place where something acts, and the groups that effects of the model share.
-fn sites(system: &System) -> Vec<(String, Vec<usize>)> {
+pub fn sites(system: &System) -> Vec<(String, Vec<usize>)> {
     let mut sites: Vec<(String, Vec<usize>)> = Vec::new();
     for p in 0..system.model.places.len() {
         let acted = system.instances.iter().any(|i| matches!(&i.site, Site::Places(list) if list.contains(&p)));

@@ -67,8 +67,15 @@ impl Case {
 
     /// The same case with instruments that may err within tolerance (`response::Correlated`): what the search for missing physics is held
     /// against. A plain fit takes the stated sigma at its word.
-    pub fn with_instruments(&self) -> Case {
-        let plans = self.plans.iter().map(|(p, s)| (p.with_instruments(), *s)).collect();
+    /// `system`: the model as it stands, from which the signals are computed.
+    pub fn with_instruments(&self, system: &System) -> Case {
+        use rayon::prelude::*;
+        let granted = |(p, s): &(Plan, SplitName)| {
+            let computed = p.evaluate(system, &[], false).ok().filter(|c| c.values.iter().all(|v| v.is_finite()));
+            (computed.map_or_else(|| p.with_instruments(&p.measured), |c| p.with_instruments(&c.values)), *s)
+        };
+        // Held-out tests are read once, at the end: nothing of them is looked at here.
+        let plans = self.plans.par_iter().map(|p| if p.1 == SplitName::HeldOut { p.clone() } else { granted(p) }).collect();
         Case { plans: Arc::new(plans), ..self.clone() }
     }
 

@@ -1,14 +1,17 @@
 //! The ladder: diagnose, add, refit, prune until nothing earns its place.
 
+use crate::effect::Dim;
 use crate::identify::Monitor;
 use crate::model::System;
 use crate::response::Plan;
 
+use super::candidates::Name;
 use super::case::{Case, Fitted, compare, effects, fit, parameters};
 use super::findings::{findings, unsettled};
 use super::refit::{Proof, cost, prove};
 use super::results::*;
-use super::search::{LEVEL, Step, step};
+use super::search::{LEVEL, SURE, Step, step};
+use super::unexplained::{Unexplained, unexplained};
 use super::{DiagnoseError, trace};
 
 /// Effects added at most where the study does not say.
@@ -19,8 +22,8 @@ const WORTH_KEEPING: f64 = 4.0;
 /// standard deviations of a sum of squares.
 const AT_FLOOR: f64 = 1.1;
 const CHANCE: f64 = 3.1;
-/// Level of the score test below which something is missing even where no candidate earned its place.
-const SURE: f64 = 1e-3;
+/// Part of the first excess of squares over the noise that may be left unexplained where what was added is still what is missing.
+const REMAINDER: f64 = 0.03;
 
 type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 
@@ -28,16 +31,12 @@ type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResult, Diagnosis), DiagnoseError> {
     let (case, fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
     let case = &case;
-    let searched = case.with_instruments();
+    let searched = case.with_instruments(&fitted.system);
     let step = step(&searched, &fitted, monitor, watch)?;
     let verdict = verdict(&step, trace::stopped(monitor));
     let missing = step.accepted.iter().map(|(n, ..)| EffectAt { effect: n.effect.into(), at: n.at.clone() }).collect();
-    let would = if verdict == Verdict::NothingMissing {
-        let unit = |at: &str, effect: &str| strength_unit(&fitted.system, effect, at);
-        step.visible.iter().map(|(n, v)| format!("{} at {}: {v:.3e} {}", n.effect, n.at, unit(&n.at, n.effect))).collect()
-    } else {
-        vec![]
-    };
+    let would = if verdict == Verdict::NothingMissing { detectable(case, &fitted.system, &step.visible) } else { vec![] };
+    let formula = if verdict == Verdict::Unexplained { suggestion(&searched, &step.base, monitor, watch) } else { None };
     let next_test = next_test(&searched, &step, monitor, watch);
     Ok((
         result,
@@ -48,15 +47,46 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
             verdict,
             missing,
             next_test,
+            unexplained: formula,
             would_have_been_seen: would,
         },
     ))
 }
 
-fn strength_unit(system: &System, effect: &str, at: &str) -> String {
-    let rotational =
-        system.model.places_at(at).ok().and_then(|p| p.first().copied()).is_some_and(|p| system.model.places[p].axis.rotational());
-    crate::effect::find(effect).ok().and_then(|e| e.info().params.first()).map(|p| p.dim.si(rotational)).unwrap_or_default()
+/// The strength of each candidate that would have been seen, in its unit.
+fn detectable(case: &Case, system: &System, visible: &[(Name, f64)]) -> Vec<String> {
+    let line = |(n, v): &(Name, f64)| {
+        let (unit, factor) = strength_unit(case, system, n);
+        format!("{} at {}: {:.2e} {unit}", n.effect, n.at, v / factor)
+    };
+    visible.iter().map(line).collect()
+}
+
+/// Unit of a candidate's strength with its value in SI.
+fn strength_unit(case: &Case, system: &System, name: &Name) -> (String, f64) {
+    let place = system.model.places_at(&name.at).ok().and_then(|p| p.first().copied());
+    let rotational = place.is_some_and(|p| system.model.places[p].axis.rotational());
+    let dim = crate::effect::find(name.effect).ok().and_then(|e| e.info().params.first()).map(|p| p.dim);
+    let channel = || {
+        let (test, role) = name.at.rsplit_once('.')?;
+        let mut blocks = case.plans.iter().filter(|(p, _)| test == "*" || p.id == test).flat_map(|(p, _)| &p.blocks);
+        blocks.find(|b| b.role == role).map(|b| b.unit.clone())
+    };
+    match dim {
+        Some(Dim::Channel) => (channel().unwrap_or_default(), 1.0),
+        Some(Dim::ChannelPerTime) => (format!("{}/s", channel().unwrap_or_default()), 1.0),
+        Some(dim) => dim.practical(rotational),
+        None => (String::new(), 1.0),
+    }
+}
+
+/// The formula for what no candidate explains.
+fn suggestion(case: &Case, base: &Fitted, monitor: &Monitor, watch: Watch) -> Option<Unexplained> {
+    if trace::stopped(monitor) {
+        return None;
+    }
+    watch("fitting a formula to what is unexplained");
+    unexplained(case, base, monitor)
 }
 
 fn verdict(step: &Step, stopped: bool) -> Verdict {
@@ -74,6 +104,12 @@ fn verdict(step: &Step, stopped: bool) -> Verdict {
 /// Whether this root mean square of so many whitened residuals is noise.
 fn at_floor((rms, n): (f64, usize)) -> bool {
     rms * rms < (AT_FLOOR * AT_FLOOR).max(1.0 + CHANCE * (2.0 / n.max(1) as f64).sqrt())
+}
+
+/// Whether what was added takes most of what the first model failed by.
+fn mostly(first: (f64, usize), last: (f64, usize)) -> bool {
+    let excess = |(rms, _): (f64, usize)| (rms * rms - 1.0).max(0.0);
+    excess(last) <= REMAINDER * excess(first)
 }
 
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
@@ -113,8 +149,9 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let mut rungs = vec![rung(&case, &fitted, None, vec![], vec![], first.tests)?];
     let mut missing: Vec<Missing> = Vec::new();
     let limit = case.search.max_added.unwrap_or(MAX_ADDED);
-    let (mut next, mut remainder) = (None, false);
+    let (mut next, mut remainder, mut formula, mut left, mut would) = (None, false, None, None, vec![]);
     let mut stopped;
+    let mut first_left = None;
     let (ended, verdict) = loop {
         let now = rungs.len();
         stopped = trace::stopped(monitor);
@@ -125,16 +162,18 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break (format!("{limit} effects were added, which is the limit"), Verdict::Missing);
         }
         watch(&format!("rung {now}"));
-        let searched = case.with_instruments();
+        let searched = case.with_instruments(&fitted.system);
         let step = step(&searched, &fitted, monitor, watch)?;
         if let Some(last) = rungs.last_mut() {
             last.candidates = step.candidates.clone();
             last.second_opinion = step.second_opinion.clone();
         }
         let step_verdict = verdict(&step, trace::stopped(monitor));
+        let first_left = *first_left.get_or_insert(step.left);
         next = next.or_else(|| next_test(&searched, &step, monitor, watch));
         let Some((name, proof, ties)) = step.accepted else {
             stopped = step_verdict == Verdict::Interrupted;
+            left = Some(step.left.0);
             if stopped {
                 break interrupted(&missing);
             }
@@ -147,8 +186,14 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
                 _ => format!("no candidate earned its place {}", judged(&case)),
             };
             remainder = step_verdict == Verdict::Unexplained && !missing.is_empty();
+            match step_verdict {
+                Verdict::Unexplained => formula = suggestion(&searched, &step.base, monitor, watch),
+                Verdict::NothingMissing => would = detectable(&case, &fitted.system, &step.visible),
+                _ => {}
+            }
             let v = match (missing.is_empty(), step_verdict) {
                 (true, v) => v,
+                (false, Verdict::Unexplained) if !mostly(first_left, step.left) => Verdict::Unexplained,
                 (false, _) => Verdict::Missing,
             };
             break (said, v);
@@ -194,6 +239,9 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         missing,
         held_out,
         unexplained_remainder: remainder,
+        unexplained: formula,
+        whitened_rms: left,
+        would_have_been_seen: would,
         next_test: next,
         ended,
         interrupted: stopped,

@@ -15,7 +15,9 @@ mod score;
 mod search;
 mod selection;
 mod trace;
+mod unexplained;
 
 pub use case::{Case, Fitted, Search, compare, fit};
 pub use error::DiagnoseError;
 pub use ladder::{diagnose, ladder};
+pub use unexplained::{Missed, Unexplained};

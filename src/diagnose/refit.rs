@@ -259,7 +259,7 @@ fn over_stretches(plans: &[&Plan], fit: impl Fn(Vec<&Plan>) -> Result<Fitted, St
         let masked = |(t, plan): (usize, &&Plan)| {
             let mut masked = (*plan).clone();
             masked.sigma.iter_mut().enumerate().filter(|(row, _)| fold_of(t, *row) == fold).for_each(|(_, s)| *s *= UNSEEN);
-            if masked.correlated.is_some() { masked.with_instruments() } else { masked }
+            masked.correlated.clone().map_or_else(|| masked.clone(), |c| masked.with_instruments(&c.signal))
         };
         plans.iter().enumerate().map(masked).collect()
     };

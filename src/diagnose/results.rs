@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use super::unexplained::Unexplained;
+
 /// Which use a test serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -283,6 +285,8 @@ pub struct Diagnosis {
     pub missing: Vec<EffectAt>,
     /// Test that separates the tied.
     pub next_test: Option<NextTest>,
+    /// Where something is unexplained: the force that would explain it, and a formula fitted to it.
+    pub unexplained: Option<Unexplained>,
     /// Strength of each candidate that would have been seen, where nothing is missing: name and value with unit.
     pub would_have_been_seen: Vec<String>,
 }
@@ -345,6 +349,13 @@ pub struct LadderResult {
     pub missing: Vec<Missing>,
     /// Whether these effects leave a misfit beyond the noise that no further candidate explains.
     pub unexplained_remainder: bool,
+    /// Where something is unexplained: the force that would explain it, and a formula fitted to it.
+    pub unexplained: Option<Unexplained>,
+    /// Root mean square of the whitened residuals on the fit and select tests at the end, where instruments may err within their tolerance; none
+    /// where the search was stopped.
+    pub whitened_rms: Option<f64>,
+    /// Strength of each candidate that would have been seen, where nothing more is missing: name and value with unit.
+    pub would_have_been_seen: Vec<String>,
     /// Held-out error, read once.
     pub held_out: HeldOut,
     /// Findings on the last rung.

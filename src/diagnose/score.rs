@@ -52,15 +52,25 @@ pub struct Scores {
     pub selected: Vec<(usize, f64)>,
 }
 
-/// Scores every trial. `at_bound[k]` holds for free parameters of `system` that lie at a bound.
-pub fn score(
+/// The residual and the trials' columns, without what the model's own parameters can do.
+pub struct Projected {
+    /// Residual `r~`.
+    pub r: DVector<f64>,
+    /// Column `g~` of each trial; none where the data cannot tell it from what the model has.
+    pub columns: Vec<Option<DVector<f64>>>,
+    /// Half the sum of squares before.
+    pub cost: f64,
+}
+
+/// Evaluates the model once with all trials at their null strength. `at_bound[k]` holds for free parameters of `system` that lie at a
+/// bound.
+pub fn projected(
     plans: &[&Plan],
     system: &System,
     trials: &[Trial],
     at_bound: &[bool],
     priors: &[(usize, f64, f64)],
-    seed: u64,
-) -> Result<Scores, DiagnoseError> {
+) -> Result<Projected, DiagnoseError> {
     let mut augmented = system.clone();
     augmented.instances.extend(trials.iter().map(|t| t.instance.clone()));
     let problem = Problem::new(plans.to_vec(), augmented);
@@ -86,21 +96,34 @@ pub fn score(
     let kept: Vec<usize> = (0..own).filter(|k| !at_bound[*k]).collect();
     let plain = base.select_columns(&kept);
     let q = basis(&plain);
-    let r = project(&q, extended);
-    let mut scores = Vec::new();
-    let mut columns: Vec<DVector<f64>> = Vec::new();
-    for (t, trial) in trials.iter().enumerate() {
+    let column = |t: usize| {
         let mut g = DVector::zeros(rows);
         g.rows_mut(0, j.nrows()).copy_from(&j.column(own + t));
         let size = g.norm();
         if !(size.is_finite() && size > 0.0) {
-            continue;
+            return None;
         }
         let left = project(&q, g);
+        (left.norm() >= VISIBLE * size).then_some(left)
+    };
+    Ok(Projected { columns: (0..trials.len()).into_par_iter().map(column).collect(), r: project(&q, extended), cost })
+}
+
+/// Scores every trial; the largest expected drop first.
+pub fn score(
+    plans: &[&Plan],
+    system: &System,
+    trials: &[Trial],
+    at_bound: &[bool],
+    priors: &[(usize, f64, f64)],
+    seed: u64,
+) -> Result<Scores, DiagnoseError> {
+    let Projected { r, columns: all, cost } = projected(plans, system, trials, at_bound, priors)?;
+    let mut scores = Vec::new();
+    let mut columns: Vec<DVector<f64>> = Vec::new();
+    for (t, (trial, left)) in trials.iter().zip(all).enumerate() {
+        let Some(left) = left else { continue };
         let norm = left.norm();
-        if norm < VISIBLE * size {
-            continue;
-        }
         let z = -left.dot(&r) / norm;
         let sign = trial.instance.effect.info().params[0].sign;
         // A gain or an exponent may go either way from its null; a strength with a sign only up.

@@ -24,7 +24,7 @@ use nalgebra::{DMatrixViewMut, DVector};
 use crate::data::{Record, Test, TestKind, Unsettled};
 use crate::model::{Bound, FreeParam, Model, System};
 
-pub use correlated::{Correlated, DELAY, GAIN, OFFSET};
+pub use correlated::{CALIBRATION, Correlated, DELAY, GAIN, OFFSET};
 pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
@@ -172,10 +172,16 @@ impl Plan {
         self.measured.is_empty()
     }
 
-    /// The same test, whose channels may have a gain, an offset and a delay within the tolerance of good instruments.
-    pub fn with_instruments(&self) -> Plan {
-        let correlated = Some(Arc::new(Correlated::new(self, &self.measured)));
-        Plan { correlated, ..self.clone() }
+    /// The same test, whose channels may have a gain, an offset and a delay within the tolerance of good instruments, and whose jumps lie
+    /// anywhere between two samples. `signal`: what they read, computed.
+    pub fn with_instruments(&self, signal: &[f64]) -> Plan {
+        let mut plan = self.clone();
+        for block in plan.blocks.iter().filter(|b| b.kind == BlockKind::Loop) {
+            let wider = correlated::sampled(&self.measured[block.range.clone()], &self.sigma[block.range.clone()]);
+            plan.sigma[block.range.clone()].copy_from_slice(&wider);
+        }
+        plan.correlated = Some(Arc::new(Correlated::new(&plan, signal)));
+        plan
     }
 
     /// Whitened residuals, computed minus measured.

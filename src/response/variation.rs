@@ -67,7 +67,7 @@ impl Plan {
     /// The plan as if `computed` with noise of `deviates` times sigma had been measured, on instruments of the given tolerance.
     pub fn measuring(mut self, computed: &[f64], deviates: impl Iterator<Item = f64>) -> Plan {
         self.measured = computed.iter().zip(&self.sigma).zip(deviates).map(|((c, s), z)| c + s * z).collect();
-        self.with_instruments()
+        self.with_instruments(computed)
     }
 
     /// Noise of an FRF at another place of its band in proportion to the response there, as it is where it was measured.

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use crate::response::{DELAY, GAIN, OFFSET};
+use crate::response::{CALIBRATION, DELAY, GAIN, OFFSET};
 
 use super::law::Law;
 use super::{chain, connector};
@@ -73,8 +73,8 @@ pub struct Test {
 /// The drive.
 #[derive(Clone, Debug)]
 pub enum Drive {
-    /// Sine of displacement (connector, m) or of force on the last body (chain, N).
-    Loop { frequency: f64, amplitude: f64, discard: usize, bodies: Vec<usize> },
+    /// Sine of displacement (connector, m) or of force on the last body (chain, N) about a mean.
+    Loop { frequency: f64, amplitude: f64, mean: f64, discard: usize, bodies: Vec<usize> },
     /// Small force on the last body, acceleration of body `respond` over it at these frequencies [Hz].
     Frf { respond: usize, lines: Vec<f64> },
 }
@@ -116,13 +116,13 @@ impl Bench {
         let highest = Self::highest(tests);
         let here = |f: &&Flaw, role: &str| (f.test == "*" || f.test == test.id) && f.role == role;
         match &test.drive {
-            Drive::Loop { frequency, amplitude, discard, bodies } => {
+            Drive::Loop { frequency, amplitude, mean, discard, bodies } => {
                 let cycles = discard + KEPT;
                 let u = test.condition.as_ref().map_or(0.0, |c| c.1);
                 let (mut channels, role) = if self.bodies == 0 {
-                    (vec![connector::march(self, params, planted, *frequency, *amplitude, cycles, u)], "force")
+                    (vec![connector::march(self, params, planted, (*frequency, *amplitude, *mean), cycles, u)], "force")
                 } else {
-                    (chain::march(self, params, planted, *frequency, *amplitude, cycles, bodies), "displacement")
+                    (chain::march(self, params, planted, (*frequency, *amplitude, *mean), cycles, bodies), "displacement")
                 };
                 let sigma = channels.iter().map(|c| vec![test.noise * rms(&c[c.len() - SAMPLES..]); c.len()]).collect();
                 for flaw in flaws.iter().filter(|f| here(f, role)) {
@@ -181,7 +181,7 @@ impl Bench {
                     let [re, im] = r.channels.as_slice() else { continue };
                     let scaled = |c: &[f64], by: &dyn Fn(usize) -> f64| c.iter().enumerate().map(|(k, c)| c * by(k)).collect::<Vec<f64>>();
                     let turn = |k: usize| -std::f64::consts::TAU * DELAY * lines[k] / lines[lines.len() - 1];
-                    add(row, &[(&scaled(re, &|_| GAIN), &r.sigma[0]), (&scaled(im, &|_| GAIN), &r.sigma[1])]);
+                    add(row, &[(&scaled(re, &|_| CALIBRATION), &r.sigma[0]), (&scaled(im, &|_| CALIBRATION), &r.sigma[1])]);
                     add(row, &[(&scaled(im, &|k| -turn(k)), &r.sigma[0]), (&scaled(re, &turn), &r.sigma[1])]);
                     row += 2 * lines.len();
                 }
@@ -226,13 +226,14 @@ fn spoil(c: &mut [f64], flaw: &Flaw, share: f64, inertia: f64) {
             c.iter_mut().enumerate().for_each(|(k, c)| *c += inertia * (std::f64::consts::TAU * k as f64 / SAMPLES as f64).sin());
         }
         _ => {
-            // The record is periodic at its end and starts at rest: linear between samples, the first held.
+            // The record starts at rest and is periodic at its end: linear between samples, the first held, the last cycle repeated.
             let shift = flaw.size * share * SAMPLES as f64;
             let old = c.to_vec();
+            let value = |j: usize| if j < n { old[j] } else { old[n - SAMPLES + (j - n) % SAMPLES] };
             for (k, c) in c.iter_mut().enumerate() {
-                let at = (k as f64 - shift).clamp(0.0, (n - 1) as f64);
+                let at = (k as f64 - shift).max(0.0);
                 let (low, part) = (at.floor() as usize, at.fract());
-                *c = old[low] + part * (old[(low + 1).min(n - 1)] - old[low]);
+                *c = value(low) + part * (value(low + 1) - value(low));
             }
         }
     }

@@ -13,16 +13,9 @@ const FINE: f64 = 12.0;
 /// Cycles over which the drive grows.
 const RAMP: f64 = 2.0;
 
-/// Displacement of the given bodies (from 1) at every sample, under a force on the last.
-pub fn march(
-    b: &Bench,
-    params: &[f64],
-    planted: &[Planted],
-    frequency: f64,
-    amplitude: f64,
-    cycles: usize,
-    bodies: &[usize],
-) -> Vec<Vec<f64>> {
+/// Displacement of the given bodies (from 1) at every sample, under a sine of force on the last: frequency, amplitude, mean.
+pub fn march(b: &Bench, params: &[f64], planted: &[Planted], drive: (f64, f64, f64), cycles: usize, bodies: &[usize]) -> Vec<Vec<f64>> {
+    let (frequency, amplitude, mean) = drive;
     let n = b.bodies;
     let [k_base, c_base, k, c] = [0, 1, 2, 3].map(|j| params[j]);
     let mut laws: Vec<_> = planted
@@ -64,7 +57,7 @@ pub fn march(
         let grown = if t < RAMP { 0.5 - 0.5 * (0.5 * TAU * t / RAMP).cos() } else { 1.0 };
         old.copy_from_slice(&v);
         for i in 0..n {
-            let drive = if i + 1 == n { amplitude * grown * (TAU * t).sin() } else { 0.0 };
+            let drive = if i + 1 == n { (mean + amplitude * (TAU * t).sin()) * grown } else { 0.0 };
             v[i] += dt * (drive - force[i] + force[i + 1]) / b.mass;
         }
         x.iter_mut().zip(&v).for_each(|(x, v)| *x += dt * v);

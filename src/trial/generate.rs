@@ -75,6 +75,8 @@ pub struct Generated {
     pub starts: Vec<f64>,
     /// The draws that are left, for the noise.
     pub draw: Draw,
+    /// What the search is restricted to, as a line of study.toml.
+    pub search: Option<String>,
 }
 
 /// Case `index`: always the same for the same options and seed.
@@ -146,7 +148,7 @@ fn on_connector(kind: Kind, mut draw: Draw) -> Generated {
     let tests = corners.iter().chain(&between).zip(splits).enumerate().map(|(j, ((frequency, part), split))| {
         let u = draw.between(-0.5, 0.5);
         let value = if load { format!("{:.3} N", 100.0 + 80.0 * u) } else { format!("{:.4} mm", 0.4 + 0.4 * u) };
-        let drive = Drive::Loop { frequency: round(*frequency), amplitude: travel * part, discard: 2, bodies: vec![] };
+        let drive = Drive::Loop { frequency: round(*frequency), amplitude: travel * part, mean: 0.0, discard: 2, bodies: vec![] };
         Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: conditioned.then_some((value, u)) }
     });
     let tests: Vec<Test> = tests.collect();
@@ -219,7 +221,7 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
         let drives = [(low, 1.0, "fit"), (high, 0.6, "fit"), (middle, 0.4, "fit"), (middle, 0.8, "select"), (high, 1.0, "held_out")];
         for (j, (f, part, split)) in drives.into_iter().enumerate() {
             let f = round(f);
-            let drive = Drive::Loop { frequency: f, amplitude: bench_force * part, discard: settle(f), bodies: all.clone() };
+            let drive = Drive::Loop { frequency: f, amplitude: bench_force * part, mean: 0.0, discard: settle(f), bodies: all.clone() };
             tests.push(Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: None });
         }
     }
@@ -286,7 +288,7 @@ fn finish(
             flaw.size *= GROWTH;
         }
     }
-    Generated { bench, tests, condition, planted, instrument, nuisances, noncentrality, starts, draw }
+    Generated { bench, tests, condition, planted, instrument, nuisances, noncentrality, starts, draw, search: None }
 }
 
 /// For each hidden effect (or the instrument's) the squared length of what it adds to the whitened fit tests, beyond what the free
