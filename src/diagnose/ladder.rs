@@ -167,6 +167,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         if let Some(last) = rungs.last_mut() {
             last.candidates = step.candidates.clone();
             last.second_opinion = step.second_opinion.clone();
+            last.effort = step.effort;
         }
         let step_verdict = verdict(&step, trace::stopped(monitor));
         let first_left = *first_left.get_or_insert(step.left);
@@ -276,6 +277,7 @@ fn rung(
         effects: effects(&fitted.system),
         candidates,
         second_opinion: SecondOpinion::default(),
+        effort: Effort::default(),
         termination: fitted.outcome.termination.name().into(),
         cost: fitted.outcome.cost,
     })

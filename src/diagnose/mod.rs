@@ -17,7 +17,7 @@ mod selection;
 mod trace;
 mod unexplained;
 
-pub use case::{Case, Fitted, Search, compare, fit};
+pub use case::{Case, Fitted, Search, compare, fit, unit_of};
 pub use error::DiagnoseError;
 pub use ladder::{diagnose, ladder};
 pub use unexplained::{Missed, Unexplained};

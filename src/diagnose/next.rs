@@ -85,7 +85,8 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], monitor
             break;
         }
     }
-    found
+    // What the simulation does not tell apart at all is no proposal.
+    found.filter(|f| f.separation > 0.0)
 }
 
 /// Every drive that is tried. Tests of one drive and one set of channels are varied from the one of the largest amplitude.

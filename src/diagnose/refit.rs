@@ -143,7 +143,7 @@ impl Bench<'_> {
             .map(|l| l.and_then(|f| if f.outcome.cost <= hopeful { self.go_on(f, REFIT_ITERATIONS) } else { Ok(f) }))
             .collect();
         for _ in 0..CONTINUED {
-            let near = threshold(fitted.iter().flatten().map(|f| f.outcome.cost).collect(), 1.0);
+            let near = among_three(fitted.iter().flatten().map(|f| f.outcome.cost).collect());
             let expected = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop).fold(0.0, f64::max);
             let again: Vec<(usize, Result<Fitted, String>)> = fitted
                 .par_iter()
@@ -199,6 +199,13 @@ impl Bench<'_> {
         }
         Err(failed)
     }
+}
+
+/// A cost that only the best three reach, and those within a factor of the best.
+fn among_three(mut costs: Vec<f64>) -> f64 {
+    costs.sort_by(f64::total_cmp);
+    let best = costs.first().copied().unwrap_or(0.0);
+    (HOPEFUL * best).min(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
 }
 
 /// A cost up to which something is worth going on with: that of the third best, or a factor of the best.

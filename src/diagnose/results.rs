@@ -291,6 +291,19 @@ pub struct Diagnosis {
     pub would_have_been_seen: Vec<String>,
 }
 
+/// What a step of the search took.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Effort {
+    /// Effects at places with their shapes that the score test weighed.
+    pub trials: usize,
+    /// Time of the score test [s].
+    pub score_s: f64,
+    /// Candidates refitted.
+    pub refits: usize,
+    /// Time of the refits [s].
+    pub refits_s: f64,
+}
+
 /// One rung of a ladder.
 #[derive(Clone, Debug, Serialize)]
 pub struct Rung {
@@ -308,6 +321,8 @@ pub struct Rung {
     pub candidates: Vec<Candidate>,
     /// What all of them at once say.
     pub second_opinion: SecondOpinion,
+    /// What weighing them took.
+    pub effort: Effort,
     /// Termination of the refit.
     pub termination: String,
     /// Cost after the refit.

@@ -7,7 +7,7 @@ use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::{Case, Fitted};
 use super::judge::Judge;
 use super::refit::{Bench, Proof, Refit, best_per_candidate, cost, proof};
-use super::results::{Candidate, SecondOpinion, Share, SplitName};
+use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
 use super::score::{Score, Scores, score};
 use super::{DiagnoseError, trace};
 
@@ -39,6 +39,8 @@ pub struct Step {
     pub left: (f64, usize),
     /// The model before the step, fitted under the covariance that the candidates are.
     pub base: Fitted,
+    /// What it took.
+    pub effort: Effort,
     /// Name and visible strength of each candidate.
     pub visible: Vec<(Name, f64)>,
 }
@@ -57,6 +59,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let bound = base.options.constraints.at_bound(&base.outcome.p);
     let at_bound: Vec<bool> = (0..base.free.len()).map(|k| bound.iter().any(|(i, _)| *i == k)).collect();
     let priors: Vec<_> = base.options.priors.iter().map(|p| (p.index, p.mean, p.sigma)).collect();
+    let started = std::time::Instant::now();
     let Scores { list: mut scores, mut selected } = score(&plans, &base.system, &trials, &at_bound, &priors, case.seed)?;
     let least = |list: &[Score]| list.iter().filter(|s| s.drop > 0.0).map(|s| s.p_value).fold(1.0, f64::min);
     if least(&scores) > LEVEL && judged_on_select {
@@ -67,6 +70,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
             (scores, selected) = (wider.list, wider.selected);
         }
     }
+    let mut effort = Effort { trials: trials.len(), score_s: started.elapsed().as_secs_f64(), ..Effort::default() };
     let best = best_per_candidate(&scores, &trials);
     let p_value = least(&scores);
     let visible = visible(&scores, &names, &trials);
@@ -79,14 +83,16 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         let remark = |s: &Score| if s.p_value > LEVEL { "within what chance gives" } else { "not refitted: the search was stopped" };
         let list = best.iter().take(REFITS).map(|s| listed.blank(s, remark(s))).collect();
         let second_opinion = listed.second_opinion(best.first().map(|s| trials[s.trial].candidate), &[]);
-        return Ok(Step { candidates: list, second_opinion, accepted: None, tied: vec![], p_value, left, base: base.clone(), visible });
+        return Ok(Step { candidates: list, second_opinion, accepted: None, tied: vec![], p_value, left, base: base.clone(), effort, visible });
     }
     let top = best.first().map_or(0.0, |s| s.drop);
     let picked: Vec<Score> = best.iter().filter(|s| s.p_value <= LEVEL && s.drop >= WORTH * top).take(REFITS).copied().collect();
     let rest: Vec<Score> = best.iter().filter(|s| !picked.iter().any(|p| p.trial == s.trial)).take(REFITS).copied().collect();
     watch(&format!("refitting the best {}", picked.len()));
     let bench = Bench { case, base: &base.system, names: &names, trials: &trials, monitor };
+    let started = std::time::Instant::now();
     let mut refits = bench.refit_all(&picked, &scores, watch);
+    (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     // Best first by what it costs on fit and select; failures last.
     refits.sort_by(|a, b| {
         let key = |r: &Refit| r.result.as_ref().map_or(f64::INFINITY, verdict_cost);
@@ -104,7 +110,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         let r = refits.swap_remove(w);
         Some((names[r.candidate].clone(), r.result.ok()?, tied_names))
     });
-    Ok(Step { candidates: list, second_opinion, accepted, tied, p_value, left, base: base.clone(), visible })
+    Ok(Step { candidates: list, second_opinion, accepted, tied, p_value, left, base: base.clone(), effort, visible })
 }
 
 /// What is taken of the refitted candidates.

@@ -6,10 +6,11 @@
 //! | before | [`gate()`]: does every parameter move the residual, can the data be reached |
 //! |---|---|
 //! | the fit | [`fit()`]: constrained Levenberg-Marquardt ([`lm`]) under a [`Monitor`]; [`multi_start`] runs several |
-//! | after | [`uncertainty()`]: covariance, named null space; [`profile()`]: interval of one parameter by refitting |
+//! | after | [`uncertainty()`]: covariance, named null space; [`profile()`]: interval of one parameter by refitting; [`bootstrap()`]: scatter of refits to resampled residuals |
 //!
 //! [`nist`] scores the solver against certified answers.
 
+mod bootstrap;
 mod constraints;
 mod ending;
 mod error;
@@ -29,6 +30,7 @@ mod step;
 mod tests;
 mod uncertainty;
 
+pub use bootstrap::{Replicate, bootstrap, quantile};
 pub use constraints::{Constraints, LinearRow, Order};
 pub use ending::{Convergence, Event, LogEntry, Termination, Tolerances};
 pub use error::{EvalError, IdentifyError};

@@ -15,6 +15,7 @@ mod parameters;
 mod stage;
 mod summary;
 mod text;
+mod unexplained;
 #[cfg(test)]
 mod tests;
 
@@ -50,6 +51,7 @@ pub fn html(input: &ReportInput) -> Result<String, ReportError> {
     page.section("", "", summary::section(input, &stages, &mut charts));
     page.section("tests", "Every test against the model", overview::tests(input, &stages, &mut charts));
     page.section("rungs", "The rungs of the ladder", evidence::rungs(input, &stages, &mut charts));
+    page.section("unexplained", "What no effect explains", unexplained::section(input, &mut charts));
     page.section("candidates", "Effects that were weighed", evidence::candidates(input));
     page.section("findings", "What the residuals show", evidence::findings(input));
     page.section("parameters", "Parameters", parameters::section(input, &stages));

@@ -235,6 +235,7 @@ fn ladder(n: usize) -> LadderResult {
         effects: vec![at("linear_stiffness", "c1.x"), at("viscous", "c1.x")],
         candidates,
         second_opinion: SecondOpinion::default(),
+        effort: Effort::default(),
         termination: "converged".into(),
         cost,
     };

@@ -4,6 +4,7 @@ mod bad_input;
 mod damage;
 mod formula;
 mod house;
+mod missing;
 mod new;
 mod rig;
 mod round_trip;
