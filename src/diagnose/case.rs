@@ -12,6 +12,9 @@ use super::DiagnoseError;
 use super::factors::factors;
 use super::results::{Curve, EffectAt, FitResult, ParameterResult, SplitName, TestResult, Worst};
 
+/// Relative change of the cost at which a coarse fit ends.
+const COARSE: f64 = 1e-5;
+
 /// What the search for missing effects may use.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
@@ -44,6 +47,8 @@ pub struct Case {
     pub seed: u64,
     /// Search.
     pub search: Search,
+    /// Whether a fit may end where its cost is known to a hundred-thousandth: what decides between candidates, no more.
+    pub coarse: bool,
 }
 
 /// A fitted case.
@@ -118,6 +123,9 @@ impl Case {
             options.losses = vec![LossBlock { rows: 0..n_residuals, loss: self.loss }];
         }
         options.tolerances.max_iterations = self.max_iterations;
+        if self.coarse {
+            options.tolerances.f_tol = COARSE;
+        }
         Ok(options)
     }
 

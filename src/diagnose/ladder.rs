@@ -151,7 +151,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let limit = case.search.max_added.unwrap_or(MAX_ADDED);
     let (mut next, mut remainder, mut formula, mut left, mut would) = (None, false, None, None, vec![]);
     let mut stopped;
-    let mut first_left = None;
+    // What the first model left, and that model as the search sees it.
+    let mut first: Option<((f64, usize), Fitted)> = None;
     let (ended, verdict) = loop {
         let now = rungs.len();
         stopped = trace::stopped(monitor);
@@ -170,7 +171,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             last.effort = step.effort;
         }
         let step_verdict = verdict(&step, trace::stopped(monitor));
-        let first_left = *first_left.get_or_insert(step.left);
+        let (first_left, given) = first.get_or_insert_with(|| (step.left, step.base.clone())).clone();
         next = next.or_else(|| next_test(&searched, &step, monitor, watch));
         let Some((name, proof, ties)) = step.accepted else {
             stopped = step_verdict == Verdict::Interrupted;
@@ -188,7 +189,11 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             };
             remainder = step_verdict == Verdict::Unexplained && !missing.is_empty();
             match step_verdict {
-                Verdict::Unexplained => formula = suggestion(&searched, &step.base, monitor, watch),
+                Verdict::Unexplained => {
+                    // What was added is no part of the answer where it leaves most of the question.
+                    let base = if mostly(first_left, step.left) { &step.base } else { &given };
+                    formula = suggestion(&searched, base, monitor, watch);
+                }
                 Verdict::NothingMissing => would = detectable(&case, &fitted.system, &step.visible),
                 _ => {}
             }

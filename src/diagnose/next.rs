@@ -23,8 +23,8 @@ use super::results::{NextTest, SplitName};
 
 /// Frequencies, amplitudes (half ranges) and means that are tried, from a third of the least to three times the largest tested; means in
 /// parts of the half range.
-const FREQUENCIES: usize = 6;
-const AMPLITUDES: usize = 5;
+const FREQUENCIES: usize = 4;
+const AMPLITUDES: usize = 4;
 const REACH: f64 = 3.0;
 const MEANS: [f64; 2] = [-0.6, 0.6];
 /// Factors on the lines of an FRF, on its excitation, and parts of the largest force of a cycle where it has none.
@@ -34,7 +34,7 @@ const OF_FORCE: [f64; 3] = [0.03, 0.3, 1.0];
 /// Separation that is aimed at, in units of noise: among proposals beyond it the one nearest to what was tested is taken.
 const ENOUGH: f64 = 10.0;
 /// Proposals that are simulated.
-const SIMULATED: usize = 3;
+const SIMULATED: usize = 2;
 
 /// A proposal: the plan, how far it lies from what was tested, and what it is.
 struct Proposal<'a> {
@@ -188,7 +188,7 @@ impl Tied<'_> {
                 let cost = |fitted: &Fitted| -> Option<f64> {
                     let mut plans = self.case.plans_of(SplitName::Fit);
                     plans.push(&simulated);
-                    let single = Case { starts: 1, ..self.case.clone() };
+                    let single = Case { starts: 1, coarse: true, ..self.case.clone() };
                     Some(single.fit_system(&fitted.system, plans, &monitor.quiet()).ok()?.outcome.cost)
                 };
                 // Before the new test the two may differ by a little already; what it adds is what separates.

@@ -216,9 +216,7 @@ fn threshold(mut costs: Vec<f64>, factor: f64) -> f64 {
 }
 
 fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
-    let mut single = case.clone();
-    single.starts = 1;
-    single.max_iterations = single.max_iterations.min(iterations);
+    let single = Case { starts: 1, max_iterations: case.max_iterations.min(iterations), coarse: true, ..case.clone() };
     let fitted = single.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
     match &fitted.outcome.termination {
         Termination::Failed(reason) => Err(reason.clone()),
@@ -244,7 +242,7 @@ pub fn proof(case: &Case, fitted: Fitted) -> Result<Proof, String> {
 /// test than about the effect, and the parts are stretches of every test.
 pub fn cross_validated(case: &Case, system: &System, monitor: &Monitor) -> Result<Whitened, String> {
     let plans = case.plans_of(SplitName::Fit);
-    let single = Case { starts: 1, max_iterations: case.max_iterations.min(REFIT_ITERATIONS), ..case.clone() };
+    let single = Case { starts: 1, max_iterations: case.max_iterations.min(REFIT_ITERATIONS), coarse: true, ..case.clone() };
     let fit = |plans: Vec<&Plan>| single.fit_system(system, plans, &monitor.quiet()).map_err(|e| e.to_string());
     if plans.len() >= FOLDS { over_tests(&plans, fit) } else { over_stretches(&plans, fit) }
 }

@@ -51,7 +51,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let plans = case.plans_of(SplitName::Fit);
     let judged_on_select = !case.plans_of(SplitName::Select).is_empty();
     // The same model under the covariance that the candidates are fitted with.
-    let single = Case { starts: 1, ..case.clone() };
+    let single = Case { starts: 1, coarse: true, ..case.clone() };
     let base = &single.fit_system(&base.system, plans.clone(), &monitor.quiet())?;
     let scene = Scene::new(&plans, &base.system);
     let (names, trials) = candidates(case, &base.system, &plans, &scene);
@@ -83,7 +83,17 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         let remark = |s: &Score| if s.p_value > LEVEL { "within what chance gives" } else { "not refitted: the search was stopped" };
         let list = best.iter().take(REFITS).map(|s| listed.blank(s, remark(s))).collect();
         let second_opinion = listed.second_opinion(best.first().map(|s| trials[s.trial].candidate), &[]);
-        return Ok(Step { candidates: list, second_opinion, accepted: None, tied: vec![], p_value, left, base: base.clone(), effort, visible });
+        return Ok(Step {
+            candidates: list,
+            second_opinion,
+            accepted: None,
+            tied: vec![],
+            p_value,
+            left,
+            base: base.clone(),
+            effort,
+            visible,
+        });
     }
     let top = best.first().map_or(0.0, |s| s.drop);
     let picked: Vec<Score> = best.iter().filter(|s| s.p_value <= LEVEL && s.drop >= WORTH * top).take(REFITS).copied().collect();

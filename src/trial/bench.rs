@@ -75,6 +75,8 @@ pub struct Test {
 pub enum Drive {
     /// Sine of displacement (connector, m) or of force on the last body (chain, N) about a mean.
     Loop { frequency: f64, amplitude: f64, mean: f64, discard: usize, bodies: Vec<usize> },
+    /// A half sine of force on the last body at rest, then its ringing: length [s], peak [N], time between samples [s], their number.
+    Hit { length: f64, force: f64, dt: f64, samples: usize, bodies: Vec<usize> },
     /// Small force on the last body, acceleration of body `respond` over it at these frequencies [Hz].
     Frf { respond: usize, lines: Vec<f64> },
 }
@@ -106,6 +108,7 @@ impl Bench {
     fn highest(tests: &[Test]) -> f64 {
         let top = |t: &Test| match &t.drive {
             Drive::Loop { frequency, .. } => *frequency,
+            Drive::Hit { length, .. } => 0.5 / length,
             Drive::Frf { lines, .. } => lines.last().copied().unwrap_or(0.0),
         };
         tests.iter().map(top).fold(0.0, f64::max)
@@ -129,6 +132,15 @@ impl Bench {
                     // A mass of the load cell: its share of the spring's force at the highest drive.
                     let inertia = -flaw.size * self.params[0] * amplitude * (frequency / highest).powi(2);
                     channels.iter_mut().for_each(|c| spoil(c, flaw, frequency / highest, inertia));
+                }
+                Response { channels, sigma }
+            }
+            Drive::Hit { length, force, dt, samples, bodies } => {
+                let hit = |t: f64| if t < *length { force * (std::f64::consts::PI * t / length).sin() } else { 0.0 };
+                let mut channels = chain::ring(self, params, planted, &hit, *dt, *samples, bodies);
+                let sigma = channels.iter().map(|c| vec![test.noise * rms(c); c.len()]).collect();
+                for flaw in flaws.iter().filter(|f| here(f, "displacement")) {
+                    channels.iter_mut().for_each(|c| spoil(c, flaw, 0.0, 0.0));
                 }
                 Response { channels, sigma }
             }
@@ -165,9 +177,12 @@ impl Bench {
                 columns.push(column);
             };
             match &test.drive {
-                Drive::Loop { .. } => {
+                Drive::Loop { .. } | Drive::Hit { .. } => {
+                    let errors = [("gain", GAIN), ("offset", OFFSET), ("delay", DELAY)];
+                    // A record has no period that a delay would be a part of.
+                    let errors = if matches!(test.drive, Drive::Hit { .. }) { &errors[..2] } else { &errors[..] };
                     for (c, s) in r.channels.iter().zip(&r.sigma) {
-                        for (effect, size) in [("gain", GAIN), ("offset", OFFSET), ("delay", DELAY)] {
+                        for &(effect, size) in errors {
                             let mut changed = c.clone();
                             // In parts of the test's own period.
                             spoil(&mut changed, &Flaw { effect, test: "*".into(), role: "", size }, 1.0, 0.0);
@@ -216,7 +231,7 @@ fn averaged(test: &Test) -> f64 {
 /// What a flaw does to a record from phase 0; `share` is the drive over the highest one.
 fn spoil(c: &mut [f64], flaw: &Flaw, share: f64, inertia: f64) {
     let n = c.len();
-    let last = &c[n - SAMPLES..];
+    let last = &c[n.saturating_sub(SAMPLES)..];
     let amplitude = 0.5 * (last.iter().fold(f64::MIN, |a, b| a.max(*b)) - last.iter().fold(f64::MAX, |a, b| a.min(*b)));
     match flaw.effect {
         "gain" => c.iter_mut().for_each(|c| *c *= 1.0 + flaw.size),

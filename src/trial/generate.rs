@@ -15,6 +15,9 @@ pub const NONCENTRALITY: f64 = 25.0;
 const GROWTH: f64 = 1.6;
 const GROWTHS: usize = 10;
 const LARGEST: f64 = 1.0;
+/// Samples of a hit in a period of the first mode, and periods recorded.
+const HIT_SAMPLES: usize = 400;
+const HIT_PERIODS: usize = 6;
 /// Draws of what is hidden before a structure is given up.
 const DRAWS: u64 = 40;
 
@@ -179,14 +182,15 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
     let first = (k / mass).sqrt() * TAU / (4.0 * (2.0 * bodies as f64 + 1.0)) * 2.0;
     let c = 2.0 * draw.between(0.02, 0.05) * k / first;
     let bench_force = draw.log(20.0, 100.0);
-    let (loops, frfs) = [(true, false), (false, true), (true, true)][draw.below(3)];
+    let (loops, frfs, hits) =
+        [(true, false, false), (false, true, false), (true, true, false), (false, false, true), (false, true, true)][draw.below(5)];
     let f1 = first / TAU;
     let (low, high) = (f1 * draw.log(0.03, 0.06), f1 * draw.between(0.2, 0.4));
     let travel = 1.3 * bench_force / k;
-    let band = if loops { (TAU * low, TAU * high) } else { (first * 0.3, first * 6.0) };
+    let band = if loops || hits { (TAU * low, TAU * high) } else { (first * 0.3, first * 6.0) };
     let sizes = Sizes { x: travel, w: band };
     let count = if kind == Kind::Two { 2 } else { usize::from(kind == Kind::One) };
-    let pool: &[&str] = if loops { &IN_CHAIN } else { &IN_FRF };
+    let pool: &[&str] = if loops || hits { &IN_CHAIN } else { &IN_FRF };
     let mut planted: Vec<Planted> = Vec::new();
     while planted.len() < count {
         let Some(name) = draw.pick(pool) else { break };
@@ -216,13 +220,28 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
     // Transients have died away to a few parts in ten thousand.
     let settle = |f: f64| 2 + (8.0 * f * TAU / (first * first * c / (2.0 * k) * TAU)).ceil().max(1.0) as usize;
     let mut tests = Vec::new();
-    if loops || kind == Kind::Outside {
+    if loops || (kind == Kind::Outside && !hits) {
         let middle = (low * high).sqrt();
         let drives = [(low, 1.0, "fit"), (high, 0.6, "fit"), (middle, 0.4, "fit"), (middle, 0.8, "select"), (high, 1.0, "held_out")];
         for (j, (f, part, split)) in drives.into_iter().enumerate() {
             let f = round(f);
             let drive = Drive::Loop { frequency: f, amplitude: bench_force * part, mean: 0.0, discard: settle(f), bodies: all.clone() };
             tests.push(Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: None });
+        }
+    }
+    if hits {
+        // Half a period of the first mode long, so that the fast modes are hardly struck.
+        let period = 1.0 / f1;
+        let two = vec![bodies, 1 + bodies / 2];
+        for (j, (part, split)) in [(1.0, "fit"), (0.3, "fit"), (0.6, "select"), (0.8, "held_out")].into_iter().enumerate() {
+            let drive = Drive::Hit {
+                length: 0.5 * period,
+                force: 0.5 * bench_force * part,
+                dt: period / HIT_SAMPLES as f64,
+                samples: HIT_PERIODS * HIT_SAMPLES,
+                bodies: two.clone(),
+            };
+            tests.push(Test { id: format!("hit-{}", j + 1), drive, noise, split, condition: None });
         }
     }
     // Only laws with a limit at small motion have a frequency response.
@@ -241,13 +260,13 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
         }
     }
     let (mut nuisances, mut instrument) = (Vec::new(), None);
-    let role = if loops { "displacement" } else { "response" };
+    let role = if loops || hits { "displacement" } else { "response" };
     if draw.chance(0.5) {
         nuisances.push(Flaw { effect: "gain", test: "*".into(), role, size: 0.002 * draw.normal() });
     }
     if kind == Kind::Instrument {
         let test = draw.pick(&[0usize, 1]).and_then(|j| tests.get(j)).map_or("*".into(), |t| t.id.clone());
-        let effect = if draw.chance(0.5) { "gain" } else { "delay" };
+        let effect = if draw.chance(0.5) || hits { "gain" } else { "delay" };
         instrument =
             Some(Flaw { effect, test, role, size: draw.log(0.015, 0.1) * draw.sign() * if effect == "delay" { 0.2 } else { 1.0 } });
     }

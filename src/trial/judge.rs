@@ -9,7 +9,7 @@ use crate::diagnose::results::{Candidate, LadderResult, Missing, Verdict};
 use crate::effect::{Role, find};
 
 use super::Kind;
-use super::bench::Flaw;
+use super::bench::{Drive, Flaw};
 use super::generate::Generated;
 
 /// Root mean square of whitened residuals up to which a model is at the floor.
@@ -24,8 +24,8 @@ pub struct CaseResult {
     pub kind: Kind,
     /// Bodies; 0: one connector.
     pub bodies: usize,
-    /// Tests, by kind: loops and frequency responses.
-    pub tests: (usize, usize),
+    /// Tests, by kind: loops, records of a hit, and frequency responses.
+    pub tests: (usize, usize, usize),
     /// `effect at place` of what was hidden.
     pub truth: Vec<String>,
     /// Least noncentrality of it.
@@ -89,12 +89,13 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
     let flaw_name = |f: &Flaw| format!("{} at {}.{}", f.effect, f.test, f.role);
     let mut truth: Vec<String> = made.planted.iter().map(|p| format!("{} at {}", p.effect, made.place(p))).collect();
     truth.extend(made.instrument.as_ref().map(flaw_name));
-    let loops = made.tests.iter().filter(|t| matches!(t.drive, super::bench::Drive::Loop { .. })).count();
+    let count = |is: fn(&Drive) -> bool| made.tests.iter().filter(|t| is(&t.drive)).count();
+    let (loops, hits) = (count(|d| matches!(d, Drive::Loop { .. })), count(|d| matches!(d, Drive::Hit { .. })));
     let mut r = CaseResult {
         index,
         kind,
         bodies: made.bench.bodies,
-        tests: (loops, made.tests.len() - loops),
+        tests: (loops, hits, made.tests.len() - loops - hits),
         truth,
         noncentrality: made.noncentrality,
         nuisances: made.nuisances.iter().map(flaw_name).collect(),

@@ -136,3 +136,24 @@ fn a_trial_cut_short_goes_on_and_a_bad_line_is_named() {
     std::fs::write(&path, format!("{whole}nonsense\n")).unwrap();
     assert!(matches!(Kept::resume(folder.path()), Err(TrialError::Resume { line: Some(3), .. })));
 }
+
+/// A hit of a chain of one body: the ringing of an oscillator, from the convolution in closed form.
+#[test]
+fn a_hit_rings_as_the_closed_form_says() {
+    let (k, m) = (2e5, 0.1);
+    let b = Bench { bodies: 1, mass: m, params: vec![k, 0.0, k, 0.0], force: 50.0, travel: 4e-4 };
+    let w = f64::sqrt(k / m);
+    let (length, peak, dt) = (0.5 * TAU / w * 0.8, 30.0, TAU / w / 400.0);
+    let hit = |t: f64| if t < length { peak * (PI * t / length).sin() } else { 0.0 };
+    let x = &chain::ring(&b, &b.params, &[], &hit, dt, 1200, &[1])[0];
+    // x = (P/m) / (W^2 - w^2) (W/w sin w t - sin W t) while it lasts, twice that shifted by its length after.
+    let drive = PI / length;
+    let during = |t: f64| peak / m / (drive * drive - w * w) * (drive / w * (w * t).sin() - (drive * t).sin());
+    let after = |t: f64| peak / m / (drive * drive - w * w) * drive / w * ((w * t).sin() + (w * (t - length)).sin());
+    let size = x.iter().fold(0.0f64, |s, x| s.max(x.abs()));
+    for (j, x) in x.iter().enumerate().step_by(37) {
+        let t = j as f64 * dt;
+        let want = if t < length { during(t) } else { after(t) };
+        assert!((x - want).abs() < 5e-3 * size, "{t}: {x} {want}");
+    }
+}

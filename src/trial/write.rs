@@ -51,6 +51,18 @@ fn records(case: &mut Generated, test: &Test) -> String {
                 text.push('\n');
             }
         }
+        Drive::Hit { length, force, dt, samples, bodies } => {
+            let _ = writeln!(text, "t,u,{}", bodies.iter().map(|b| format!("x{b}")).collect::<Vec<_>>().join(","));
+            for j in 0..*samples {
+                let t = j as f64 * dt;
+                let load = if t < *length { force * (std::f64::consts::PI * t / length).sin() } else { 0.0 };
+                let _ = write!(text, "{t:.9e},{load:.7e}");
+                noisy.iter().for_each(|c| {
+                    let _ = write!(text, ",{:.6e}", c[j]);
+                });
+                text.push('\n');
+            }
+        }
         Drive::Frf { lines, .. } => {
             text += "f,re,im,coh\n";
             for (j, f) in lines.iter().enumerate() {
@@ -92,6 +104,15 @@ fn declared(case: &Generated, test: &Test) -> String {
                 for b in bodies {
                     let _ = writeln!(text, " {{ role=\"displacement\", at=\"m{b}.x\", column=\"x{b}\", unit=\"m\" }},");
                 }
+            }
+            text += "]\n";
+        }
+        Drive::Hit { bodies, .. } => {
+            text += "kind = \"transient\"\ncontrol = \"force\"\n";
+            text += "channels = [\n { role=\"time\", column=\"t\", unit=\"s\" },\n";
+            let _ = writeln!(text, " {{ role=\"force\", at=\"m{n}.x\", column=\"u\", unit=\"N\" }},");
+            for b in bodies {
+                let _ = writeln!(text, " {{ role=\"displacement\", at=\"m{b}.x\", column=\"x{b}\", unit=\"m\" }},");
             }
             text += "]\n";
         }

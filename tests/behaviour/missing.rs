@@ -57,23 +57,21 @@ fn what_no_library_has_is_unexplained_with_a_formula_that_can_be_pasted() {
     let l = ladder("10-outside-the-library");
     assert_eq!(l["verdict"], "unexplained", "{:?}: {}", named(&l), l["ended"]);
     let u = &l["unexplained"];
-    assert!(u["explains"].as_f64().unwrap() > 0.5, "{u}");
+    // The wedge: a friction in proportion to the distance from the middle.
+    assert!(u["expression"].as_str().unwrap().contains("abs((x/X))*tanh"), "{u}");
+    assert!(u["explains"].as_f64().unwrap() > 0.9, "{u}");
     assert!(u["picture"].as_array().unwrap().iter().any(|p| !p["force"].as_array().unwrap().is_empty()));
     // Pasted into the study as it was given, the formula is read, fitted and brings the error of held-out data down.
     let folder = tempfile::tempdir().unwrap();
     let given = std::fs::read_to_string(format!("{}/study.toml", study("10-outside-the-library"))).unwrap();
-    let own = misfit(&["diagnose", "--json", &study("10-outside-the-library"), "--out", &folder.path().join("d").display().to_string()]).json();
-    let block = match own["unexplained"]["formula"].as_str() {
-        Some(block) => block.to_string(),
-        None => u["formula"].as_str().unwrap().to_string(),
-    };
+    let block = u["formula"].as_str().unwrap();
     let data = format!("{}/data", study("10-outside-the-library"));
     let text = given.replace("dataset = \"data\"", &format!("dataset = {data:?}"));
     std::fs::write(folder.path().join("study.toml"), format!("{text}\n{block}")).unwrap();
     let fit = misfit(&["fit", "--json", &folder.path().display().to_string()]).json();
     let error = |v: &Value| v["tests"].as_array().unwrap().iter().filter(|t| t["split"] == "held_out").map(|t| t["error"].as_f64().unwrap()).sum::<f64>();
     let before = l["held_out"]["before"].as_f64().unwrap();
-    assert!(error(&fit) < 0.5 * before, "{} against {before}: {block}", error(&fit));
+    assert!(error(&fit) < 0.2 * before, "{} against {before}: {block}", error(&fit));
 }
 
 /// The strengths that would have been seen stand in units an engineer reads.
