@@ -249,7 +249,7 @@ fn push(
         }
         params[0] = ParamValue::free(info.params[0].default, info.params[0].sign);
         let follower = matches!(info.role, Role::Force | Role::Series);
-        let instance = Instance { effect, at: at.clone(), site: site.clone(), params, target: target.clone(), follower };
+        let instance = Instance { target: target.clone(), follower, ..Instance::new(effect, at.clone(), site.clone(), params) };
         trials.push(Trial { instance, candidate });
     }
 }

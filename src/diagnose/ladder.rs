@@ -9,6 +9,7 @@ use super::findings::{findings, unsettled};
 use super::refit::{cost, prove, whitened};
 use super::results::*;
 use super::search::{LEVEL, Step, step};
+use super::simplify::simplify;
 use super::{DiagnoseError, trace};
 
 /// Effects added at most where the study does not say.
@@ -157,6 +158,10 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         let added = EffectAt { effect: name.effect.into(), at: name.at };
         let undone = removed.contains(&added);
         rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
+        if let Some(swap) = simplify(&case, &mut fitted, base_instances, &mut missing, WORTH_KEEPING, monitor, watch)? {
+            let tests = compare(&case, &fitted.system, &seen)?;
+            rungs.push(rung(&case, &fitted, Some(swap.added), vec![swap.removed], vec![], tests)?);
+        }
         if undone {
             break (
                 "the effect added last was pruned again".to_string(),

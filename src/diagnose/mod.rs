@@ -13,6 +13,7 @@ mod refit;
 pub mod results;
 mod score;
 mod search;
+mod simplify;
 mod trace;
 
 pub use case::{Case, Fitted, Search, compare, fit};

@@ -43,7 +43,7 @@ pub fn nuisances(plans: &[&Plan]) -> Vec<Nuisance> {
                     .map(|(k, p)| if k == 0 { ParamValue::free(p.default, Sign::Any) } else { ParamValue::fixed(p.default) })
                     .collect();
                 let at = format!("{}.{}", plan.id, block.role);
-                let instance = Instance { effect, at, site: Site::Channel(site), params, target: None, follower: false };
+                let instance = Instance::new(effect, at, Site::Channel(site), params);
                 list.push(Nuisance { instance, sigma });
             }
         }

@@ -54,9 +54,13 @@ impl Bound {
             let slope = if f.log { values[f.instance][f.param] } else { 1.0 };
             chains[f.instance][f.param].push((k, slope));
         }
+        every_condition_has_values(system, conditions)?;
         let mut elements: BTreeMap<usize, Element> = BTreeMap::new();
         let mut channels = Vec::new();
         for (i, instance) in system.instances.iter().enumerate() {
+            if instance.only.as_ref().is_some_and(|only| !only.holds(conditions)) {
+                continue;
+            }
             match (instance.effect, &instance.site) {
                 (Effect::Channel(law), Site::Channel(site)) => {
                     if site.test == "*" || site.test == test {
@@ -90,6 +94,26 @@ impl Bound {
         });
         Ok(Bound { elements: elements.into_values().collect(), channels, n_free: free.len(), loads: loads.collect() })
     }
+}
+
+/// An effect whose values are given per value of a condition has some at this test's.
+fn every_condition_has_values(system: &System, conditions: &BTreeMap<String, f64>) -> Result<(), ModelError> {
+    for instance in &system.instances {
+        let Some(only) = &instance.only else { continue };
+        let mut siblings = system.instances.iter().filter(|i| i.at == instance.at && i.name() == instance.name()).filter_map(|i| {
+            let other = i.only.as_ref()?;
+            (other.name == only.name).then_some(other)
+        });
+        if !siblings.any(|o| o.holds(conditions)) {
+            let stated = conditions.get(&only.name).map_or("that the test does not state".to_string(), |v| format!("= {v} [SI]"));
+            return Err(ModelError::invalid(
+                format!("{}.{}", instance.at, instance.name()),
+                format!("its values are given per value of `{}`, and none for {} {stated}", only.name, only.name),
+                "a value the effect is given for, or a law over the condition such as interference_law",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Applies the coefficients that act at `place` on instance `i`: `p = p_ref * factor`, chain rule in both.

@@ -20,6 +20,7 @@
 //! | parameter | `"20 N/mm"` or `{ start, min, max, prior = { mean, sigma }, fixed = true }`; settings: `free = true` to fit them |
 //! | formula | `expression`, `states = { z = "rate" }`, `active`; every other key is a parameter ([`crate::effect::formula`]) |
 //! | coefficient effects | `of = "viscous.c"` (`viscous#2.c` for the second there), `condition`, `reference` |
+//! | `per = "i"` in an effect | values of its own at every value of the condition, `monotone = "rising"` or `"falling"` their order; `only = { i = "0.3 mm" }`: the values at one |
 //! | `[[order]]` | `order = [names of free parameters, rising]`, `gap` |
 //! | `[[prediction]]` | `case`, `quantity` and its keys ([`Predicted`]), `conditions`, `reference` |
 //!
@@ -42,6 +43,7 @@ mod engineering;
 mod error;
 mod formula;
 mod graph;
+mod levels;
 mod load;
 mod mechanism;
 mod orders;

@@ -101,6 +101,19 @@ fn the_exponents_of_study_04_are_identified_within_five_percent() {
     }
 }
 
+#[test]
+fn values_per_interference_lie_on_the_law_nobody_assumed() {
+    let result = json("fit", &study("04-interference/per-level.toml"));
+    for (of, at_i0, exponent) in [("linear_stiffness", 40e3, 276.0), ("viscous", 190.0, 561.0)] {
+        for (i, level) in [0.1, 0.3, 0.5, 0.6].into_iter().enumerate() {
+            let name = format!("c1.x.{of}[i={level} mm].{}", if of == "viscous" { "c" } else { "k" });
+            let value = parameter(&result["parameters"], &name)["value"].as_f64().unwrap();
+            let truth = at_i0 * f64::exp(exponent * 1e-3 * (level - 0.3));
+            assert!((value / truth - 1.0).abs() < 0.02, "{i} {name}: {value} against {truth}");
+        }
+    }
+}
+
 /// Study 04 with its measurements replaced by the model's own response and fresh noise.
 struct Rig {
     case: Case,
