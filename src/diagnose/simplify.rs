@@ -80,8 +80,8 @@ pub fn simplify(
         watch(&format!("{} at {} takes the place of {}, which ended at a bound", swap.added.effect, swap.added.at, swap.removed.effect));
         for m in missing.iter_mut().filter(|m| m.effect == swap.removed.effect && m.at == swap.removed.at) {
             m.effect = swap.added.effect.clone();
-            m.tied_with.retain(|t| *t != format!("{} at {}", swap.added.effect, swap.added.at));
-            m.tied_with.insert(0, format!("{} at {}", swap.removed.effect, swap.removed.at));
+            // What the old law was tied with was weighed before the effects that came after it.
+            m.tied_with = vec![format!("{} at {}", swap.removed.effect, swap.removed.at)];
         }
         *fitted = proof.fitted;
         return Ok(Some(swap));

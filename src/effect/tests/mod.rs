@@ -228,8 +228,9 @@ fn the_small_signal_stiffness_is_that_of_a_marched_small_cycle() {
                 sum * 2.0 / steps as f64 / amplitude
             };
             let Ok(z) = law.stiffness(Complex64::new(0.0, omega), &p) else {
-                let (small, smaller) = (marched(1e-6, 400).norm(), marched(1e-9, 400).norm());
-                assert!(smaller > 10.0 * small, "{} {p:?} refuses a limit that it has: {small}, {smaller}", law.info().name);
+                // Above the velocity at which the update is rounded off, a rigid law stiffens without end as the amplitude falls.
+                let (large, small) = (marched(10.0, 400).norm(), marched(1.0, 400).norm());
+                assert!(small > 2.0 * large, "{} {p:?} refuses a limit that it has: {large}, {small}", law.info().name);
                 continue;
             };
             // Richardson extrapolation over two step lengths removes the second-order error of the update.

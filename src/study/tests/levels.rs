@@ -47,7 +47,7 @@ fn what_makes_no_levels_is_refused() {
     let dataset = Folder::one(ONE).dataset();
     let case = |more: &str, message: &str, place: &str| refused(read(&per(more), &dataset), message, place);
     case("per = \"j\"", "unknown condition `j`, nearest is `i`", "key effect[0].per");
-    case("per = 3", "where a text is expected", "key effect[0].per");
+    case("per = 3", "where a string is expected", "key effect[0].per");
     case("monotone = \"rising\"", "an order along no condition", "key effect[0].monotone");
     case("per = \"i\"\nmonotone = \"up\"", "`up` is no order", "key effect[0].monotone");
     case("per = \"i\"\nonly = { i = \"0.1 mm\" }", "both stand there", "key effect[0].only");
@@ -56,7 +56,7 @@ fn what_makes_no_levels_is_refused() {
     case("only = { j = \"0.1 mm\" }", "unknown condition `j`", "key effect[0].only.j");
     let law = "per = \"i\"\nk = \"20 N/mm\"\n[[effect]]\neffect = \"interference_law\"\nat = \"c1.x\"\nof = \"linear_stiffness.k\"\ncondition = \"i\"\nreference = \"0.1 mm\"\na = \"0 1/mm\"\n[[effect]]\neffect = \"cubic_stiffness\"\nat = \"c1.x\"\n";
     let text = ONE.replace("at = \"c1.x\"\nk = { start = \"20 N/mm\", min = \"0 N/mm\" }", &format!("at = \"c1.x\"\n{law}k = \"1 N/mm3\""));
-    refused(read(&text, &dataset), "per value of a condition", "line 18");
+    refused(read(&text, &dataset), "per value of a condition", "key effect[1]");
     // One value of the condition in every test.
     let one = Folder::new(ONE, &[1.0, 2.0, 5.0].map(|hz| cycle(hz, ", i = \"0.1 mm\"")).concat()).dataset();
     refused(read(&per("per = \"i\""), &one), "every test has the same `i`", "key effect[0].per");
