@@ -147,7 +147,7 @@ fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize, columns: usiz
         prescribed: loads
             .prescribed
             .iter()
-            .map(|(d, p)| (*d, (0..=steps).map(|k| rise(k)).map(|(s, v, a)| [p[0][0] * s, p[0][0] * v, p[0][0] * a]).collect()))
+            .map(|(d, p)| (*d, (0..=steps).map(&rise).map(|(s, v, a)| [p[0][0] * s, p[0][0] * v, p[0][0] * a]).collect()))
             .collect(),
         // Loads that stay come on with the drive.
         forces: (loads.forces.iter().map(|(d, f)| (*d, f[0])))
