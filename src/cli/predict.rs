@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&study, "predict")?;
     folder.study(&study, &fitted.system)?;
     folder.residuals(&result.tests)?;
-    report::write(&folder, &study, Some(&result), None, None)?;
+    report::write(&folder, &study, &fitted.system, Some(&result), None, None)?;
     let value = fit::json(&json!({ "predictions": predictions, "fit": fit::plain(&result)? }), &folder)?;
     folder.result(&value)?;
     let header = ["case", "quantity", "value", "std", "unit", "reference", "error"];

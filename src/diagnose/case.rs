@@ -10,7 +10,7 @@ use crate::response::{BlockKind, Computed, Plan};
 
 use super::DiagnoseError;
 use super::factors::factors;
-use super::results::{Curve, EffectAt, FitResult, ParameterResult, SplitName, TestResult, Worst};
+use super::results::{Curve, EffectAt, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
 
 /// What the search for missing effects may use.
 #[derive(Clone, Debug, Default)]
@@ -63,6 +63,13 @@ impl Case {
     /// Plans of the given split.
     pub fn plans_of(&self, split: SplitName) -> Vec<&Plan> {
         self.plans.iter().filter(|(_, s)| *s == split).map(|(p, _)| p).collect()
+    }
+
+    /// What was found in the data of every test and done to them, `test: what`.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes: Vec<String> = self.plans.iter().flat_map(|(p, _)| p.notes.iter().map(move |n| format!("{}: {n}", p.id))).collect();
+        notes.dedup();
+        notes
     }
 
     /// The case with as many time steps in every test as the noise asks for at the system's present values; `None` where they are enough.
@@ -142,8 +149,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let case = &case;
     let tests = compare(case, &fitted.system, splits)?;
     let (parameters, unidentifiable) = parameters(case, &fitted)?;
-    let mut notes: Vec<String> = case.plans.iter().flat_map(|(p, _)| p.notes.iter().map(move |n| format!("{}: {n}", p.id))).collect();
-    notes.dedup();
+    let notes = case.notes();
     let result = FitResult {
         study: case.name.clone(),
         termination: fitted.outcome.termination.name().into(),
@@ -192,7 +198,7 @@ fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Comput
         BlockKind::Table if plan.kind == TestKind::Modal => format!("mode {}", block.abscissa[within]),
         BlockKind::Table => format!("{} Hz", block.abscissa[within]),
     };
-    let curves = plan
+    let curves: Vec<Curve> = plan
         .blocks
         .iter()
         .map(|b| Curve {
@@ -220,9 +226,19 @@ fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Comput
             computed: plain(block.kind, computed.values[e.worst.0]),
         },
         n: plan.len(),
+        largest_difference: curves.iter().map(difference).collect(),
         factors: factors(plan, system, computed),
         curves,
     }
+}
+
+fn difference(c: &Curve) -> LargestDifference {
+    let over = match c.kind {
+        BlockKind::Loop | BlockKind::Record => "range",
+        BlockKind::Frf => "range of magnitude",
+        BlockKind::Table => "value",
+    };
+    LargestDifference { channel: c.label.clone(), over, fraction: c.largest_difference() }
 }
 
 /// A value as it was measured: tables are compared by their logarithms.

@@ -9,9 +9,12 @@ mod chart;
 mod curves;
 mod error;
 mod evidence;
+mod identified;
+mod modes;
 mod overview;
 mod page;
 mod parameters;
+mod shapes;
 mod stage;
 mod summary;
 mod text;
@@ -21,6 +24,7 @@ mod tests;
 use std::path::Path;
 
 use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
+use crate::model::System;
 use crate::study::Study;
 
 pub use error::ReportError;
@@ -30,6 +34,8 @@ pub use error::ReportError;
 pub struct ReportInput<'a> {
     /// The study: title, model, assumptions, conditions of the tests.
     pub study: &'a Study,
+    /// The model the page ends with, at its values; none: as the study stands.
+    pub system: Option<&'a System>,
     /// The fit of the study as it stands.
     pub fit: Option<&'a FitResult>,
     /// What a diagnosis said of that fit.
@@ -53,6 +59,7 @@ pub fn html(input: &ReportInput) -> Result<String, ReportError> {
     page.section("candidates", "Effects that were weighed", evidence::candidates(input));
     page.section("findings", "What the residuals show", evidence::findings(input));
     page.section("parameters", "Parameters", parameters::section(input, &stages));
+    page.section("modes", "Natural modes", modes::section(input, &mut charts));
     page.section("curves", "Measurement and model, test by test", curves::section(input, &stages, &mut charts));
     page.section("assumptions", "Assumptions, data and sources", assumptions::section(input));
     Ok(page.finish())

@@ -105,7 +105,8 @@ impl CyclePlan {
             let _ = k;
         }
         plan.unsettled.extend(settled.unsettled.iter().cloned());
-        plan.notes.extend(settled.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
+        let found = record.findings_of(&settled);
+        plan.notes.extend(settled.notes.iter().chain(&found).map(|n| format!("{}: {}", n.about, n.text)));
         Ok(Self::sampled(drive, probes, n, stride))
     }
 

@@ -25,7 +25,7 @@ pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
 pub use family::Family;
 pub use frf::FrfPlan;
-pub use modal::ModalPlan;
+pub use modal::{ModalPlan, TableModes};
 pub use settling::Transient;
 pub use transient::TransientPlan;
 
@@ -193,6 +193,14 @@ impl Plan {
             Work::Energy(w) => w.evaluate(system, free, self, true, TableForm::Plain),
             Work::Modal(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, true, TableForm::Plain),
             _ => self.evaluate(system, free, true),
+        }
+    }
+
+    /// The modes of the system beside the rows of a modal table; `None` for another kind of test.
+    pub fn modes(&self, system: &System) -> Result<Option<TableModes>, ResponseError> {
+        match &self.work {
+            Work::Modal(w) => w.modes(&system.model, &self.bind(system, &[])?, self).map(Some),
+            _ => Ok(None),
         }
     }
 
