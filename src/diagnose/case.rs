@@ -10,7 +10,7 @@ use crate::response::{BlockKind, Computed, Plan};
 
 use super::DiagnoseError;
 use super::factors::factors;
-use super::results::{Curve, EffectAt, FitResult, ParameterResult, SplitName, TestResult, Worst};
+use super::results::{Curve, EffectAt, Finding, FitResult, ParameterResult, SplitName, TestResult, Worst};
 
 /// What the search for missing effects may use.
 #[derive(Clone, Debug, Default)]
@@ -32,6 +32,8 @@ pub struct Case {
     pub plans: Arc<Vec<(Plan, SplitName)>>,
     /// The model with its effects and present values.
     pub system: System,
+    /// What the data say of each other, whatever the model.
+    pub of_data: Vec<Finding>,
     /// Pairs of free parameters in rising order, by name, with a least gap.
     pub orders: Vec<(String, String, f64)>,
     /// Loss on whitened residuals.
@@ -143,6 +145,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let tests = compare(case, &fitted.system, splits)?;
     let (parameters, unidentifiable) = parameters(case, &fitted)?;
     let mut notes: Vec<String> = case.plans.iter().flat_map(|(p, _)| p.notes.iter().map(move |n| format!("{}: {n}", p.id))).collect();
+    notes.extend(case.of_data.iter().map(|f| format!("{}: {}", f.test, f.claim)));
     notes.dedup();
     let result = FitResult {
         study: case.name.clone(),

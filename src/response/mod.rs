@@ -32,6 +32,9 @@ pub use transient::TransientPlan;
 /// Integration error that is allowed, in units of sigma: its square is a hundredth of the noise's.
 const STEP_ERROR: f64 = 0.1;
 
+/// Factor on the sigma of rows that are left out.
+const UNSEEN: f64 = 1e8;
+
 /// What the points of a block are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockKind {
@@ -83,6 +86,8 @@ pub struct Plan {
     pub blocks: Vec<Block>,
     /// What was done to the data.
     pub notes: Vec<String>,
+    /// Rows that are computed and shown, and held against nothing.
+    pub left_out: Vec<usize>,
     /// Channels of a cycle test whose kept cycles still change.
     pub unsettled: Vec<Unsettled>,
     work: Work,
@@ -138,6 +143,7 @@ impl Plan {
             sigma: vec![],
             blocks: vec![],
             notes: vec![],
+            left_out: vec![],
             unsettled: vec![],
             work: Work::Energy(EnergyPlan::default()),
         };
@@ -152,6 +158,24 @@ impl Plan {
             return Err(ResponseError::invalid(&test.id, format!("sigma of point {bad} is {}", plan.sigma[bad]), "sigma above zero"));
         }
         Ok(plan)
+    }
+
+    /// Leaves the rows of a table out of every comparison, those of the channel `role` at `abscissa` (mode, frequency); false where there
+    /// are none. They are still computed and shown.
+    pub fn leave_out(&mut self, role: &str, abscissa: f64, why: &str) -> bool {
+        let here = |b: &Block| -> Vec<usize> {
+            let rows = b.range.clone().zip(&b.abscissa).filter(|(_, a)| **a == abscissa);
+            if b.kind == BlockKind::Table && b.role == role { rows.map(|(row, _)| row).collect() } else { vec![] }
+        };
+        let rows: Vec<usize> = self.blocks.iter().flat_map(here).collect();
+        for &row in &rows {
+            self.sigma[row] *= UNSEEN;
+        }
+        if !rows.is_empty() {
+            self.notes.push(format!("{role} {abscissa} is computed and left out of the comparison: {why}"));
+        }
+        self.left_out.extend(&rows);
+        !rows.is_empty()
     }
 
     /// Number of measured values.

@@ -8,7 +8,7 @@ use crate::explain::Explain;
 use crate::identify::{Constraints, Prior};
 use crate::model::{FreeParam, Instance, ParamValue, Site, System, Target};
 
-use super::{CoefficientOf, FitSettings, GraphSpec, OrderSpec, PredictionSpec, SearchSettings, Split, StudyError};
+use super::{CoefficientOf, FitSettings, GraphSpec, LeaveOut, OrderSpec, PredictionSpec, SearchSettings, Split, StudyError};
 use super::{channels, effects, graph, mechanism, orders, prediction, settings, site};
 
 /// A study: model, measurements, and what is to be done with them.
@@ -30,6 +30,8 @@ pub struct Study {
     pub system: System,
     /// Which tests are fitted.
     pub split: Split,
+    /// Rows of tables that are compared with nothing.
+    pub leave_out: Vec<LeaveOut>,
     /// Monotone orders.
     pub orders: Vec<OrderSpec>,
     /// Options of the fit.
@@ -42,13 +44,14 @@ pub struct Study {
     pub predictions: Vec<PredictionSpec>,
 }
 
-const KEYS: [&str; 18] = [
+const KEYS: [&str; 19] = [
     "schema",
     "title",
     "dataset",
     "folder",
     "assumptions",
     "split",
+    "leave_out",
     "fit",
     "search",
     "body",
@@ -102,6 +105,7 @@ impl Study {
             title: text("title")?.or(named).unwrap_or_else(|| "study".into()),
             split,
             orders,
+            leave_out: settings::leave_out(&root, &dataset)?,
             fit: settings::fit(&root)?,
             search: settings::search(&root, &system.model, &dataset)?,
             assumptions: root.optional("assumptions", |v| v.strings())?.unwrap_or_default().into_iter().map(str::to_string).collect(),

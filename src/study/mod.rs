@@ -11,6 +11,7 @@
 //! | `dataset = "data"` | folder with dataset.toml (or that file), relative to study.toml |
 //! | `folder = "../raw"` | where the raw files lie, if not where dataset.toml says; `--data` goes before it |
 //! | `split = { select = [...], held_out = [...] }` | test ids; every other test is fitted |
+//! | `[[leave_out]]` | `test`, `quantity` (natural_frequency, modal_damping), `mode`, `why`: a row that is computed and compared with nothing |
 //! | `fit = { loss, width, max_iterations, starts }` | loss: squares, huber, soft_l1, cauchy; width in units of the noise |
 //! | `search = { effects, places, max_added }` | what the search for missing effects may try |
 //! | `[[body]]` | `name`, `fixed = true` or `free = ["x", ...]`, `mass`, `inertia`, `count` (then `name1` ... ) |
@@ -34,7 +35,7 @@
 //! | `[[part]]` elsewhere | `name`, `at = ["x", "y", "z"]`, `mass`, `inertia`; `free = [...]` or `fixed = true` |
 //! | `[[joint]]` | to the ground: `part`, `free` axes that stay, `at` the point (`"start"` and `"end"` of the arcs), from then on the part's origin. `free = ["psi"]` is a pin |
 //! | `[[point]]` | `name`, `at`: a point to load and measure; its part (`part`, or the nearest) takes it as origin and its name |
-//! | `[[connector]]` | `name` and `chain = "part with count"` (`name1` ... at the interfaces), or `from`, `to`, `at` and `heading` of its y axis (fixed axes where it is left out); `absent = ["loop-*"]` tests it is not there in |
+//! | `[[connector]]` | `name` and `chain = "part with count"` (`name1` ... at the interfaces), or `from`, `to`, `at` and `heading` of its y axis (fixed axes where it is left out); `absent = ["loop-*"]` tests it is not there in; `attached = "loaded"`: it is attached when the loads that stay have come on and carries none of them (modal and frf tests) |
 
 mod channels;
 mod effects;
@@ -60,7 +61,7 @@ pub use graph::{BodySpec, ConnectorSpec, Ends, GraphSpec};
 pub use load::Study;
 pub use orders::OrderSpec;
 pub use prediction::{CycleQuantity, Predicted, PredictionSpec};
-pub use settings::{FitSettings, SearchSettings, Split};
+pub use settings::{FitSettings, LeaveOut, SearchSettings, Split};
 
 #[cfg(test)]
 mod tests;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::data::Dataset;
 use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView, nearest};
+use crate::data::{Dataset, Record};
 use crate::effect::{self, Effect};
 use crate::identify::Loss;
 use crate::model::Model;
@@ -59,6 +59,42 @@ pub struct SearchSettings {
     pub places: Option<Vec<String>>,
     /// Effects added at most.
     pub max_added: Option<usize>,
+}
+
+/// Rows of modal tables that are computed and compared with nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeaveOut {
+    /// Test id.
+    pub test: String,
+    /// `natural_frequency` or `modal_damping`.
+    pub quantity: &'static str,
+    /// Number of the mode.
+    pub mode: u32,
+    /// Why.
+    pub why: String,
+}
+
+/// Reads every `[[leave_out]]`.
+pub(super) fn leave_out(root: &TableView<'_>, dataset: &Dataset) -> Result<Vec<LeaveOut>, TomlError> {
+    let words = [("natural_frequency", "natural_frequency"), ("modal_damping", "modal_damping")];
+    let one = |table: &TableView<'_>| {
+        table.only(&["test", "quantity", "mode", "why"])?;
+        let value = table.require("test", "the id of a modal test")?;
+        let test = value.string()?;
+        let Some(Record::Modal(modes)) = dataset.test(test).map(|t| &t.record) else {
+            let modal = dataset.tests.iter().filter(|t| matches!(t.record, Record::Modal(_)));
+            return Err(unknown(&value, "modal test", test, modal.map(|t| t.id.as_str())));
+        };
+        let quantity = table.require("quantity", "natural_frequency or modal_damping")?.word("quantity", &words)?;
+        let value = table.require("mode", "1, 2, ...")?;
+        let mode = value.integer(1, 1_000_000)? as u32;
+        let there = modes.rows.iter().any(|r| r.mode == mode && (quantity == "natural_frequency" || r.damping.is_some()));
+        if !there {
+            return Err(value.refuse(format!("test `{test}` has no {quantity} of mode {mode}"), "a mode of that test"));
+        }
+        Ok(LeaveOut { test: test.to_string(), quantity, mode, why: table.string("why")?.to_string() })
+    };
+    root.tables("leave_out")?.iter().map(one).collect()
 }
 
 /// Reads `split`.

@@ -108,6 +108,16 @@ impl Study {
         }
         let (select, held_out) = (list(&self.split.select), list(&self.split.held_out));
         let _ = writeln!(text, "split = {{ select = {select}, held_out = {held_out} }}");
+        for l in &self.leave_out {
+            let _ = writeln!(
+                text,
+                "\n[[leave_out]]\ntest = {}\nquantity = \"{}\"\nmode = {}\nwhy = {}",
+                quoted(&l.test),
+                l.quantity,
+                l.mode,
+                quoted(&l.why)
+            );
+        }
         self.settings(&mut text);
         for table in &self.graph.tables {
             let _ = write!(text, "\n{table}");

@@ -97,7 +97,7 @@ impl Model {
                 "a connector to every part that can move",
             ));
         }
-        Ok(Model { bodies, connectors, dofs, places, space: Some(space), loads: vec![], absent: vec![] })
+        Ok(Model { bodies, connectors, dofs, places, space: Some(space), loads: vec![], absent: vec![], attached: vec![] })
     }
 }
 

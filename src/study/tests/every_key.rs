@@ -104,6 +104,11 @@ assumptions = ["rigid"]
 [split]
 select = ["whole"]
 held_out = ["hammer"]
+[[leave_out]]
+test = "modes"
+quantity = "natural_frequency"
+mode = 1
+why = "out of family"
 [fit]
 loss = "huber"
 width = 1.345
@@ -213,6 +218,7 @@ excitation = "0.1 N"
 
 /// Fields that may be left out.
 pub const OPTIONAL: &[&str] = &[
+    "leave_out",
     // dataset.toml
     "folder",
     "title",
