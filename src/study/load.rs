@@ -8,8 +8,8 @@ use crate::explain::Explain;
 use crate::identify::{Constraints, Prior};
 use crate::model::{FreeParam, Instance, ParamValue, Site, System, Target};
 
-use super::{CoefficientOf, FitSettings, GraphSpec, LeaveOut, OrderSpec, PredictionSpec, SearchSettings, Split, StudyError};
-use super::{channels, effects, graph, mechanism, orders, prediction, settings, site};
+use super::{CoefficientOf, FitSettings, GraphSpec, LeaveOut, OrderSpec, PredictionSpec, SearchSettings, Split, StudyError, ToleranceSpec};
+use super::{channels, effects, graph, mechanism, orders, prediction, settings, site, tolerance};
 
 /// A study: model, measurements, and what is to be done with them.
 #[derive(Clone, Debug)]
@@ -42,9 +42,11 @@ pub struct Study {
     pub assumptions: Vec<String>,
     /// What `predict` computes.
     pub predictions: Vec<PredictionSpec>,
+    /// Tolerance cases that `predict` holds the model against.
+    pub tolerance: Option<ToleranceSpec>,
 }
 
-const KEYS: [&str; 19] = [
+const KEYS: [&str; 20] = [
     "schema",
     "title",
     "dataset",
@@ -64,6 +66,7 @@ const KEYS: [&str; 19] = [
     "effect",
     "order",
     "prediction",
+    "tolerance",
 ];
 
 impl Study {
@@ -110,6 +113,7 @@ impl Study {
             search: settings::search(&root, &system.model, &dataset)?,
             assumptions: root.optional("assumptions", |v| v.strings())?.unwrap_or_default().into_iter().map(str::to_string).collect(),
             predictions: prediction::read(&root, &system, &dataset)?,
+            tolerance: tolerance::read(&root, &system, &dataset, &folder)?,
             file: toml.path().to_path_buf(),
             folder,
             dataset,

@@ -23,6 +23,7 @@
 //! | coefficient effects | `of = "viscous.c"` (`viscous#2.c` for the second there), `condition`, `reference` |
 //! | `[[order]]` | `order = [names of free parameters, rising]`, `gap` |
 //! | `[[prediction]]` | `case`, `quantity` and its keys ([`Predicted`]), `conditions`, `reference` |
+//! | `[tolerance]` | the cases of an energy test of another `dataset`: `test`, `reference`, `interference = [{ name, area, resolution }]`, `housing`, `cycle`, `condition`, `range`, `quantities`, `terms`, `permutations`, `surface` ([`ToleranceSpec`]) |
 //!
 //! # Parts that turn far
 //! These tables replace `[[body]]`; degrees of freedom are `part.x`, `.y`, `.z` (displacement of the part's origin along fixed axes) and
@@ -52,6 +53,7 @@ mod settings;
 mod site;
 mod space;
 mod text;
+mod tolerance;
 mod write;
 
 pub use effects::CoefficientOf;
@@ -62,6 +64,7 @@ pub use load::Study;
 pub use orders::OrderSpec;
 pub use prediction::{CycleQuantity, Predicted, PredictionSpec};
 pub use settings::{FitSettings, LeaveOut, SearchSettings, Split};
+pub use tolerance::ToleranceSpec;
 
 #[cfg(test)]
 mod tests;

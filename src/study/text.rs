@@ -158,6 +158,9 @@ impl Study {
         for prediction in &self.predictions {
             prediction_text(&mut text, prediction);
         }
+        if let Some(t) = &self.tolerance {
+            let _ = write!(text, "\n[tolerance]\ndataset = {}\n{}", path(&t.file), t.text);
+        }
         text
     }
 
@@ -200,7 +203,12 @@ fn quantity(text: &mut String, key: &str, value: Option<&Quantity>) {
 
 fn prediction_text(text: &mut String, prediction: &PredictionSpec) {
     let si = |value: f64, dimension: Dimension| quoted(&Quantity::si(value, dimension).to_string());
-    let _ = writeln!(text, "\n[[prediction]]\ncase = {}\nquantity = {}", quoted(&prediction.case), quoted(prediction.quantity.word()));
+    // The number of the mode is added to the case as it is read.
+    let case = match &prediction.quantity {
+        Predicted::Shift { mode, .. } => prediction.case.strip_suffix(&format!(", mode {mode}")).unwrap_or(&prediction.case),
+        _ => &prediction.case,
+    };
+    let _ = writeln!(text, "\n[[prediction]]\ncase = {}\nquantity = {}", quoted(case), quoted(prediction.quantity.word()));
     match &prediction.quantity {
         Predicted::Cycle { quantity, at, control, limits, .. } => {
             let force = *control == Control::Force;
@@ -217,6 +225,10 @@ fn prediction_text(text: &mut String, prediction: &PredictionSpec) {
         }
         Predicted::Frequency(mode) | Predicted::Damping(mode) => {
             let _ = writeln!(text, "mode = {mode}");
+        }
+        Predicted::Shift { test, against, mode } => {
+            let _ = writeln!(text, "test = {}\nagainst = {}\nmodes = [{mode}]", quoted(test), quoted(against));
+            return;
         }
         Predicted::Frf { excite, respond, frequency, excitation, .. } => {
             let _ = writeln!(text, "excite = {}\nrespond = {}", quoted(excite), quoted(respond));

@@ -87,8 +87,9 @@ impl March<'_> {
             }
             rhs.resize(n_free, 0.0);
             self.rhs = rhs;
-        } else if let Some(spatial) = spatial {
-            self.held_spatial(spatial, state, columns, &mut []);
+        } else if let Some(at) = spatial {
+            self.refresh_matrix(spatial);
+            self.held_spatial(at, state, columns, &mut []);
         }
         for c in 0..columns {
             (0..n).for_each(|d| state.dg[c * n + d] = self.mass[d] * state.da[c * n + d]);

@@ -296,4 +296,4 @@ pub const OPTIONAL: &[&str] = &[
 /// Tables of a chain of parts stand in space.rs, keys that a CSV file has no use for in the tests of the other readers
 /// (src/data/dataset/files_tests.rs); and the second spelling of a licence.
 pub const ELSEWHERE: &[&str] =
-    &["arc", "joint", "load", "part", "point", "estimate", "header_units", "load_cell_mass", "record", "license"];
+    &["tolerance", "arc", "joint", "load", "part", "point", "estimate", "header_units", "load_cell_mass", "record", "license"];
