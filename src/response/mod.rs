@@ -276,6 +276,26 @@ impl Plan {
         }
     }
 
+    /// A cycle test with at most `points` points a loop, evenly taken; others as they are.
+    pub fn thinned(&self, points: usize) -> Plan {
+        let Work::Cycle(cycle) = &self.work else { return self.clone() };
+        let n = cycle.points();
+        let Some(part) = (n.div_ceil(points.max(1))..=n).find(|part| n.is_multiple_of(*part)).filter(|part| *part > 1) else {
+            return self.clone();
+        };
+        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], work: Work::Cycle(cycle.thinned(part)), ..self.clone() };
+        for block in &self.blocks {
+            let every = |values: &[f64]| values.iter().step_by(part).copied().collect::<Vec<f64>>();
+            let (measured, sigma) = (every(&self.measured[block.range.clone()]), every(&self.sigma[block.range.clone()]));
+            let start = plan.measured.len();
+            let range = start..start + measured.len();
+            let block = Block { range, abscissa: every(&block.abscissa), x: every(&block.x), v: every(&block.v), ..block.clone() };
+            plan.add_block(block, measured, sigma);
+        }
+        plan.notes.push(format!("{} of {n} points of the loop are compared", n / part));
+        plan
+    }
+
     /// Shortest and longest period the test speaks of [s].
     pub fn periods(&self) -> (f64, f64) {
         match &self.work {

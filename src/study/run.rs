@@ -30,6 +30,7 @@ impl Case {
             for left in study.leave_out.iter().filter(|l| l.test == test.id) {
                 plan.leave_out(left.quantity, f64::from(left.mode), &left.why);
             }
+            let plan = study.fit.points.map_or_else(|| plan.clone(), |n| plan.thinned(n));
             Ok((plan, split_of(study, &test.id)))
         };
         let plans = study.dataset.tests.par_iter().map(plan).collect::<Result<Vec<_>, _>>()?;

@@ -42,11 +42,13 @@ pub struct FitSettings {
     pub max_iterations: Option<usize>,
     /// Starts: 1 is the study's own.
     pub starts: usize,
+    /// Points of a loop that are compared, at most; none: all.
+    pub points: Option<usize>,
 }
 
 impl Default for FitSettings {
     fn default() -> Self {
-        FitSettings { loss: Loss::Squares, max_iterations: None, starts: 1 }
+        FitSettings { loss: Loss::Squares, max_iterations: None, starts: 1, points: None }
     }
 }
 
@@ -134,7 +136,7 @@ pub(super) fn split(root: &TableView<'_>, dataset: &Dataset) -> Result<Split, To
 pub(super) fn fit(root: &TableView<'_>) -> Result<FitSettings, TomlError> {
     let Some(value) = root.get("fit") else { return Ok(FitSettings::default()) };
     let table = value.table()?;
-    table.only(&["loss", "width", "max_iterations", "starts"])?;
+    table.only(&["loss", "width", "max_iterations", "starts", "points"])?;
     #[derive(Clone, Copy)]
     enum Word {
         Squares,
@@ -163,6 +165,7 @@ pub(super) fn fit(root: &TableView<'_>) -> Result<FitSettings, TomlError> {
         loss,
         max_iterations: table.optional("max_iterations", |v| v.integer(1, 1_000_000))?.map(|n| n as usize),
         starts: table.optional("starts", |v| v.integer(1, 10_000))?.map_or(default.starts, |n| n as usize),
+        points: table.optional("points", |v| v.integer(16, 400))?.map(|n| n as usize),
     })
 }
 

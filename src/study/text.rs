@@ -180,6 +180,9 @@ impl Study {
         if let Some(n) = self.fit.max_iterations {
             let _ = writeln!(text, "max_iterations = {n}");
         }
+        if let Some(n) = self.fit.points {
+            let _ = writeln!(text, "points = {n}");
+        }
         let search = &self.search;
         if search.effects.is_some() || search.places.is_some() || search.max_added.is_some() {
             text.push_str("\n[search]\n");

@@ -114,6 +114,7 @@ loss = "huber"
 width = 1.345
 max_iterations = 50
 starts = 2
+points = 100
 [search]
 effects = ["film"]
 places = ["c1.x"]
@@ -269,6 +270,7 @@ pub const OPTIONAL: &[&str] = &[
     "fit.width",
     "fit.max_iterations",
     "fit.starts",
+    "fit.points",
     "search",
     "search.effects",
     "search.places",
