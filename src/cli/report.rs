@@ -18,7 +18,7 @@ pub(super) struct Args {
     pub common: Common,
 }
 
-const FILE: &str = "report.html";
+pub(super) const FILE: &str = "report.html";
 
 /// Writes `report.html` into the folder of a run and returns its path.
 pub(super) fn write(

@@ -10,7 +10,7 @@ use crate::response::{BlockKind, Computed, Plan};
 
 use super::DiagnoseError;
 use super::factors::factors;
-use super::results::{Curve, EffectAt, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
+use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
 
 /// What the search for missing effects may use.
 #[derive(Clone, Debug, Default)]
@@ -32,6 +32,8 @@ pub struct Case {
     pub plans: Arc<Vec<(Plan, SplitName)>>,
     /// The model with its effects and present values.
     pub system: System,
+    /// What the data say of each other, whatever the model.
+    pub of_data: Vec<Finding>,
     /// Pairs of free parameters in rising order, by name, with a least gap.
     pub orders: Vec<(String, String, f64)>,
     /// Loss on whitened residuals.
@@ -68,6 +70,7 @@ impl Case {
     /// What was found in the data of every test and done to them, `test: what`.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.plans.iter().flat_map(|(p, _)| p.notes.iter().map(move |n| format!("{}: {n}", p.id))).collect();
+        notes.extend(self.of_data.iter().map(|f| format!("{}: {}", f.test, f.claim)));
         notes.dedup();
         notes
     }

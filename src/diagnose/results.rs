@@ -56,6 +56,8 @@ impl Curve {
         use crate::response::BlockKind;
         let largest = |d: &mut dyn Iterator<Item = f64>| d.fold(0.0f64, |m, d| m.max(d.abs()));
         let magnitude = |v: &[f64]| v.chunks_exact(2).map(|p| p[0].hypot(p[1])).collect::<Vec<f64>>();
+        // Rows that are compared with nothing have a deviation beyond all measure.
+        let seen = |(i, _): &(usize, &f64)| self.sigma.get(*i).is_none_or(|s| *s < 1e3 * self.measured[*i].abs());
         let over_range = |m: &[f64], c: &[f64]| {
             let (low, high) = m.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
             let range = high - low;
@@ -63,7 +65,9 @@ impl Curve {
         };
         match self.kind {
             BlockKind::Frf => over_range(&magnitude(&self.measured), &magnitude(&self.computed)),
-            BlockKind::Table => largest(&mut self.measured.iter().zip(&self.computed).map(|(m, c)| c / m - 1.0)),
+            BlockKind::Table => largest(
+                &mut self.measured.iter().enumerate().filter(seen).map(|(i, m)| self.computed.get(i).map_or(f64::NAN, |c| c / m - 1.0)),
+            ),
             BlockKind::Loop | BlockKind::Record => over_range(&self.measured, &self.computed),
         }
     }

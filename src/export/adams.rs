@@ -305,6 +305,10 @@ impl File {
 
     fn general_force(&mut self, m: &Mechanism, model: &str, parts: &[String], joint: &Joint, to: &mut String) {
         let own = self.name(&joint.name);
+        if joint.attached && !m.loads.is_empty() {
+            let what = "attached when the loads have come on; here it is there from the start: deactivate its GFORCE while they come on, or shift its zero";
+            self.leave_out(format!("connector {}: {what}", joint.name));
+        }
         let (i, j) = (format!("{}.{own}_i", parts[joint.to]), format!("{}.{own}_j", parts[joint.from]));
         let (at, turned) = (joint.point.map(|x| x / MM), angles(&joint.axes));
         self.marker(&i, &at, &turned);

@@ -129,7 +129,7 @@ fn script(m: &Mechanism, of: &Source) -> (String, Vec<String>) {
                 held.join(", ")
             );
         }
-        text += "]\n# Name, first and second part, point [m], axes (columns x, y, z), stiffness and damping of the six components [N, m, rad, s], more.\n";
+        text += "]\n# Name, first and second part, point [m], axes (columns x, y, z), stiffness and damping of the six components [N, m, rad, s], more, whether attached under load.\n";
     } else {
         text += "# Degree of freedom, mass [kg] or moment of inertia [kg m2].\nDOFS = [\n";
         for p in &m.parts {
@@ -218,7 +218,7 @@ fn spatial(joint: &Joint, puts: &[(Axis, Put)]) -> String {
         more.extend(p.more.iter().map(|l| format!("({}, {l})", *axis as usize)));
     }
     format!(
-        "    ({}, {}, {}, {}, {}, {}, {}, [{}]),\n",
+        "    ({}, {}, {}, {}, {}, {}, {}, [{}], {}),\n",
         quoted(&joint.name),
         joint.from,
         joint.to,
@@ -226,7 +226,8 @@ fn spatial(joint: &Joint, puts: &[(Axis, Put)]) -> String {
         matrix(&joint.axes),
         list(&stiffness),
         list(&damping),
-        more.join(", ")
+        more.join(", "),
+        if joint.attached { "True" } else { "False" }
     )
 }
 

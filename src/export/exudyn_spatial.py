@@ -1,6 +1,7 @@
 # Every connector measures b - a along the axes of its first part, and the rotation between the two; its stiffness and damping are held
 # as six numbers each (x, y, z, theta, phi, psi). "more" holds what is not a spring or damper: ("force", function of x and v),
-# ("slider", stiffness, limit), ("branch", stiffness, relaxation time [s]), ("mass", kg).
+# ("slider", stiffness, limit), ("branch", stiffness, relaxation time [s]), ("mass", kg). What is attached when the loads have come on
+# carries none of them.
 AXES = ["x", "y", "z", "theta", "phi", "psi"]
 
 
@@ -51,7 +52,9 @@ def build(loaded, omega=None):
     for part, (*_, held) in enumerate(PARTS):
         for k in held if bodies[part] is not None else []:
             mbs.AddObject(CoordinateConstraint(markerNumbers=[fixed, coordinate(part, k)]))
-    for name, first, second, point, axes, stiffness, damping, more in CONNECTORS:
+    for name, first, second, point, axes, stiffness, damping, more, attached in CONNECTORS:
+        if loaded and attached:
+            continue
         stiffness, damping, laws = list(stiffness), list(damping), []
         for axis, law in more:
             if law[0] == "force":

@@ -49,6 +49,8 @@ pub(super) struct Joint {
     pub point: V3<f64>,
     /// Its axes as columns, fixed to the first part.
     pub axes: M3<f64>,
+    /// Whether it is attached when the loads have come on, and carries none of them.
+    pub attached: bool,
     pub laws: Vec<Law>,
 }
 
@@ -100,7 +102,7 @@ impl Mechanism {
             .map(|(k, c)| {
                 let frame = model.space.as_ref().map(|s| s.frames[k]);
                 let (point, axes) = frame.map_or(([0.0; 3], UNIT), |f| (f.point, f.axes));
-                Joint { name: c.name.clone(), from: c.from, to: c.to, point, axes, laws: vec![] }
+                Joint { name: c.name.clone(), from: c.from, to: c.to, point, axes, attached: model.attached.contains(&k), laws: vec![] }
             })
             .collect();
         let (mut instruments, mut series) = (vec![], vec![]);

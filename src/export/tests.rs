@@ -265,7 +265,7 @@ fn every_law_is_written_or_named() {
         with.system.instances.push(plain.instance(name, "base.x", &values, None).unwrap());
         for format in ["adams", "exudyn"] {
             let (text, notes) = exported(&with, format);
-            let named = notes.iter().any(|n| n.contains(name));
+            let named = notes.iter().any(|n| n.contains(&format!("{name} at base.x")));
             let not_written =
                 ["backlash", "support_compliance"].contains(&name) || (format == "exudyn" && ["bouc_wen", "lugre"].contains(&name));
             assert_eq!(named, not_written, "{format} {name}: {notes:?}");
