@@ -81,6 +81,7 @@ fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseEr
     };
     let seen = case.plans.par_iter().filter(|(_, split)| *split != SplitName::HeldOut);
     let mut list: Vec<Finding> = seen.map(found).collect::<Result<Vec<_>, _>>()?.concat();
+    list.extend(case.of_data.iter().cloned());
     list.sort_by(|a, b| b.number.abs().total_cmp(&a.number.abs()));
     Ok(list)
 }

@@ -4,10 +4,21 @@ use std::collections::BTreeMap;
 
 use crate::effect::{Channel, Effect};
 
-use super::{ChannelSite, Element, FreeParam, Level, ModelError, Site, System};
+use super::{ChannelSite, Element, FreeParam, Instance, Level, ModelError, Site, System};
 
 /// Chain of derivatives: indices of free parameters with the derivative of a number with respect to each.
 pub type Chain = Vec<(usize, f64)>;
+
+/// A force, series or formula effect at one place, with its numbers at a test's conditions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Acting {
+    /// Index of the instance.
+    pub instance: usize,
+    /// Index of the place.
+    pub place: usize,
+    /// Parameters, coefficients applied [SI].
+    pub values: Vec<f64>,
+}
 
 /// A channel effect with its numbers.
 pub struct ChannelPiece {
@@ -114,6 +125,25 @@ fn every_condition_has_values(system: &System, conditions: &BTreeMap<String, f64
         }
     }
     Ok(())
+}
+
+impl System {
+    /// What acts at each place in a test with the given conditions [SI], connectors that are absent there left out.
+    pub fn acting(&self, test: &str, conditions: &BTreeMap<String, f64>) -> Result<Vec<Acting>, ModelError> {
+        let values: Vec<Vec<f64>> = self.instances.iter().map(|i| i.params.iter().map(|p| p.value).collect()).collect();
+        let none: Vec<Vec<Chain>> = self.instances.iter().map(|i| vec![Chain::new(); i.params.len()]).collect();
+        let mut all = Vec::new();
+        let acts = |i: &Instance| i.only.as_ref().is_none_or(|only| only.holds(conditions));
+        for (i, instance) in self.instances.iter().enumerate().filter(|(_, i)| acts(i)) {
+            let (Site::Places(places), false) = (&instance.site, matches!(instance.effect, Effect::Coefficient(_))) else { continue };
+            for &place in places.iter().filter(|p| self.model.present(self.model.places[**p].connector, test)) {
+                let (mut p, mut chain) = (values[i].clone(), none[i].clone());
+                coefficients(self, i, place, conditions, &values, &none, &mut p, &mut chain)?;
+                all.push(Acting { instance: i, place, values: p });
+            }
+        }
+        Ok(all)
+    }
 }
 
 /// Applies the coefficients that act at `place` on instance `i`: `p = p_ref * factor`, chain rule in both.
