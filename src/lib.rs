@@ -13,6 +13,7 @@ pub mod response;
 pub mod identify;
 pub mod residual;
 pub mod diagnose;
+pub mod tolerance;
 pub mod study;
 pub mod trial;
 pub mod report;

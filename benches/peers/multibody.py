@@ -80,42 +80,49 @@ def read(mbs, sensors):
     return [p[0], p[1], tip[1]]
 
 
-out = {}
-mbs, sensors = build(0.0)
-out["frequencies_at_rest"] = frequencies(mbs)
-for force in (80.0, 138.3, -138.3):
-    mbs, sensors = build(force)
-    statics(mbs, 20)
-    out[f"deflection_{force}"] = read(mbs, sensors)
-
 TAU = 2e-5
 DURATION = 0.012
 push = lambda t: 138.3 * math.sin(2 * math.pi * t / DURATION) ** 2 * (1 if t < 0.5 * DURATION else -1)
-for steps in (600, 2400, 9600):
-    mbs, sensors = build(push, TAU)
-    s = exu.SimulationSettings()
-    s.timeIntegration.numberOfSteps = steps
-    s.timeIntegration.endTime = DURATION
-    s.timeIntegration.generalizedAlpha.spectralRadius = 0.7
-    s.timeIntegration.newton.useModifiedNewton = False
-    s.timeIntegration.newton.relativeTolerance = 1e-7
-    s.timeIntegration.newton.absoluteTolerance = 1e-4
-    s.timeIntegration.verboseMode = 0
-    s.solutionSettings.writeSolutionToFile = False
-    s.solutionSettings.sensorsWritePeriod = DURATION / 600
-    trace = []
-    # Called before a step: what it reads is the end of the step before.
-    mbs.SetPreStepUserFunction(lambda m, t: (trace.append((t - DURATION / steps, *read(m, sensors))), True)[1])
-    mbs.SolveDynamic(s)
-    trace.append((DURATION, *read(mbs, sensors)))
-    out[f"transient_{steps}"] = [[round(t, 9), *v] for t, *v in trace if abs(t / DURATION * 12 - round(t / DURATION * 12)) < 1e-6][1:]
 
-# Time of an implicit step, without Python callbacks: a constant load.
-for modified in (False, True):
-    mbs, sensors = build(60.0, TAU)
-    s.timeIntegration.numberOfSteps = 1000
-    s.timeIntegration.newton.useModifiedNewton = modified
-    start = time.process_time()
-    mbs.SolveDynamic(s)
-    out[f"microseconds_per_step_{'modified' if modified else 'full'}_newton"] = (time.process_time() - start) * 1e3
-json.dump(out, sys.stdout, indent=1)
+
+def main():
+    out = {}
+    mbs, sensors = build(0.0)
+    out["frequencies_at_rest"] = frequencies(mbs)
+    for force in (80.0, 138.3, -138.3):
+        mbs, sensors = build(force)
+        statics(mbs, 20)
+        out[f"deflection_{force}"] = read(mbs, sensors)
+
+    for steps in (600, 2400, 9600):
+        mbs, sensors = build(push, TAU)
+        s = exu.SimulationSettings()
+        s.timeIntegration.numberOfSteps = steps
+        s.timeIntegration.endTime = DURATION
+        s.timeIntegration.generalizedAlpha.spectralRadius = 0.7
+        s.timeIntegration.newton.useModifiedNewton = False
+        s.timeIntegration.newton.relativeTolerance = 1e-7
+        s.timeIntegration.newton.absoluteTolerance = 1e-4
+        s.timeIntegration.verboseMode = 0
+        s.solutionSettings.writeSolutionToFile = False
+        s.solutionSettings.sensorsWritePeriod = DURATION / 600
+        trace = []
+        # Called before a step: what it reads is the end of the step before.
+        mbs.SetPreStepUserFunction(lambda m, t: (trace.append((t - DURATION / steps, *read(m, sensors))), True)[1])
+        mbs.SolveDynamic(s)
+        trace.append((DURATION, *read(mbs, sensors)))
+        out[f"transient_{steps}"] = [[round(t, 9), *v] for t, *v in trace if abs(t / DURATION * 12 - round(t / DURATION * 12)) < 1e-6][1:]
+
+    # Time of an implicit step, without Python callbacks: a constant load.
+    for modified in (False, True):
+        mbs, sensors = build(60.0, TAU)
+        s.timeIntegration.numberOfSteps = 1000
+        s.timeIntegration.newton.useModifiedNewton = modified
+        start = time.process_time()
+        mbs.SolveDynamic(s)
+        out[f"microseconds_per_step_{'modified' if modified else 'full'}_newton"] = (time.process_time() - start) * 1e3
+    json.dump(out, sys.stdout, indent=1)
+
+
+if __name__ == "__main__":
+    main()

@@ -85,7 +85,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     folder.residuals(&after.tests)?;
     let added = EffectAt { effect: instance.name().into(), at: instance.at.clone() };
     let value = fit::json(&json!({ "before": fit::plain(&before)?, "after": fit::plain(&after)?, "added": fit::plain(&added)? }), &folder)?;
-    report::write(&folder, &study, Some(&after), None, None)?;
+    report::write(&folder, &study, &after_fit.system, Some(&after), None, None)?;
     folder.result(&value)?;
     study.write_effect(instance)?;
     let shown = args.common.study.display().to_string();

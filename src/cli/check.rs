@@ -30,19 +30,16 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     session.progress.say("reading the study and its measurements");
     let mut problems: Vec<Failure> = Vec::new();
-    let mut report = None;
+    let (mut report, mut notes): (_, Vec<String>) = (None, vec![]);
     match Study::load(&args.common.study, args.common.data.as_deref()) {
         Err(first) => problems = all_of(first, args),
         Ok(study) => {
-            problems.extend(
-                study
-                    .dataset
-                    .tests
-                    .par_iter()
-                    .filter_map(|t| Plan::new(t, &study.system.model).err())
-                    .map(Failure::from)
-                    .collect::<Vec<_>>(),
-            );
+            for plan in study.dataset.tests.par_iter().map(|t| Plan::new(t, &study.system.model)).collect::<Vec<_>>() {
+                match plan {
+                    Ok(plan) => notes.extend(plan.notes.iter().map(|n| format!("{}: {n}", plan.id))),
+                    Err(e) => problems.push(e.into()),
+                }
+            }
             if problems.is_empty() {
                 session.progress.say("the gate: does every parameter move the residual");
                 // A formula that has no value or gives energy back is found here.
@@ -63,8 +60,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         .map(|p| json!({ "name": p.name, "moves_residual": p.moves_residual, "sensitivity": p.sensitivity, "lowers_cost": p.lowers_cost }))
         .collect();
     let ok = problems.is_empty();
-    let value = json!({ "ok": ok, "problems": problems.iter().map(Failure::problem).collect::<Vec<_>>(), "free": free });
-    Ok(Outcome { json: value, text: told(&problems, report.as_ref(), &args.common.study), code: if ok { 0 } else { NOT_DONE } })
+    let value = json!({ "ok": ok, "problems": problems.iter().map(Failure::problem).collect::<Vec<_>>(), "free": free, "findings": notes });
+    let text = super::text::notes(&notes) + &told(&problems, report.as_ref(), &args.common.study);
+    Ok(Outcome { json: value, text, code: if ok { 0 } else { NOT_DONE } })
 }
 
 fn at_gate(case: &Case, session: &Session) -> Result<GateReport, Failure> {

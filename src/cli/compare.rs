@@ -26,14 +26,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&study, "compare")?;
     folder.study(&study, &case.system)?;
     folder.residuals(&tests)?;
-    report::write(&folder, &study, Some(&as_it_stands(&case, &tests)), None, None)?;
+    report::write(&folder, &study, &case.system, Some(&as_it_stands(&case, &tests)), None, None)?;
     let value = fit::json(&json!({ "study": study.title, "tests": fit::plain(&tests)? }), &folder)?;
     folder.result(&value)?;
     let shown = args.common.study.display().to_string();
     let text = format!(
-        "{} at the values of its study.toml\n\n{}\n{}Run: {}\n",
+        "{} at the values of its study.toml\n\n{}\n{}{}Run: {}\n",
         study.title,
         text::tests(&tests),
+        text::notes(&case.notes()),
         text::verdict(&tests, &shown),
         folder.path.display()
     );
@@ -55,6 +56,6 @@ fn as_it_stands(case: &Case, tests: &[TestResult]) -> FitResult {
         parameters: vec![],
         unidentifiable: vec![],
         effects: case.system.instances.iter().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() }).collect(),
-        notes: vec!["the model at the values of study.toml, not fitted".into()],
+        notes: std::iter::once("the model at the values of study.toml, not fitted".to_string()).chain(case.notes()).collect(),
     }
 }

@@ -23,9 +23,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     session.progress.end();
     let (result, diagnosis) = done?;
     let folder = session.folder(&study, "diagnose")?;
-    folder.study(&study, &fit::at_values(&case.system, &result.parameters))?;
+    let system = fit::at_values(&case.system, &result.parameters);
+    folder.study(&study, &system)?;
     folder.residuals(&result.tests)?;
-    report::write(&folder, &study, Some(&result), Some(&diagnosis), None)?;
+    report::write(&folder, &study, &system, Some(&result), Some(&diagnosis), None)?;
     let mut value = fit::json(&diagnosis, &folder)?;
     value["fit"] = fit::plain(&result)?;
     folder.result(&value)?;

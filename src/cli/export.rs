@@ -1,11 +1,16 @@
 //! `misfit export`: the calibrated set in other formats.
 
+use std::collections::BTreeMap;
+
 use clap::ValueEnum;
 use serde_json::json;
 
+use crate::data::Test;
 use crate::diagnose;
-use crate::export::{CalibratedSet, EXPORTERS, Exporter};
+use crate::export::{CalibratedSet, EXPORTERS, Exporter, Source};
 use crate::identify::{UncertaintyOptions, uncertainty};
+use crate::model::Level;
+use crate::study::Study;
 
 use super::failure::Failure;
 use super::session::{Common, Session};
@@ -16,6 +21,8 @@ enum Format {
     Json,
     Csv,
     Parquet,
+    Adams,
+    Exudyn,
 }
 
 impl Format {
@@ -24,6 +31,8 @@ impl Format {
             Format::Json => "json",
             Format::Csv => "csv",
             Format::Parquet => "parquet",
+            Format::Adams => "adams",
+            Format::Exudyn => "exudyn",
         };
         EXPORTERS.iter().copied().find(|e| e.name() == name)
     }
@@ -36,11 +45,35 @@ pub(super) struct Args {
     /// Formats, separated by commas
     #[arg(long, value_delimiter = ',', required = true, value_enum)]
     to: Vec<Format>,
+    /// Test at whose conditions and loads a mechanism is exported [default: the first under a load, else the first]
+    #[arg(long, value_name = "TEST")]
+    test: Option<String>,
+}
+
+/// Id and conditions [SI] of the test a mechanism stands at.
+fn stand(args: &Args, study: &Study) -> Result<(String, BTreeMap<String, f64>), Failure> {
+    let tests = &study.dataset.tests;
+    let conditions = |t: &Test| -> BTreeMap<String, f64> { t.conditions.iter().map(|(k, c)| (k.clone(), c.value)).collect() };
+    let loaded = |t: &&Test| {
+        let stated = |l: &Level| matches!(l, Level::Condition(name, _) if t.conditions.contains_key(name));
+        study.system.model.loads.iter().any(|l| l.path.iter().any(stated))
+    };
+    let test = match &args.test {
+        Some(id) => tests.iter().find(|t| t.id == *id).ok_or_else(|| {
+            let known: Vec<&str> = tests.iter().map(|t| t.id.as_str()).collect();
+            Failure::new("export", "--test", format!("there is no test `{id}`"), known.join(", "))
+        })?,
+        None => tests.iter().find(loaded).or(tests.first()).ok_or_else(|| {
+            Failure::new("export", "--to", "the dataset has no test whose conditions a mechanism could stand at", "at least one [[test]]")
+        })?,
+    };
+    Ok((test.id.clone(), conditions(test)))
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let study = session.study()?;
+    let (test, conditions) = stand(args, &study)?;
     let case = session.case(&study)?;
     session.progress.say("fit");
     let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
@@ -51,13 +84,19 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let set = CalibratedSet::new(&source, &result, &fitted, &spread.covariance);
     let folder = session.folder(&study, "export")?;
     folder.study(&study, &fitted.system)?;
-    let mut files: Vec<String> = Vec::new();
+    let (mut files, mut notes): (Vec<String>, Vec<String>) = (vec![], vec![]);
+    let of = Source { set: &set, system: &fitted.system, test: &test, conditions: &conditions };
     for exporter in args.to.iter().filter_map(|f| f.exporter()) {
-        for (name, bytes) in exporter.files(&set)? {
+        let exported = exporter.files(&of)?;
+        for (name, bytes) in exported.files {
             files.push(folder.write(&name, &bytes)?.display().to_string());
         }
+        for note in exported.notes {
+            eprintln!("{}: {note}", exporter.name());
+            notes.push(format!("{}: {note}", exporter.name()));
+        }
     }
-    let value = fit::json(&json!({ "files": files }), &folder)?;
+    let value = fit::json(&json!({ "files": files, "notes": notes, "test": test }), &folder)?;
     folder.result(&value)?;
     let text = files.iter().map(|f| format!("{f}\n")).collect();
     Ok(Outcome { json: value, text, code: fit::code(&result.termination) })

@@ -119,7 +119,7 @@ fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
 pub(super) fn keep(study: &Study, system: &System, folder: &RunFolder, result: &FitResult) -> Result<(), Failure> {
     folder.study(study, system)?;
     folder.residuals(&result.tests)?;
-    report::write(folder, study, Some(result), None, None)?;
+    report::write(folder, study, system, Some(result), None, None)?;
     folder.result(&json(result, folder)?)?;
     Ok(())
 }

@@ -28,7 +28,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(last) = result.rungs.last() {
         folder.residuals(&last.tests)?;
     }
-    report::write(&folder, &study, None, None, Some(&result))?;
+    report::write(&folder, &study, &system, None, None, Some(&result))?;
     let value = fit::json(&result, &folder)?;
     folder.result(&value)?;
     let text = told(&result) + &format!("The study with these effects and values: {}\n", folder.path.display());

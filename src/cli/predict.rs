@@ -5,7 +5,8 @@ use serde_json::{Value, json};
 
 use crate::diagnose::{self, Fitted};
 use crate::identify::{Replicate, UncertaintyOptions, uncertainty};
-use crate::study::PredictionSpec;
+use crate::report::{ReportInput, html_with};
+use crate::study::{Predicted, PredictionSpec, Study};
 use crate::units::Dimension;
 
 use super::failure::Failure;
@@ -13,6 +14,7 @@ use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{Outcome, fit, report, scatter, text};
 
+mod tolerance;
 mod value;
 
 #[derive(clap::Args)]
@@ -27,12 +29,12 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let study = session.study()?;
-    if study.predictions.is_empty() {
+    if study.predictions.is_empty() && study.tolerance.is_none() {
         return Err(Failure::new(
             "study",
             study.file.display().to_string(),
             "the study asks for no prediction",
-            "[[prediction]] with case, quantity, ...",
+            "[[prediction]] with case, quantity, ..., or [tolerance]",
         ));
     }
     let case = session.case(&study)?;
@@ -47,16 +49,22 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     session.progress.say("predictions");
     let mut rows = Vec::new();
     let mut predictions: Vec<Value> = Vec::new();
+    let (mut off, mut all) = (0.0, 0.0);
     for spec in &study.predictions {
-        let found = value::evaluate(spec, &fitted.system, &fitted.free)?;
+        let found = value::evaluate(spec, &study, &fitted.system, &fitted.free)?;
         let std = value::deviation(&found, &spread.covariance, &fitted.outcome.p);
-        let scattered = scattered(spec, &fitted, &replicates);
+        let scattered = scattered(spec, &study, &fitted, &replicates);
         let reference = spec.reference.as_ref().map(|q| q.value);
         let relative = reference.filter(|r| *r != 0.0).map(|r| found.value / r - 1.0);
         let unit = si(spec.dimension());
         // The table is in the unit of the reference where there is one, the JSON in SI.
         let (symbol, factor) = spec.reference.as_ref().map_or((unit.clone(), 1.0), |q| (q.unit.symbol.clone(), q.unit.factor));
         let shown = |v: f64| significant(v / factor, 4);
+        if let (Predicted::Shift { .. }, Some(r)) = (&spec.quantity, reference) {
+            off += (found.value - r).powi(2);
+            all += r * r;
+        }
+        let beyond = beyond(&study, spec);
         rows.push(vec![
             spec.case.clone(),
             spec.quantity.word().to_string(),
@@ -66,34 +74,73 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             symbol,
             reference.map_or("-".into(), shown),
             relative.map_or("-".into(), percent),
+            beyond.clone().unwrap_or_default(),
         ]);
         predictions.push(json!({
             "case": spec.case, "quantity": spec.quantity.word(), "unit": unit, "value": found.value, "std": std,
-            "reference": reference, "relative_error": relative,
+            "reference": reference, "relative_error": relative, "extrapolated": beyond,
             "bootstrap": scattered.as_ref().map(|s| json!({ "std": s.std, "interval": [s.interval.0, s.interval.1] })),
         }));
     }
+    // What is off over what "no shift" would be off.
+    let shifts = (all > 0.0).then(|| (off / all).sqrt());
+    let header = ["case", "quantity", "value", "std", "95 % by bootstrap", "unit", "reference", "error", ""];
+    let mut text = format!("{}\n\n{}\n", study.title, text::tests(&result.tests));
+    if !rows.is_empty() {
+        text += &format!("{}\n", table(&header, &rows));
+    }
+    if let Some(ratio) = shifts {
+        text += &format!("Shifts of frequency: root mean square error over that of no shift {}.\n\n", significant(ratio, 3));
+    }
+    let outcome = match &study.tolerance {
+        Some(spec) => {
+            session.progress.say("tolerance cases");
+            let p = &fitted.outcome.p;
+            Some(tolerance::outcome(&study, spec, &fitted.system, &fitted.free, &spread.covariance, p, session.common.seed)?)
+        }
+        None => None,
+    };
     session.progress.end();
     folder.study(&study, &fitted.system)?;
     folder.residuals(&result.tests)?;
-    report::write(&folder, &study, Some(&result), None, None)?;
-    let value = fit::json(&json!({ "predictions": predictions, "fit": fit::plain(&result)? }), &folder)?;
+    let mut value = json!({ "fit": fit::plain(&result)?, "shift_error_over_none": shifts });
+    if let (Some(outcome), Some(spec)) = (&outcome, &study.tolerance) {
+        predictions.extend(tolerance::predictions(outcome));
+        value["tolerance"] = tolerance::json(outcome);
+        text += &tolerance::text(outcome, spec);
+        tolerance::write_surface(&outcome.surface, &folder)?;
+    }
+    value["predictions"] = predictions.into();
+    let input = ReportInput { study: &study, system: Some(&fitted.system), fit: Some(&result), diagnosis: None, ladder: None };
+    folder.write(report::FILE, html_with(&input, outcome.as_ref())?.as_bytes())?;
+    let value = fit::json(&value, &folder)?;
     folder.result(&value)?;
-    let header = ["case", "quantity", "value", "std", "95 % by bootstrap", "unit", "reference", "error"];
-    let text = format!("{}\n\n{}\n{}\nRun: {}\n", study.title, text::tests(&result.tests), table(&header, &rows), folder.path.display());
+    text += &format!("Run: {}\n", folder.path.display());
     Ok(Outcome { json: value, text, code: fit::code(&result.termination) })
 }
 
 /// A prediction over the replicates; none without them.
-fn scattered(spec: &PredictionSpec, fitted: &Fitted, replicates: &[Replicate]) -> Option<scatter::Spread> {
+fn scattered(spec: &PredictionSpec, study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Option<scatter::Spread> {
     let at = |r: &Replicate| -> Option<f64> {
         let mut system = fitted.system.clone();
         for (f, v) in fitted.free.iter().zip(r.p.as_ref()?) {
             system.instances[f.instance].params[f.param].value = if f.log { v.exp() } else { *v };
         }
-        value::evaluate(spec, &system, &[]).ok().map(|found| found.value).filter(|v| v.is_finite())
+        value::evaluate(spec, study, &system, &[]).ok().map(|found| found.value).filter(|v| v.is_finite())
     };
     scatter::spread(replicates.par_iter().filter_map(at).collect())
+}
+
+/// In words, where a condition that a law of the model depends on lies outside those of the tests.
+fn beyond(study: &Study, spec: &PredictionSpec) -> Option<String> {
+    let targets = study.system.instances.iter().filter_map(|i| i.target.as_ref());
+    let of_laws = |name: &String| targets.clone().any(|t| t.condition == *name);
+    spec.conditions.iter().filter(|(name, _)| of_laws(name)).find_map(|(name, c)| {
+        let tested = study.dataset.tests.iter().filter_map(|t| t.conditions.get(name)).map(|c| c.value);
+        let (low, high) = tested.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let outside = c.value < low || c.value > high;
+        outside.then(|| format!("extrapolated: {name} is {}, the tests have {} to {}", c.quantity(), c.unit.print(low), c.unit.print(high)))
+    })
 }
 
 /// The SI unit as it is printed: an energy in J.

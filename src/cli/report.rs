@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
+use crate::model::System;
 use crate::report::{ReportInput, html};
 use crate::study::Study;
 use crate::study::run::RunFolder;
@@ -17,17 +18,18 @@ pub(super) struct Args {
     pub common: Common,
 }
 
-const FILE: &str = "report.html";
+pub(super) const FILE: &str = "report.html";
 
 /// Writes `report.html` into the folder of a run and returns its path.
 pub(super) fn write(
     folder: &RunFolder,
     study: &Study,
+    system: &System,
     fit: Option<&FitResult>,
     diagnosis: Option<&Diagnosis>,
     ladder: Option<&LadderResult>,
 ) -> Result<std::path::PathBuf, Failure> {
-    let html = html(&ReportInput { study, fit, diagnosis, ladder })?;
+    let html = html(&ReportInput { study, system: Some(system), fit, diagnosis, ladder })?;
     Ok(folder.write(FILE, html.as_bytes())?)
 }
 
@@ -40,8 +42,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let (result, diagnosis) = super::diagnose::call(&session, &case)?;
     session.progress.end();
     let folder = session.folder(&study, "report")?;
-    folder.study(&study, &fit::at_values(&case.system, &result.parameters))?;
-    let file = write(&folder, &study, Some(&result), Some(&diagnosis), None)?;
+    let system = fit::at_values(&case.system, &result.parameters);
+    folder.study(&study, &system)?;
+    let file = write(&folder, &study, &system, Some(&result), Some(&diagnosis), None)?;
     folder.residuals(&result.tests)?;
     folder.result(&json!({ "fit": fit::plain(&result)?, "diagnosis": fit::plain(&diagnosis)? }))?;
     let shown = file.display().to_string();

@@ -27,14 +27,16 @@ pub(super) fn tests(tests: &[TestResult]) -> String {
             percent(t.error),
             percent(t.floor),
             significant(t.error / t.floor, 3),
+            t.largest_difference.iter().map(|d| percent(d.fraction)).collect::<Vec<_>>().join(", "),
             significant(t.whitened_rms, 3),
             format!("{}: measured {}, computed {}", t.worst.place, si(t.worst.measured, unit), si(t.worst.computed, unit)),
         ]
     };
     let mut text = table(
-        &["test", "kind", "split", "error", "floor", "error/floor", "rms/sigma", "farthest point"],
+        &["test", "kind", "split", "error", "floor", "error/floor", "largest/range", "rms/sigma", "farthest point"],
         &tests.iter().map(row).collect::<Vec<_>>(),
     );
+    text += "largest/range: largest difference over the range of the measured, channel by channel (FRF: of the magnitude; tables: of the value)\n";
     for (t, f) in tests.iter().flat_map(|t| t.factors.iter().map(move |f| (t, f))) {
         text += &format!("{}, {}: off by a factor of {} at most", t.id, f.channel, significant(f.largest, 4));
         if let Some(s) = &f.strength {
@@ -89,7 +91,7 @@ pub(super) fn verdict(tests: &[TestResult], study: &str) -> String {
 }
 
 /// Notes `test: what`, those of several tests together.
-fn notes(all: &[String]) -> String {
+pub(super) fn notes(all: &[String]) -> String {
     let mut grouped: Vec<(&str, Vec<&str>)> = Vec::new();
     for (test, what) in all.iter().map(|n| n.split_once(": ").unwrap_or(("", n))) {
         match grouped.iter_mut().find(|g| g.0 == what) {

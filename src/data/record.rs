@@ -81,8 +81,12 @@ impl TimeRecord {
 
     /// What the record shows of the rig: gaps, clipping, control, swapped signs, delays. Nothing is repaired.
     pub fn findings(&self) -> Result<Vec<Note>, DataError> {
-        let settled = self.settled()?;
-        Ok(super::loops::findings(self, &settled))
+        Ok(self.findings_of(&self.settled()?))
+    }
+
+    /// The same where the settled loop is at hand.
+    pub fn findings_of(&self, settled: &SettledLoop) -> Vec<Note> {
+        super::loops::findings(self, settled)
     }
 
     /// The whole record, for time integration; see [`History`].

@@ -20,6 +20,7 @@ pub struct Scene {
     /// One for each place.
     scales: Vec<Scales>,
     periods: (f64, f64),
+    small: bool,
 }
 
 impl Scene {
@@ -27,23 +28,28 @@ impl Scene {
     pub fn new(plans: &[&Plan], system: &System) -> Scene {
         let mut scales = vec![Scales { least_v: f64::INFINITY, ..Scales::default() }; system.model.places.len()];
         let mut periods = (f64::INFINITY, 0.0f64);
+        let mut small = false;
         for plan in plans {
             let (lo, hi) = plan.periods();
             periods = (periods.0.min(lo), periods.1.max(hi));
             // A test whose response cannot be computed has been reported by the fit; its amplitudes are not needed here.
-            if let Ok(Some(here)) = plan.amplitudes(system) {
-                for (a, b) in scales.iter_mut().zip(here) {
-                    let least_v = if b.v > 0.0 { a.least_v.min(b.v) } else { a.least_v };
-                    *a = Scales { x: a.x.max(b.x), v: a.v.max(b.v), f: a.f.max(b.f), least_v, ..*a };
+            match plan.amplitudes(system) {
+                Ok(None) => small = true,
+                Ok(Some(here)) => {
+                    for (a, b) in scales.iter_mut().zip(here) {
+                        let least_v = if b.v > 0.0 { a.least_v.min(b.v) } else { a.least_v };
+                        *a = Scales { x: a.x.max(b.x), v: a.v.max(b.v), f: a.f.max(b.f), least_v, ..*a };
+                    }
                 }
+                Err(_) => {}
             }
         }
-        Scene { scales, periods }
+        Scene { scales, periods, small }
     }
 
     /// What the tests show at any of these places.
     pub fn at(&self, places: &[usize]) -> Scales {
-        let none = Scales { least_v: f64::INFINITY, periods: self.periods, ..Scales::default() };
+        let none = Scales { least_v: f64::INFINITY, periods: self.periods, small: self.small, ..Scales::default() };
         places.iter().map(|p| self.scales[*p]).fold(none, |a, b| Scales {
             x: a.x.max(b.x),
             v: a.v.max(b.v),
@@ -257,5 +263,5 @@ fn at_null(effect: &'static Effect, at: String, site: Site, target: Option<Targe
     let mut params: Vec<ParamValue> = info.params.iter().map(|p| ParamValue::fixed(p.default)).collect();
     params[0] = ParamValue::free(info.params[0].default, info.params[0].sign);
     let follower = matches!(info.role, Role::Force | Role::Series);
-    Instance { effect, at, site, params, target, follower }
+    Instance { target, follower, ..Instance::new(effect, at, site, params) }
 }

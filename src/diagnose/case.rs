@@ -10,7 +10,7 @@ use crate::response::{BlockKind, Computed, Plan};
 
 use super::DiagnoseError;
 use super::factors::factors;
-use super::results::{Curve, EffectAt, FitResult, ParameterResult, SplitName, TestResult, Worst};
+use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
 
 /// Relative change of the cost at which a coarse fit ends.
 const COARSE: f64 = 1e-5;
@@ -35,6 +35,8 @@ pub struct Case {
     pub plans: Arc<Vec<(Plan, SplitName)>>,
     /// The model with its effects and present values.
     pub system: System,
+    /// What the data say of each other, whatever the model.
+    pub of_data: Vec<Finding>,
     /// Pairs of free parameters in rising order, by name, with a least gap.
     pub orders: Vec<(String, String, f64)>,
     /// Loss on whitened residuals.
@@ -82,6 +84,14 @@ impl Case {
         // Held-out tests are read once, at the end: nothing of them is looked at here.
         let plans = self.plans.par_iter().map(|p| if p.1 == SplitName::HeldOut { p.clone() } else { granted(p) }).collect();
         Case { plans: Arc::new(plans), ..self.clone() }
+    }
+
+    /// What was found in the data of every test and done to them, `test: what`.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes: Vec<String> = self.plans.iter().flat_map(|(p, _)| p.notes.iter().map(move |n| format!("{}: {n}", p.id))).collect();
+        notes.extend(self.of_data.iter().map(|f| format!("{}: {}", f.test, f.claim)));
+        notes.dedup();
+        notes
     }
 
     /// The case with as many time steps in every test as the noise asks for at the system's present values; `None` where they are enough.
@@ -164,8 +174,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let case = &case;
     let tests = compare(case, &fitted.system, splits)?;
     let (parameters, unidentifiable) = parameters(case, &fitted)?;
-    let mut notes: Vec<String> = case.plans.iter().flat_map(|(p, _)| p.notes.iter().map(move |n| format!("{}: {n}", p.id))).collect();
-    notes.dedup();
+    let notes = case.notes();
     let result = FitResult {
         study: case.name.clone(),
         termination: fitted.outcome.termination.name().into(),
@@ -214,7 +223,7 @@ fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Comput
         BlockKind::Table if plan.kind == TestKind::Modal => format!("mode {}", block.abscissa[within]),
         BlockKind::Table => format!("{} Hz", block.abscissa[within]),
     };
-    let curves = plan
+    let curves: Vec<Curve> = plan
         .blocks
         .iter()
         .map(|b| Curve {
@@ -242,9 +251,19 @@ fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Comput
             computed: plain(block.kind, computed.values[e.worst.0]),
         },
         n: plan.len(),
+        largest_difference: curves.iter().map(difference).collect(),
         factors: factors(plan, system, computed),
         curves,
     }
+}
+
+fn difference(c: &Curve) -> LargestDifference {
+    let over = match c.kind {
+        BlockKind::Loop | BlockKind::Record => "range",
+        BlockKind::Frf => "range of magnitude",
+        BlockKind::Table => "value",
+    };
+    LargestDifference { channel: c.label.clone(), over, fraction: c.largest_difference() }
 }
 
 /// A value as it was measured: tables are compared by their logarithms.

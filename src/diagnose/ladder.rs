@@ -11,6 +11,7 @@ use super::findings::{findings, unsettled};
 use super::refit::{Proof, cost, prove};
 use super::results::*;
 use super::search::{LEVEL, SURE, Step, step};
+use super::simplify::simplify;
 use super::unexplained::{Unexplained, unexplained};
 use super::{DiagnoseError, trace};
 
@@ -121,6 +122,7 @@ fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseEr
     };
     let seen = case.plans.par_iter().filter(|(_, split)| *split != SplitName::HeldOut);
     let mut list: Vec<Finding> = seen.map(found).collect::<Result<Vec<_>, _>>()?.concat();
+    list.extend(case.of_data.iter().cloned());
     list.sort_by(|a, b| b.number.abs().total_cmp(&a.number.abs()));
     Ok(list)
 }
@@ -219,6 +221,11 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         let added = EffectAt { effect: name.effect.into(), at: name.at };
         let undone = removed.contains(&added);
         rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
+        if let Some(swap) = simplify(&searched, &mut fitted, base_instances, &mut missing, WORTH_KEEPING, monitor, watch)? {
+            fitted = case.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
+            let tests = compare(&case, &fitted.system, &seen)?;
+            rungs.push(rung(&case, &fitted, Some(swap.added), vec![swap.removed], vec![], tests)?);
+        }
         if undone {
             break (
                 "the effect added last was pruned again".to_string(),

@@ -14,6 +14,7 @@ pub mod results;
 mod score;
 mod search;
 mod selection;
+mod simplify;
 mod trace;
 mod unexplained;
 

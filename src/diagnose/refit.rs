@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::effect::{Kind, Role};
+use crate::effect::{Grid, Kind, Role};
 use crate::identify::{Monitor, Termination};
 use crate::model::System;
 use crate::residual::test_error;
@@ -77,7 +77,9 @@ pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
     instance.follower = false;
     let info = instance.effect.info();
     for (value, p) in instance.params.iter_mut().zip(info.params) {
-        if p.kind == Kind::Shape {
+        // An elastic limit that was tried is fitted as well.
+        let elastic = matches!(p.grid, Grid::Elastic(_)) && value.value > 0.0;
+        if p.kind == Kind::Shape || elastic {
             value.free = true;
             (value.min, value.max) = (p.min, p.max);
         }

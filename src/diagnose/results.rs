@@ -51,6 +51,41 @@ pub struct Curve {
     pub sigma: Vec<f64>,
 }
 
+impl Curve {
+    /// Largest difference of measured and computed over the range of the measured, as the tensioner's paper states errors (Figs. 15, 19,
+    /// 20); of an FRF that of its magnitude, of a table the largest relative deviation of a row (Fig. 14).
+    pub fn largest_difference(&self) -> f64 {
+        use crate::response::BlockKind;
+        let largest = |d: &mut dyn Iterator<Item = f64>| d.fold(0.0f64, |m, d| m.max(d.abs()));
+        let magnitude = |v: &[f64]| v.chunks_exact(2).map(|p| p[0].hypot(p[1])).collect::<Vec<f64>>();
+        // Rows that are compared with nothing have a deviation beyond all measure.
+        let seen = |(i, _): &(usize, &f64)| self.sigma.get(*i).is_none_or(|s| *s < 1e3 * self.measured[*i].abs());
+        let over_range = |m: &[f64], c: &[f64]| {
+            let (low, high) = m.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+            let range = high - low;
+            if range > 0.0 { largest(&mut m.iter().zip(c).map(|(m, c)| m - c)) / range } else { f64::NAN }
+        };
+        match self.kind {
+            BlockKind::Frf => over_range(&magnitude(&self.measured), &magnitude(&self.computed)),
+            BlockKind::Table => largest(
+                &mut self.measured.iter().enumerate().filter(seen).map(|(i, m)| self.computed.get(i).map_or(f64::NAN, |c| c / m - 1.0)),
+            ),
+            BlockKind::Loop | BlockKind::Record => over_range(&self.measured, &self.computed),
+        }
+    }
+}
+
+/// [`Curve::largest_difference`] of one channel, as a fraction.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LargestDifference {
+    /// `displacement at P.x`.
+    pub channel: String,
+    /// What it is over: `range`, `range of magnitude` or `value`.
+    pub over: &'static str,
+    /// The difference as a fraction of that.
+    pub fraction: f64,
+}
+
 /// How far off the energies of one channel of a table are, as factors: energies run over decades.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Factor {
@@ -96,6 +131,8 @@ pub struct TestResult {
     pub worst: Worst,
     /// Number of measured values.
     pub n: usize,
+    /// Largest difference over the range of the measured, channel by channel: the measure of the tensioner's paper.
+    pub largest_difference: Vec<LargestDifference>,
     /// Of a table of energies, how far each channel is off.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub factors: Vec<Factor>,

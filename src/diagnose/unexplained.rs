@@ -223,7 +223,7 @@ fn instance(terms: &[(usize, f64)], at: &str, places: &[usize], scales: (f64, f6
         }
     }
     let effect = compile(&Definition { expression, states: vec![], parameters, active: false, rotational }).ok()?;
-    Some(Instance { effect, at: at.into(), site: Site::Places(places.to_vec()), params, target: None, follower: false })
+    Some(Instance::new(effect, at, Site::Places(places.to_vec()), params))
 }
 
 /// The block for study.toml.

@@ -27,6 +27,7 @@ impl Force for Film {
                     0.0,
                     "elastic displacement of the contact per unit u: its stiffness is f/d; 0 is a rigid contact",
                 )
+                .tried(Grid::Elastic(&[0.03, 0.3]))
             },
         ],
         states: 2,

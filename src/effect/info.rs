@@ -167,6 +167,9 @@ pub enum Grid {
     None,
     /// Multiples of the displacement amplitude at the place.
     OfX(&'static [f64]),
+    /// Multiples of the displacement amplitude at the place where some test is of small signal, which sees an elastic limit, and is
+    /// then fitted; else 0.
+    Elastic(&'static [f64]),
     /// Multiples of the velocity amplitude at the place.
     OfV(&'static [f64]),
     /// Multiples of the smallest velocity amplitude that a test has at the place.
@@ -196,6 +199,8 @@ pub struct Scales {
     pub f: f64,
     /// Shortest and longest period [s].
     pub periods: (f64, f64),
+    /// Whether some test is of small signal: modal, or an FRF without a declared amplitude.
+    pub small: bool,
 }
 
 impl Grid {
@@ -207,6 +212,8 @@ impl Grid {
         match self {
             Grid::None => vec![],
             Grid::OfX(f) => times(f, scales.x),
+            Grid::Elastic(f) if scales.small => times(f, scales.x),
+            Grid::Elastic(_) => vec![0.0],
             Grid::OfV(f) => times(f, scales.v),
             Grid::OfLeastV(f) => times(f, scales.least_v),
             Grid::OfF(f) => times(f, scales.f),

@@ -69,6 +69,11 @@ impl Force for Iwan {
 /// Logarithms of the quantiles `(j - 1/2)/12`.
 static QUANTILES: LazyLock<[f64; SLIDERS]> = LazyLock::new(|| std::array::from_fn(|j| ((j as f64 + 0.5) / SLIDERS as f64).ln()));
 
+/// Slip displacement of every slider over that of the whole, for a density `y^chi`.
+pub fn limits(chi: f64) -> Vec<f64> {
+    (0..SLIDERS).map(|j| limit(j, 1.0 / (1.0 + chi))).collect()
+}
+
 /// Slip displacement of slider `j`, counted from 0, over that of the whole: the quantiles of the density.
 fn limit<T: Num>(j: usize, exponent: T) -> T {
     (exponent * QUANTILES[j]).exp()

@@ -41,6 +41,7 @@ mod maxwell;
 mod moving_mass;
 mod offset;
 mod power_damping;
+mod prony;
 mod quadratic_damping;
 mod quadratic_stiffness;
 mod springpot;
@@ -57,7 +58,9 @@ pub use dispatch::{ForceLaw, Tangent};
 pub use error::EffectError;
 pub use formula::{Formula, FormulaError};
 pub use info::{Dim, Grid, Info, Kind, Param, Ports, Role, Scales, Sign};
+pub use iwan::limits as iwan_limits;
 pub use num::Num;
+pub use prony::{Prony, prony};
 pub use series::Series;
 
 use dispatch::Dispatch;

@@ -6,6 +6,7 @@ use num_complex::Complex;
 
 use super::info::{Dim, Grid, Info, Param, Ports, Role, Sign};
 use super::num::power;
+use super::prony::Prony;
 use super::{Force, Inputs, Num};
 
 /// Springpot (fractional Kelvin element): force proportional to a fractional derivative of displacement.
@@ -64,6 +65,12 @@ impl Force for Springpot {
         }
         Ok(sum * p[0])
     }
+}
+
+/// The law as a series of branches.
+pub(super) fn prony(p: &[f64]) -> Prony {
+    let series = Series::new(p);
+    Prony { spring: series.spring, damper: series.damper, branches: series.branches().map(|(rate, weight)| (weight, rate)).collect() }
 }
 
 /// `(s/w_ref)^alpha = sin(alpha pi)/pi integral of l^alpha s/(s + l) d ln(l)`, `l` the relaxation rate over `w_ref`, by the trapezoidal

@@ -3,6 +3,7 @@
 use num_complex::Complex;
 
 use super::info::{Dim, Info, Param, Ports, Role, Sign};
+use super::prony::Prony;
 use super::{Force, Inputs, Num};
 
 /// Constant loss modulus over a band, as one Prony series in both domains.
@@ -54,6 +55,12 @@ impl Force for StructuralDamping {
 
 /// Branches of the series. One to two per decade keep the loss modulus within 1 % inside the default band of six decades.
 const BRANCHES: usize = 12;
+
+/// The law as a series of branches.
+pub(super) fn prony(p: &[f64]) -> Prony {
+    let (weight, tau) = series(p);
+    Prony { spring: 0.0, damper: 0.0, branches: tau.iter().map(|t| (weight, 1.0 / t)).collect() }
+}
 
 /// Modulus of each branch per unit of loss modulus, and the relaxation times.
 ///

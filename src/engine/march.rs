@@ -110,6 +110,10 @@ pub struct March<'a> {
     alpha: Alpha,
     scratch: ElementScratch,
     sensed: Vec<Sensed>,
+    /// Derivatives of every element's force with respect to the coordinates of its connector, of a spatial model.
+    rows: Vec<[f64; 12]>,
+    /// Elements that act; in an equilibrium those that are attached later do not.
+    acts: Vec<bool>,
     n_states: usize,
     n_follower_states: usize,
     /// Whether the first columns are the free parameters; otherwise all are perturbations of the start.
@@ -197,6 +201,8 @@ impl<'a> March<'a> {
             alpha: Alpha::new(radius),
             scratch: ElementScratch::default(),
             sensed: bound.elements.iter().map(|_| Sensed::default()).collect(),
+            rows: vec![[0.0; 12]; bound.elements.len()],
+            acts: vec![true; bound.elements.len()],
             n_states: s0,
             n_follower_states: fs0,
             by_parameter: true,

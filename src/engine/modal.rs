@@ -253,15 +253,21 @@ impl<'a> Problem<'a> {
             entries.iter().for_each(|(i, j, x)| m[(*i, *j)] += x);
             m
         };
-        let mass = dense(&self.small.mass);
+        let mut mass = dense(&self.small.mass);
+        // Laws that are inertial count as mass: in their dynamic stiffness they would be negative springs.
+        let inertia: Vec<f64> = self.small.bound.elements.iter().map(|e| e.inertia()).collect();
+        for (row, m) in self.small.rows.iter().zip(&inertia).filter(|(_, m)| **m != 0.0) {
+            row.iter().for_each(|(i, bi)| row.iter().for_each(|(j, bj)| mass[(*i, *j)] += m * bi * bj));
+        }
         let heavy: Vec<usize> = (0..n).filter(|d| mass[(*d, *d)] > 0.0).collect();
         let light: Vec<usize> = (0..n).filter(|d| mass[(*d, *d)] <= 0.0).collect();
         let stiffness = |of: fn(Complex64) -> f64| {
             let mut k = dense(&self.small.stiffness);
-            for (row, z) in self.small.rows.iter().zip(&self.z) {
+            for ((row, z), m) in self.small.rows.iter().zip(&self.z).zip(&inertia) {
+                let z = z + omega * omega * m;
                 for (i, bi) in row {
                     for (j, bj) in row {
-                        k[(*i, *j)] += bi * bj * of(*z);
+                        k[(*i, *j)] += bi * bj * of(z);
                     }
                 }
             }

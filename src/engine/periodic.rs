@@ -29,6 +29,10 @@ pub struct Cycle {
 
 /// Change per cycle, relative to the largest value in the cycle, at which it counts as repeating.
 const TOLERANCE: f64 = 1e-10;
+/// The same of a large system, whose sensitivities repeat within [`SENSED`] or are taken as they are after [`ROUNDS`] cycles.
+const REPEATS: f64 = 1e-8;
+const SENSED: f64 = 1e-6;
+const ROUNDS: usize = 12;
 /// Largest state for which the monodromy matrix is formed.
 const SHOOT: usize = 200;
 const CYCLES: usize = 300;
@@ -42,9 +46,13 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
     let steps = length(loads);
     let columns = if sensitivities { bound.n_free } else { 0 };
     let rise = (steps / 4).max(16);
-    let mut state = ramp(model, bound, loads, rise, 0)?;
     let mut march = March::new(model, bound, loads, RADIUS)?;
-    let mut z = Shooting::new(&march, &state);
+    let mut z = Shooting::new(&march, &march.rest(0));
+    if z.len() > SHOOT {
+        let state = ramp(model, bound, loads, rise, columns)?;
+        return repeated(&mut march, state, &mut z, steps, probes, columns);
+    }
+    let mut state = ramp(model, bound, loads, rise, 0)?;
     let mut cycles = 0;
     let mut change = f64::INFINITY;
     let mut wait = 3;
@@ -55,7 +63,7 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
         let last = change;
         change = z.change(&before, &state);
         // What decays quickly is marched; shooting is for slow decay, and is taken back where it does not help.
-        if cycles >= wait && change >= TOLERANCE && change > 0.05 * last && z.len() <= SHOOT {
+        if cycles >= wait && change >= TOLERANCE && change > 0.05 * last {
             let marched = state.clone();
             let shot = z.shoot(&mut march, &mut state, steps).and_then(|()| {
                 let start = state.clone();
@@ -84,28 +92,75 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
             c
         });
     }
-    // What an element that stays stuck keeps of the loading path depends on the parameters too: the path is marched with sensitivities.
-    let path = if z.ns > 0 {
-        let mut state = ramp(model, bound, loads, rise, columns)?;
-        for _ in 0..cycles.clamp(1, PATH_CYCLES) {
-            for k in 1..=steps {
-                march.step(k, &mut state, columns)?;
-            }
-        }
-        Some(state)
-    } else {
-        None
-    };
+    let path = Path { model, bound, loads, rise, cycles: cycles.clamp(1, PATH_CYCLES), columns };
+    // Repetition costs a march of the columns for every cycle that they take to settle, as many as the values took; the monodromy matrix
+    // one march of its own columns beside them.
     let mut cycle = None;
-    if z.len() == 0 || 2 * columns < z.len() || z.len() > SHOOT {
-        cycle = by_repetition(&mut march, &start, path.as_ref(), &z, steps, probes, columns)?;
+    if z.len() == 0 || cycles * columns < columns + z.len() {
+        cycle = by_repetition(&mut march, &start, &path, &z, steps, probes, cycles)?;
     }
     let mut cycle = match cycle {
         Some(cycle) => cycle,
-        None => by_monodromy(&mut march, &start, path.as_ref(), &z, steps, probes, columns)?,
+        None => by_monodromy(&mut march, &start, &path, &z, steps, probes)?,
     };
     cycle.cycles = cycles;
     Ok(cycle)
+}
+
+/// The way to the steady cycle, to be marched with sensitivities where something stays stuck: what it keeps of the loading path depends
+/// on the parameters too.
+struct Path<'a> {
+    model: &'a Model,
+    bound: &'a Bound,
+    loads: &'a Loads,
+    rise: usize,
+    cycles: usize,
+    columns: usize,
+}
+
+impl Path<'_> {
+    fn march(&self, march: &mut March, steps: usize) -> Result<State, EngineError> {
+        let mut state = ramp(self.model, self.bound, self.loads, self.rise, self.columns)?;
+        for _ in 0..self.cycles {
+            for k in 1..=steps {
+                march.step(k, &mut state, self.columns)?;
+            }
+        }
+        Ok(state)
+    }
+}
+
+/// Cycles of a large system, values and sensitivities together, until both repeat; what is left then is below [`REPEATS`].
+fn repeated(
+    march: &mut March,
+    mut state: State,
+    z: &mut Shooting,
+    steps: usize,
+    probes: &[Probe],
+    columns: usize,
+) -> Result<Cycle, EngineError> {
+    let (mut steady, mut followed, mut waited) = (false, false, 0);
+    let mut before = z.pack_columns(&state, columns);
+    for cycles in 1..=CYCLES {
+        let start = state.clone();
+        let mut cycle = record_with(march, &mut state, steps, probes, columns, Some(z))?;
+        let change = z.slow_change(&start, &state);
+        steady |= change < REPEATS;
+        let after = z.pack_columns(&state, columns);
+        let settled = (0..columns).all(|c| (before.column(c) - after.column(c)).amax() <= SENSED * after.column(c).amax());
+        before = after;
+        waited += usize::from(steady);
+        if steady && !state.fs.is_empty() && !followed {
+            follow(march, &mut state, steps)?;
+            followed = true;
+        } else if steady && (settled || waited > ROUNDS) || (cycles == CYCLES && change <= 1e-6) {
+            cycle.cycles = cycles;
+            return Ok(cycle);
+        } else if cycles == CYCLES {
+            return Err(EngineError::NotPeriodic { change, cycles });
+        }
+    }
+    Err(EngineError::NotPeriodic { change: f64::INFINITY, cycles: CYCLES })
 }
 
 fn cycle(march: &mut March, state: &mut State, z: &mut Shooting, steps: usize) -> Result<(), EngineError> {
@@ -133,7 +188,7 @@ fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize, columns: usiz
         prescribed: loads
             .prescribed
             .iter()
-            .map(|(d, p)| (*d, (0..=steps).map(|k| rise(k)).map(|(s, v, a)| [p[0][0] * s, p[0][0] * v, p[0][0] * a]).collect()))
+            .map(|(d, p)| (*d, (0..=steps).map(&rise).map(|(s, v, a)| [p[0][0] * s, p[0][0] * v, p[0][0] * a]).collect()))
             .collect(),
         // Loads that stay come on with the drive.
         forces: (loads.forces.iter().map(|(d, f)| (*d, f[0])))
@@ -178,8 +233,8 @@ fn follow(march: &mut March, state: &mut State, steps: usize) -> Result<(), Engi
 }
 
 fn record(march: &mut March, state: &mut State, steps: usize, probes: &[Probe], columns: usize) -> Result<Cycle, EngineError> {
-    march.set_columns(state, 0);
-    record_with(march, state, steps, probes, columns, true)
+    march.set_columns(state, columns);
+    record_with(march, state, steps, probes, columns, None)
 }
 
 fn record_with(
@@ -188,15 +243,15 @@ fn record_with(
     steps: usize,
     probes: &[Probe],
     columns: usize,
-    fresh: bool,
+    mut z: Option<&mut Shooting>,
 ) -> Result<Cycle, EngineError> {
-    if fresh {
-        march.set_columns(state, columns);
-    }
     let mut values = vec![vec![0.0; steps]; probes.len()];
     let mut slopes = vec![vec![0.0; steps * columns]; probes.len()];
     for k in 1..=steps {
         march.step(k, state, columns)?;
+        if let Some(z) = &mut z {
+            z.widen(state);
+        }
         for (i, probe) in probes.iter().enumerate() {
             values[i][k - 1] = march.read(*probe, state, &mut slopes[i][(k - 1) * columns..k * columns]);
         }
@@ -208,23 +263,24 @@ fn record_with(
 fn by_repetition(
     march: &mut March,
     start: &State,
-    path: Option<&State>,
+    path: &Path<'_>,
     z: &Shooting,
     steps: usize,
     probes: &[Probe],
-    columns: usize,
+    cycles: usize,
 ) -> Result<Option<Cycle>, EngineError> {
-    let mut state = with_columns(march, start, path, columns);
-    let limit = if z.len() > SHOOT { 12 } else { 3 };
+    let columns = path.columns;
+    let path = if z.remembers(march, start, steps)? { Some(path.march(march, steps)?) } else { None };
+    let mut state = with_columns(march, start, path.as_ref(), columns);
     let mut before = z.pack_columns(&state, columns);
-    for round in 0..limit {
-        let cycle = record_with(march, &mut state, steps, probes, columns, false)?;
+    for _ in 0..=cycles {
+        let cycle = record_with(march, &mut state, steps, probes, columns, None)?;
         let after = z.pack_columns(&state, columns);
         let settled = (0..columns).all(|c| {
             let (a, b) = (before.column(c), after.column(c));
             (a - b).amax() <= 1e-9 * b.amax()
         });
-        if settled || (round + 1 == limit && z.len() > SHOOT) {
+        if settled {
             return Ok(Some(cycle));
         }
         before = after;
@@ -251,22 +307,22 @@ fn with_columns(march: &March, start: &State, from: Option<&State>, columns: usi
 fn by_monodromy(
     march: &mut March,
     start: &State,
-    path: Option<&State>,
+    path: &Path<'_>,
     z: &Shooting,
     steps: usize,
     probes: &[Probe],
-    columns: usize,
 ) -> Result<Cycle, EngineError> {
+    let columns = path.columns;
     let mut state = start.clone();
     let all = columns + z.len();
     march.set_columns(&mut state, all);
     z.seed(&mut state, columns);
-    let cycle = record_with(march, &mut state, steps, probes, all, false)?;
+    let cycle = record_with(march, &mut state, steps, probes, all, None)?;
     let end = z.pack_columns(&state, all);
     let b = end.columns(0, columns).into_owned();
     let monodromy = end.columns(columns, z.len()).into_owned();
-    let path = path.map(|p| z.pack_columns(p, columns));
-    let s0 = solve_fixed_point(&monodromy, &b, path.as_ref())?;
+    let mut kept = || path.march(march, steps).map(|p| z.pack_columns(&p, columns));
+    let s0 = solve_fixed_point(&monodromy, &b, if z.ns > 0 { Some(&mut kept) } else { None })?;
     let slopes = cycle
         .slopes
         .iter()
@@ -285,8 +341,12 @@ fn by_monodromy(
 }
 
 /// Solves `(I - M) S = b`. With `L'(I - M) = 0 = (I - M) R` the directions `R` never decay and `L'S` is what a cycle conserves: it is that
-/// of `path`, or left out.
-fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>, path: Option<&DMatrix<f64>>) -> Result<DMatrix<f64>, EngineError> {
+/// of `path`, which is asked for where there are such directions, or left out.
+fn solve_fixed_point(
+    monodromy: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    path: Option<&mut dyn FnMut() -> Result<DMatrix<f64>, EngineError>>,
+) -> Result<DMatrix<f64>, EngineError> {
     if monodromy.iter().chain(b.iter()).any(|v| !v.is_finite()) {
         return Err(EngineError::NotFinite { step: 0 });
     }
@@ -296,6 +356,7 @@ fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>, path: Option<&D
     let mut s = svd.solve(b, cut).unwrap_or_else(|_| DMatrix::zeros(n, b.ncols()));
     let lasting: Vec<usize> = (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] <= cut).collect();
     if let (Some(path), Some(u), Some(v_t), false) = (path, &svd.u, &svd.v_t, lasting.is_empty()) {
+        let path = path()?;
         let (l, r) = (u.select_columns(&lasting), v_t.select_rows(&lasting).transpose());
         if let Some(share) = l.tr_mul(&r).lu().solve(&l.tr_mul(&(path - &s))) {
             s += r * share;
@@ -348,8 +409,30 @@ impl Shooting {
             *s = z[4 * m + i] * self.state_scale[i];
         }
     }
+    /// Change of displacements and states, which velocities and accelerations follow.
+    fn slow_change(&self, before: &State, after: &State) -> f64 {
+        let moved = self.dofs.iter().map(|d| (after.q[*d] - before.q[*d]).abs() / self.scale[0]);
+        let states = after.s.iter().zip(&before.s).zip(&self.state_scale).map(|((a, b), scale)| (a - b).abs() / scale);
+        moved.chain(states).fold(0.0, f64::max)
+    }
     fn change(&self, before: &State, after: &State) -> f64 {
         if self.len() == 0 { 0.0 } else { (self.pack(before) - self.pack(after)).amax() }
+    }
+    /// Whether a change of an element's state at the start of the cycle lives on at its end: something stays stuck, or decays slowly.
+    fn remembers(&self, march: &mut March, start: &State, steps: usize) -> Result<bool, EngineError> {
+        if self.ns == 0 {
+            return Ok(false);
+        }
+        let mut state = start.clone();
+        march.set_columns(&mut state, self.ns);
+        for (i, scale) in self.state_scale.iter().enumerate() {
+            state.ds[i * self.ns + i] = *scale;
+        }
+        march.by_parameter = false;
+        let marched = (1..=steps).try_for_each(|k| march.step(k, &mut state, self.ns));
+        march.by_parameter = true;
+        marched?;
+        Ok(self.pack_columns(&state, self.ns).amax() > 1e-6)
     }
     /// Unit perturbations of the scaled start in the columns from `first` on.
     fn seed(&self, state: &mut State, first: usize) {

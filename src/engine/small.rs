@@ -114,7 +114,8 @@ impl<'a> Small<'a> {
             let mut f = [0.0; 6];
             for &(e, c) in &joint.elements {
                 self.rows[e] = row(&joint, &relative.b[c]);
-                self.points[e].x = relative.g[c];
+                // What is attached under load is unstrained there.
+                self.points[e].x = if model.attached.contains(&joint.connector) { 0.0 } else { relative.g[c] };
                 f[c] = self.points[e].f;
             }
             if f.iter().any(|f| *f != 0.0) {
@@ -142,6 +143,9 @@ impl<'a> Small<'a> {
             let mut f = [Dual64::from_re(0.0); 6];
             for &(e, c) in &joint.elements {
                 moved.rows[e] = row(&joint, &relative.b[c].map(|x| x.eps));
+                if model.attached.contains(&joint.connector) {
+                    moved.dx[e] = 0.0;
+                }
                 f[c] = Dual64::new(self.points[e].f, df[e]);
             }
             let k = relative.geometric(&f, &a, &b);

@@ -2,7 +2,7 @@
 
 use polars::prelude::{Column, CsvWriter, DataFrame, SerWriter};
 
-use super::{CalibratedSet, ExportError, Exporter};
+use super::{CalibratedSet, ExportError, Exported, Exporter, Source};
 
 pub(super) struct Csv;
 
@@ -10,17 +10,19 @@ impl Exporter for Csv {
     fn name(&self) -> &'static str {
         "csv"
     }
-    fn files(&self, set: &CalibratedSet) -> Result<Vec<(String, Vec<u8>)>, ExportError> {
+    fn files(&self, of: &Source) -> Result<Exported, ExportError> {
+        let set = of.set;
         let write = |mut frame: DataFrame| -> polars::error::PolarsResult<Vec<u8>> {
             let mut bytes = Vec::new();
             CsvWriter::new(&mut bytes).finish(&mut frame)?;
             Ok(bytes)
         };
         let fail = |e: polars::error::PolarsError| ExportError { format: "csv", reason: e.to_string() };
-        Ok(vec![
+        let files = vec![
             ("parameters.csv".into(), parameters(set).and_then(write).map_err(fail)?),
             ("covariance.csv".into(), covariance(set).and_then(write).map_err(fail)?),
-        ])
+        ];
+        Ok(files.into())
     }
 }
 

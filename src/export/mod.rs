@@ -1,8 +1,16 @@
 //! The calibrated set in the formats of other programs. One format per file, one list of all.
 
+mod adams;
 mod csv;
+mod exudyn;
 mod json;
+mod law;
+mod mechanism;
 mod parquet;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 use serde::Serialize;
@@ -10,6 +18,7 @@ use serde::Serialize;
 use crate::diagnose::Fitted;
 use crate::diagnose::results::{EffectAt, FitResult, ParameterResult, TestResult};
 use crate::explain::Explain;
+use crate::model::System;
 
 /// What a calibration found, free of any format. SI.
 #[derive(Clone, Debug, Serialize)]
@@ -92,12 +101,40 @@ fn fnv1a(bytes: &[u8]) -> u64 {
 pub trait Exporter: Sync {
     /// Its word on the command line.
     fn name(&self) -> &'static str;
-    /// The files of the set: name and content.
-    fn files(&self, set: &CalibratedSet) -> Result<Vec<(String, Vec<u8>)>, ExportError>;
+    /// The files of the set.
+    fn files(&self, of: &Source) -> Result<Exported, ExportError>;
+}
+
+/// What is exported: the set, and the mechanism at the conditions of one test.
+#[derive(Clone, Copy)]
+pub struct Source<'a> {
+    /// The calibrated set.
+    pub set: &'a CalibratedSet,
+    /// The system at its calibrated values.
+    pub system: &'a System,
+    /// Test at whose conditions coefficients and loads are taken.
+    pub test: &'a str,
+    /// Its conditions [SI].
+    pub conditions: &'a BTreeMap<String, f64>,
+}
+
+/// The files of a format.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Exported {
+    /// Name and content.
+    pub files: Vec<(String, Vec<u8>)>,
+    /// What the format cannot hold, in words.
+    pub notes: Vec<String>,
+}
+
+impl From<Vec<(String, Vec<u8>)>> for Exported {
+    fn from(files: Vec<(String, Vec<u8>)>) -> Self {
+        Exported { files, notes: vec![] }
+    }
 }
 
 /// Every format there is.
-pub static EXPORTERS: &[&dyn Exporter] = &[&json::Json, &csv::Csv, &parquet::Parquet];
+pub static EXPORTERS: &[&dyn Exporter] = &[&json::Json, &csv::Csv, &parquet::Parquet, &adams::Adams, &exudyn::Exudyn];
 
 /// A set that cannot be written in a format.
 #[derive(Debug, thiserror::Error)]
@@ -122,7 +159,7 @@ impl Explain for ExportError {
 }
 
 #[cfg(test)]
-mod tests {
+mod hash {
     #[test]
     fn hash_as_published() {
         // Test vectors of the FNV authors.

@@ -2,7 +2,7 @@
 
 use polars::prelude::{DataFrame, ParquetWriter};
 
-use super::{CalibratedSet, ExportError, Exporter, csv};
+use super::{ExportError, Exported, Exporter, Source, csv};
 
 pub(super) struct Parquet;
 
@@ -10,16 +10,18 @@ impl Exporter for Parquet {
     fn name(&self) -> &'static str {
         "parquet"
     }
-    fn files(&self, set: &CalibratedSet) -> Result<Vec<(String, Vec<u8>)>, ExportError> {
+    fn files(&self, of: &Source) -> Result<Exported, ExportError> {
+        let set = of.set;
         let write = |mut frame: DataFrame| -> polars::error::PolarsResult<Vec<u8>> {
             let mut bytes = Vec::new();
             ParquetWriter::new(&mut bytes).finish(&mut frame)?;
             Ok(bytes)
         };
         let fail = |e: polars::error::PolarsError| ExportError { format: "parquet", reason: e.to_string() };
-        Ok(vec![
+        let files = vec![
             ("parameters.parquet".into(), csv::parameters(set).and_then(write).map_err(fail)?),
             ("covariance.parquet".into(), csv::covariance(set).and_then(write).map_err(fail)?),
-        ])
+        ];
+        Ok(files.into())
     }
 }

@@ -197,6 +197,11 @@ impl Element {
         !self.opening && self.forces.is_empty()
     }
 
+    /// Mass or moment of inertia of its linear laws; 0 where it stands behind an opening.
+    pub fn inertia(&self) -> f64 {
+        if self.opening { 0.0 } else { self.linear_sum[2] }
+    }
+
     /// Whether a law here reads the velocity, the acceleration.
     pub fn reads_rates(&self) -> (bool, bool) {
         let of = |f: &ForcePiece| (f.law.info().ports.v, f.law.info().ports.a);

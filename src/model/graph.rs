@@ -130,6 +130,9 @@ pub struct Model {
     pub loads: Vec<Load>,
     /// Connectors that are not there in some tests: index, and ids of tests (`loop-*` for all that begin so).
     pub absent: Vec<(usize, Vec<String>)>,
+    /// Connectors that are attached when the loads that stay have come on, and carry none of them: unstrained in the equilibrium, they
+    /// take part in small motion about it.
+    pub attached: Vec<usize>,
 }
 
 impl Model {
@@ -172,7 +175,7 @@ impl Model {
         if dofs.is_empty() {
             return Err(ModelError::invalid("body", "no body has a free axis: nothing can move", "at least one body with free = [\"x\"]"));
         }
-        let model = Model { bodies, connectors, dofs, places, space: None, loads: vec![], absent: vec![] };
+        let model = Model { bodies, connectors, dofs, places, space: None, loads: vec![], absent: vec![], attached: vec![] };
         for (d, dof) in model.dofs.iter().enumerate() {
             if !model.places.iter().any(|p| p.from == Some(d) || p.to == Some(d)) {
                 let name = model.dof_name(d);

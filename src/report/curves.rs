@@ -10,7 +10,7 @@ use crate::response::BlockKind;
 use super::ReportInput;
 use super::chart::{self, Along, Charts, decades, frequencies, line, linear, pick, points, shown, stage_colour, thin};
 use super::stage::{Stage, ids, over_floor, split_words, test};
-use super::summary::worst_words;
+use super::summary::{difference_words, worst_words};
 use super::text::{digits, esc, percent, plain, ratio, table};
 
 /// Points per trace at most.
@@ -87,9 +87,17 @@ fn about(input: &ReportInput, stages: &[Stage], id: &str) -> String {
     parts.concat().join(", ")
 }
 
+/// What the dataset says of a test, and what was found in its record.
 fn description(input: &ReportInput, id: &str) -> String {
-    let text = input.study.dataset.test(id).and_then(|t| t.description.as_deref());
-    text.map(|t| format!("<p>{}</p>", esc(t))).unwrap_or_default()
+    let test = input.study.dataset.test(id);
+    let text = test.and_then(|t| t.description.as_deref()).map(|t| format!("<p>{}</p>", esc(t))).unwrap_or_default();
+    let found = test.map_or(vec![], |t| match &t.record {
+        Record::Cycle(r) => r.findings().unwrap_or_default(),
+        Record::Frf(f) => f.notes.clone(),
+        _ => vec![],
+    });
+    let items: String = found.iter().map(|n| format!("<li>{}: {}</li>", esc(&n.about), esc(&n.text))).collect();
+    if items.is_empty() { text } else { format!("{text}<p><b>Found in the record</b></p><ul>{items}</ul>") }
 }
 
 /// Errors of one test on every stage.
@@ -97,10 +105,16 @@ fn errors(stages: &[Stage], id: &str) -> String {
     let row = |s: &Stage| {
         let t = test(s, id)?;
         let over = ratio(over_floor(t.error, t.floor));
-        Some(vec![esc(&s.name), percent(t.error), percent(t.floor), over, digits(t.whitened_rms, 3), worst_words(t)])
+        let (rms, largest) = (digits(t.whitened_rms, 3), difference_words(t));
+        Some(vec![esc(&s.name), percent(t.error), percent(t.floor), over, largest, rms, worst_words(t)])
     };
     let rows: Vec<Vec<String>> = stages.iter().filter_map(row).collect();
-    let errors = table("", &["Model", "Error", "Noise floor", "Error / floor", "Whitened rms", "Farthest point"], &[1, 2, 3, 4], &rows);
+    let errors = table(
+        "",
+        &["Model", "Error", "Noise floor", "Error / floor", "Largest / range", "Whitened rms", "Farthest point"],
+        &[1, 2, 3, 4, 5],
+        &rows,
+    );
     let factor = |s: &Stage| -> Vec<Vec<String>> {
         let factors = test(s, id).map_or(&[][..], |t| &t.factors);
         let best = |f: &Factor| match &f.strength {
@@ -122,6 +136,8 @@ struct Series<'a> {
     on: Vec<(usize, &'a str, &'a Curve)>,
     stages: usize,
     limit: usize,
+    /// What the loop is drawn over.
+    driven: &'static str,
 }
 
 impl<'a> Series<'a> {
@@ -147,7 +163,7 @@ fn figures(input: &ReportInput, stages: &[Stage], id: &str, limit: usize, charts
                 test(&stages[*k], id)?.curves.iter().find(|c| c.label == wanted.label && c.measured.len() == wanted.measured.len())?;
             Some((*k, name.as_str(), curve))
         });
-        let series = Series { on: found.collect(), stages: stages.len(), limit };
+        let series = Series { on: found.collect(), stages: stages.len(), limit, driven: driven(input, id) };
         if series.on.is_empty() || wanted.measured.is_empty() {
             continue;
         }
@@ -182,6 +198,14 @@ impl Units {
         };
         let usable = |u: &(String, f64)| u.1 > 0.0 && u.1.is_finite();
         Units { x: x.filter(usable).unwrap_or(("SI".into(), 1.0)), y: y.filter(usable).unwrap_or(si) }
+    }
+}
+
+/// What drives a cycle test, in words.
+fn driven(input: &ReportInput, id: &str) -> &'static str {
+    match input.study.dataset.test(id).map(|t| &t.record) {
+        Some(Record::Cycle(r)) if r.control == Some(crate::data::Control::Force) => "driving force",
+        _ => "driven displacement",
     }
 }
 
@@ -273,9 +297,9 @@ fn loops(series: &Series, unit: &Units, charts: &mut Charts) -> String {
         let plot = over(series, &phase, &unit.y, false, (&linear("phase in the cycle [deg]"), &linear(&y)), false);
         out += &charts.figure(&plot, height, &format!("{} <span>against phase</span>", esc(&c.label)), shape);
     } else {
-        let x = with_unit("driven displacement", &unit.x.0);
+        let x = with_unit(series.driven, &unit.x.0);
         let plot = over(series, &scaled(&c.x, &unit.x), &unit.y, true, (&linear(&x), &linear(&y)), false);
-        out += &charts.figure(&plot, height, &format!("{} <span>against displacement: the loop</span>", esc(&c.label)), shape);
+        out += &charts.figure(&plot, height, &format!("{} <span>over the drive: the loop</span>", esc(&c.label)), shape);
     }
     out += &charts.figure(&residuals(series, &phase, &linear("phase in the cycle [deg]")), 300, "Residual <span>against phase</span>", "");
     out += &against_velocity(series, unit, charts);

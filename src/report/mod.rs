@@ -9,12 +9,16 @@ mod chart;
 mod curves;
 mod error;
 mod evidence;
+mod identified;
+mod modes;
 mod overview;
 mod page;
 mod parameters;
+mod shapes;
 mod stage;
 mod summary;
 mod text;
+mod tolerance;
 mod unexplained;
 #[cfg(test)]
 mod tests;
@@ -22,7 +26,9 @@ mod tests;
 use std::path::Path;
 
 use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
+use crate::model::System;
 use crate::study::Study;
+use crate::tolerance::Outcome;
 
 pub use error::ReportError;
 
@@ -31,6 +37,8 @@ pub use error::ReportError;
 pub struct ReportInput<'a> {
     /// The study: title, model, assumptions, conditions of the tests.
     pub study: &'a Study,
+    /// The model the page ends with, at its values; none: as the study stands.
+    pub system: Option<&'a System>,
     /// The fit of the study as it stands.
     pub fit: Option<&'a FitResult>,
     /// What a diagnosis said of that fit.
@@ -44,6 +52,11 @@ pub struct ReportInput<'a> {
 /// Curves are thinned to at most 800 points per trace, and to fewer where there are many, so that the page stays under 8 MB. Refuses
 /// curves whose columns are not equally long.
 pub fn html(input: &ReportInput) -> Result<String, ReportError> {
+    html_with(input, None)
+}
+
+/// The page with what a prediction says of tolerance cases.
+pub fn html_with(input: &ReportInput, tolerance: Option<&Outcome>) -> Result<String, ReportError> {
     let stages = stage::stages(input);
     stage::check(&stages)?;
     let mut charts = chart::Charts::default();
@@ -54,7 +67,9 @@ pub fn html(input: &ReportInput) -> Result<String, ReportError> {
     page.section("unexplained", "What no effect explains", unexplained::section(input, &mut charts));
     page.section("candidates", "Effects that were weighed", evidence::candidates(input));
     page.section("findings", "What the residuals show", evidence::findings(input));
+    page.section("tolerance", "Tolerance cases", tolerance.map_or(String::new(), |t| tolerance::section(t, &mut charts)));
     page.section("parameters", "Parameters", parameters::section(input, &stages));
+    page.section("modes", "Natural modes", modes::section(input, &mut charts));
     page.section("curves", "Measurement and model, test by test", curves::section(input, &stages, &mut charts));
     page.section("assumptions", "Assumptions, data and sources", assumptions::section(input));
     Ok(page.finish())

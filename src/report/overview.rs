@@ -6,7 +6,7 @@ use plotly::common::{DashType, Line, Marker, Mode};
 use super::ReportInput;
 use super::chart::{self, Charts};
 use super::stage::{Stage, ids, over_floor, split_words, test};
-use super::summary::{rung_axis, worst_words};
+use super::summary::{difference_words, rung_axis, worst_words};
 use super::text::{esc, label, percent, ratio, table};
 
 /// Table and charts.
@@ -27,7 +27,13 @@ pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> Stri
             if several {
                 row.push(then.map_or("-".into(), |t| percent(t.error)));
             }
-            row.extend([percent(now.error), percent(now.floor), ratio(over_floor(now.error, now.floor)), worst_words(now)]);
+            row.extend([
+                percent(now.error),
+                percent(now.floor),
+                ratio(over_floor(now.error, now.floor)),
+                difference_words(now),
+                worst_words(now),
+            ]);
             Some(row)
         })
         .collect();
@@ -35,14 +41,25 @@ pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> Stri
         return String::new();
     }
     let header: &[&str] = if several {
-        &["Test", "Kind and use", "Values", "Error as given", "Error now", "Noise floor", "Error / floor", "Farthest point now"]
+        &[
+            "Test",
+            "Kind and use",
+            "Values",
+            "Error as given",
+            "Error now",
+            "Noise floor",
+            "Error / floor",
+            "Largest / range",
+            "Farthest point now",
+        ]
     } else {
-        &["Test", "Kind and use", "Values", "Error", "Noise floor", "Error / floor", "Farthest point"]
+        &["Test", "Kind and use", "Values", "Error", "Noise floor", "Error / floor", "Largest / range", "Farthest point"]
     };
-    let right: &[usize] = if several { &[2, 3, 4, 5, 6] } else { &[2, 3, 4, 5] };
+    let right: &[usize] = if several { &[2, 3, 4, 5, 6, 7] } else { &[2, 3, 4, 5, 6] };
     let reading = "<p class=\"soft\">Error: rms of measured less computed, over rms of measured about its mean (complex FRF: about zero). \
                    Noise floor: the same with the standard deviation of the noise in place of the difference. A perfect model \
-                   stands at the floor.</p>";
+                   stands at the floor. Largest / range: largest difference over the range of the measured, channel by channel (FRF: of the magnitude; \
+                   tables: of the value); it grows with the noise and the number of points.</p>";
     let against = if several { error_over_floor(stages, charts) } else { String::new() };
     let frequency = against_frequency(input, stages, charts);
     let charts = if against.is_empty() && frequency.is_empty() {

@@ -177,6 +177,11 @@ fn worst<'a>(stage: &Stage<'a>) -> Option<&'a TestResult> {
     stage.tests.iter().max_by(|a, b| over(a).total_cmp(&over(b)))
 }
 
+/// Largest difference over the range of the measured, channel by channel.
+pub fn difference_words(t: &TestResult) -> String {
+    t.largest_difference.iter().map(|d| percent(d.fraction)).collect::<Vec<_>>().join(", ")
+}
+
 /// `force at c1.x at 90 deg of the cycle: measured 3.1 N, computed 2.2 N`, escaped.
 pub fn worst_words(t: &TestResult) -> String {
     let unit = t.curves.iter().find(|c| t.worst.place.starts_with(&c.label)).map(|c| esc(&c.unit)).unwrap_or_default();

@@ -145,6 +145,7 @@ fn result(id: &str, kind: &str, split: SplitName, curve: Curve) -> TestResult {
         whitened_rms: (square(&mut (0..n).map(|i| difference(i) / curve.sigma[i])) / n as f64).sqrt(),
         worst: Worst { place: format!("{} at point {far}", curve.label), measured: curve.measured[far], computed: curve.computed[far] },
         n,
+        largest_difference: vec![LargestDifference { channel: curve.label.clone(), over: "range", fraction: curve.largest_difference() }],
         factors: if curve.kind == BlockKind::Table { vec![factor(&curve.label)] } else { vec![] },
         curves: vec![curve],
     }
@@ -359,7 +360,7 @@ fn a_ladder_is_told_from_its_first_screen_to_its_sources() {
     let study = study(dir.path());
     let (fit, ladder) = (fit(tests(200, 0.0, 0.1, true)), ladder(200));
     let diagnosis = diagnosis(Verdict::Missing);
-    let input = ReportInput { study: &study, fit: Some(&fit), diagnosis: Some(&diagnosis), ladder: Some(&ladder) };
+    let input = ReportInput { study: &study, system: None, fit: Some(&fit), diagnosis: Some(&diagnosis), ladder: Some(&ladder) };
     let file = dir.path().join("report.html");
     write(&input, &file).unwrap();
     // A copy to look at, where the environment says where to.
@@ -408,7 +409,7 @@ fn a_ladder_is_told_from_its_first_screen_to_its_sources() {
 fn what_is_not_there_is_left_out() {
     let dir = tempfile::tempdir().unwrap();
     let study = study(dir.path());
-    let nothing = ReportInput { study: &study, fit: None, diagnosis: None, ladder: None };
+    let nothing = ReportInput { study: &study, system: None, fit: None, diagnosis: None, ladder: None };
     let page = html(&nothing).unwrap();
     sound(&page);
     assert!(page.contains("has not been held against its measurements yet") && page.contains("misfit fit"));
@@ -453,7 +454,7 @@ fn many_long_tests_stay_below_the_bound_of_the_page() {
         };
         rung.tests = (0..160).map(long).collect();
     }
-    let page = html(&ReportInput { study: &study, fit: None, diagnosis: None, ladder: Some(&ladder) }).unwrap();
+    let page = html(&ReportInput { study: &study, system: None, fit: None, diagnosis: None, ladder: Some(&ladder) }).unwrap();
     sound(&page);
     assert!(page.contains("tests that fit best are not drawn"));
 }
@@ -464,12 +465,12 @@ fn columns_that_do_not_belong_together_are_refused() {
     let study = study(dir.path());
     let mut fit = fit(tests(50, 2.0, 0.03, false));
     fit.tests[0].curves[0].computed.pop();
-    match html(&ReportInput { study: &study, fit: Some(&fit), diagnosis: None, ladder: None }) {
+    match html(&ReportInput { study: &study, system: None, fit: Some(&fit), diagnosis: None, ladder: None }) {
         Err(ReportError::Curve { test, column: "computed", found: 49, wanted: 50, .. }) => assert_eq!(test, "loop-1Hz"),
         other => panic!("{:?}", other.map(|p| p.len())),
     }
     let missing = dir.path().join("no such folder/report.html");
     fit.tests[0].curves[0].computed.push(0.0);
-    let e = write(&ReportInput { study: &study, fit: Some(&fit), diagnosis: None, ladder: None }, &missing);
+    let e = write(&ReportInput { study: &study, system: None, fit: Some(&fit), diagnosis: None, ladder: None }, &missing);
     assert!(matches!(e, Err(ReportError::Write { .. })));
 }

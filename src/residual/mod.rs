@@ -115,11 +115,12 @@ pub struct TestError {
 pub fn test_error(plan: &Plan, computed: &[f64]) -> TestError {
     let (mut error, mut floor, mut whitened, mut worst) = (0.0, 0.0, 0.0, (0, 0, -1.0));
     for (b, block) in plan.blocks.iter().enumerate() {
-        let (e, f) =
-            block_error(block.kind, &plan.measured[block.range.clone()], &computed[block.range.clone()], &plan.sigma[block.range.clone()]);
+        let rows = || block.range.clone().filter(|row| !plan.left_out.contains(row));
+        let of = |values: &[f64]| rows().map(|row| values[row]).collect::<Vec<f64>>();
+        let (e, f) = block_error(block.kind, &of(&plan.measured), &of(computed), &of(&plan.sigma));
         error += e * e;
         floor += f * f;
-        for i in block.range.clone() {
+        for i in rows() {
             let w = ((computed[i] - plan.measured[i]) / plan.sigma[i]).abs();
             whitened += w * w;
             if w > worst.2 {
@@ -131,7 +132,7 @@ pub fn test_error(plan: &Plan, computed: &[f64]) -> TestError {
     TestError {
         error: (error / blocks).sqrt(),
         floor: (floor / blocks).sqrt(),
-        whitened_rms: (whitened / plan.len().max(1) as f64).sqrt(),
+        whitened_rms: (whitened / plan.len().saturating_sub(plan.left_out.len()).max(1) as f64).sqrt(),
         worst: (worst.0, worst.1),
     }
 }

@@ -48,6 +48,8 @@ struct Drive {
     sign: f64,
     /// Point with which the cycles begin in the record.
     first: usize,
+    /// Steps per cycle at least.
+    least: usize,
 }
 
 impl Drive {
@@ -76,6 +78,7 @@ impl CyclePlan {
             dof,
             sign,
             first: settled.first,
+            least: STEPS,
         };
         let samples = drive.samples(n * stride);
         let driven_motion = control == Control::Displacement;
@@ -106,7 +109,8 @@ impl CyclePlan {
             let _ = k;
         }
         plan.unsettled.extend(settled.unsettled.iter().cloned());
-        plan.notes.extend(settled.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
+        let found = record.findings_of(&settled);
+        plan.notes.extend(settled.notes.iter().chain(&found).map(|n| format!("{}: {}", n.about, n.text)));
         Ok(Self::sampled(drive, probes, n, stride))
     }
 
@@ -129,9 +133,22 @@ impl CyclePlan {
             .then(|| Self::sampled(self.drive.clone(), self.probes.clone(), self.points, 2 * self.stride))
     }
 
+    /// Every `part`-th point of the loop, with half as many steps per cycle to begin with.
+    pub(super) fn thinned(&self, part: usize) -> Self {
+        let points = self.points / part;
+        let drive = Drive { first: self.drive.first / part, least: STEPS / 2, ..self.drive.clone() };
+        let stride = drive.least.div_ceil(points).max(1);
+        Self::sampled(drive, self.probes.clone(), points, stride)
+    }
+
+    /// Points per cycle.
+    pub(super) fn points(&self) -> usize {
+        self.points
+    }
+
     /// The same test with fewer steps per cycle where it has more than `steps`, though never fewer than it began with.
     pub(super) fn coarser(&self, steps: usize) -> Self {
-        let least = STEPS.div_ceil(self.points).max(1);
+        let least = self.drive.least.div_ceil(self.points).max(1);
         let stride = (steps / self.points).clamp(least, self.stride.max(least));
         Self::sampled(self.drive.clone(), self.probes.clone(), self.points, stride)
     }

@@ -30,13 +30,16 @@ pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
 pub use family::Family;
 pub use frf::FrfPlan;
-pub use modal::ModalPlan;
+pub use modal::{ModalPlan, TableModes};
 pub use settling::Transient;
 pub use transient::TransientPlan;
 pub use variation::{CycleDrive, Variation};
 
 /// Integration error that is allowed, in units of sigma: its square is a hundredth of the noise's.
 const STEP_ERROR: f64 = 0.1;
+
+/// Factor on the sigma of rows that are left out.
+const UNSEEN: f64 = 1e8;
 
 /// What the points of a block are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +92,8 @@ pub struct Plan {
     pub blocks: Vec<Block>,
     /// What was done to the data.
     pub notes: Vec<String>,
+    /// Rows that are computed and shown, and held against nothing.
+    pub left_out: Vec<usize>,
     /// Channels of a cycle test whose kept cycles still change.
     pub unsettled: Vec<Unsettled>,
     /// What the errors of instruments within tolerance add to the covariance; none: sigma is all there is.
@@ -146,6 +151,7 @@ impl Plan {
             sigma: vec![],
             blocks: vec![],
             notes: vec![],
+            left_out: vec![],
             unsettled: vec![],
             correlated: None,
             work: Work::Energy(EnergyPlan::default()),
@@ -161,6 +167,24 @@ impl Plan {
             return Err(ResponseError::invalid(&test.id, format!("sigma of point {bad} is {}", plan.sigma[bad]), "sigma above zero"));
         }
         Ok(plan)
+    }
+
+    /// Leaves the rows of a table out of every comparison, those of the channel `role` at `abscissa` (mode, frequency); false where there
+    /// are none. They are still computed and shown.
+    pub fn leave_out(&mut self, role: &str, abscissa: f64, why: &str) -> bool {
+        let here = |b: &Block| -> Vec<usize> {
+            let rows = b.range.clone().zip(&b.abscissa).filter(|(_, a)| **a == abscissa);
+            if b.kind == BlockKind::Table && b.role == role { rows.map(|(row, _)| row).collect() } else { vec![] }
+        };
+        let rows: Vec<usize> = self.blocks.iter().flat_map(here).collect();
+        for &row in &rows {
+            self.sigma[row] *= UNSEEN;
+        }
+        if !rows.is_empty() {
+            self.notes.push(format!("{role} {abscissa} is computed and left out of the comparison: {why}"));
+        }
+        self.left_out.extend(&rows);
+        !rows.is_empty()
     }
 
     /// Number of measured values.
@@ -232,6 +256,14 @@ impl Plan {
         }
     }
 
+    /// The modes of the system beside the rows of a modal table; `None` for another kind of test.
+    pub fn modes(&self, system: &System) -> Result<Option<TableModes>, ResponseError> {
+        match &self.work {
+            Work::Modal(w) => w.modes(&system.model, &self.bind(system, &[])?, self).map(Some),
+            _ => Ok(None),
+        }
+    }
+
     /// Amplitudes at every place under this test; `None` for tests that declare none.
     pub fn amplitudes(&self, system: &System) -> Result<Option<Vec<Amplitude>>, ResponseError> {
         let named = |source| ResponseError::Engine { test: self.id.clone(), source };
@@ -270,6 +302,26 @@ impl Plan {
             }
             best = Some(finer);
         }
+    }
+
+    /// A cycle test with at most `points` points a loop, evenly taken; others as they are.
+    pub fn thinned(&self, points: usize) -> Plan {
+        let Work::Cycle(cycle) = &self.work else { return self.clone() };
+        let n = cycle.points();
+        let Some(part) = (n.div_ceil(points.max(1))..=n).find(|part| n.is_multiple_of(*part)).filter(|part| *part > 1) else {
+            return self.clone();
+        };
+        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], work: Work::Cycle(cycle.thinned(part)), ..self.clone() };
+        for block in &self.blocks {
+            let every = |values: &[f64]| values.iter().step_by(part).copied().collect::<Vec<f64>>();
+            let (measured, sigma) = (every(&self.measured[block.range.clone()]), every(&self.sigma[block.range.clone()]));
+            let start = plan.measured.len();
+            let range = start..start + measured.len();
+            let block = Block { range, abscissa: every(&block.abscissa), x: every(&block.x), v: every(&block.v), ..block.clone() };
+            plan.add_block(block, measured, sigma);
+        }
+        plan.notes.push(format!("{} of {n} points of the loop are compared", n / part));
+        plan
     }
 
     /// Shortest and longest period the test speaks of [s].

@@ -17,6 +17,17 @@ pub struct ModalPlan {
     rows: Vec<Row>,
 }
 
+/// The modes of a model against a table.
+#[derive(Clone, Debug)]
+pub struct TableModes {
+    /// Modes of the model, ascending; no rigid-body modes.
+    pub found: Vec<Mode>,
+    /// What each of them is.
+    pub families: Vec<Family>,
+    /// Which of them each row of the table is, in the order of the test's values.
+    pub rows: Vec<usize>,
+}
+
 /// The mode of a row by its order from the lowest, in its family where it states one.
 #[derive(Clone, Copy, Debug)]
 struct Row {
@@ -119,6 +130,13 @@ impl ModalPlan {
             out.slopes.extend((0..n_free).map(|k| if m.damping > LEAST { m.damping_slope(k) / damping } else { 0.0 }));
         }
         Ok(out)
+    }
+
+    /// The modes of the model beside the rows of the table.
+    pub(super) fn modes(&self, model: &Model, bound: &Bound, plan: &Plan) -> Result<TableModes, ResponseError> {
+        let (found, rows) = self.pair(model, bound, plan, false)?;
+        let families = found.iter().map(|m| Family::of(model, &m.shape)).collect();
+        Ok(TableModes { found, families, rows })
     }
 
     /// The modes of the model, and which of them each row is.

@@ -8,8 +8,8 @@ use crate::explain::Explain;
 use crate::identify::{Constraints, Prior};
 use crate::model::{FreeParam, Instance, ParamValue, Site, System, Target};
 
-use super::{CoefficientOf, FitSettings, GraphSpec, OrderSpec, PredictionSpec, SearchSettings, Split, StudyError};
-use super::{channels, effects, graph, mechanism, orders, prediction, settings, site};
+use super::{CoefficientOf, FitSettings, GraphSpec, LeaveOut, OrderSpec, PredictionSpec, SearchSettings, Split, StudyError, ToleranceSpec};
+use super::{channels, effects, graph, mechanism, orders, prediction, settings, site, tolerance};
 
 /// A study: model, measurements, and what is to be done with them.
 #[derive(Clone, Debug)]
@@ -30,6 +30,8 @@ pub struct Study {
     pub system: System,
     /// Which tests are fitted.
     pub split: Split,
+    /// Rows of tables that are compared with nothing.
+    pub leave_out: Vec<LeaveOut>,
     /// Monotone orders.
     pub orders: Vec<OrderSpec>,
     /// Options of the fit.
@@ -40,15 +42,18 @@ pub struct Study {
     pub assumptions: Vec<String>,
     /// What `predict` computes.
     pub predictions: Vec<PredictionSpec>,
+    /// Tolerance cases that `predict` holds the model against.
+    pub tolerance: Option<ToleranceSpec>,
 }
 
-const KEYS: [&str; 18] = [
+const KEYS: [&str; 20] = [
     "schema",
     "title",
     "dataset",
     "folder",
     "assumptions",
     "split",
+    "leave_out",
     "fit",
     "search",
     "body",
@@ -61,6 +66,7 @@ const KEYS: [&str; 18] = [
     "effect",
     "order",
     "prediction",
+    "tolerance",
 ];
 
 impl Study {
@@ -102,10 +108,12 @@ impl Study {
             title: text("title")?.or(named).unwrap_or_else(|| "study".into()),
             split,
             orders,
+            leave_out: settings::leave_out(&root, &dataset)?,
             fit: settings::fit(&root)?,
             search: settings::search(&root, &system.model, &dataset)?,
             assumptions: root.optional("assumptions", |v| v.strings())?.unwrap_or_default().into_iter().map(str::to_string).collect(),
             predictions: prediction::read(&root, &system, &dataset)?,
+            tolerance: tolerance::read(&root, &system, &dataset, &folder)?,
             file: toml.path().to_path_buf(),
             folder,
             dataset,
@@ -167,7 +175,7 @@ impl Study {
             ParamValue::of(p, value)
         };
         let at = at.split(',').map(str::trim).collect::<Vec<_>>().join(",");
-        let mut instance = Instance { effect: law, at, site, params: info.params.iter().map(param).collect(), target, follower: false };
+        let mut instance = Instance { target, ..Instance::new(law, at, site, info.params.iter().map(param).collect()) };
         effects::series_has_company(&self.system.model, &instance, &self.system.instances)?;
         for p in 0..instance.params.len() {
             let unit = super::unit_of(&self.system, &self.dataset, &instance, p);

@@ -11,7 +11,8 @@
 //! | `dataset = "data"` | folder with dataset.toml (or that file), relative to study.toml |
 //! | `folder = "../raw"` | where the raw files lie, if not where dataset.toml says; `--data` goes before it |
 //! | `split = { select = [...], held_out = [...] }` | test ids; every other test is fitted |
-//! | `fit = { loss, width, max_iterations, starts }` | loss: squares, huber, soft_l1, cauchy; width in units of the noise |
+//! | `[[leave_out]]` | `test`, `quantity` (natural_frequency, modal_damping), `mode`, `why`: a row that is computed and compared with nothing |
+//! | `fit = { loss, width, max_iterations, starts, points }` | loss: squares, huber, soft_l1, cauchy; width in units of the noise; points of a loop that are compared |
 //! | `search = { effects, places, max_added }` | what the search for missing effects may try |
 //! | `[[body]]` | `name`, `fixed = true` or `free = ["x", ...]`, `mass`, `inertia`, `count` (then `name1` ... ) |
 //! | `[[connector]]` | `name`, and `from`, `to` or `chain = "body with count"`; `ground` need not be declared |
@@ -20,8 +21,10 @@
 //! | parameter | `"20 N/mm"` or `{ start, min, max, prior = { mean, sigma }, fixed = true }`; settings: `free = true` to fit them |
 //! | formula | `expression`, `states = { z = "rate" }`, `active`; every other key is a parameter ([`crate::effect::formula`]) |
 //! | coefficient effects | `of = "viscous.c"` (`viscous#2.c` for the second there), `condition`, `reference` |
+//! | `per = "i"` in an effect | values of its own at every value of the condition, `monotone = "rising"` or `"falling"` their order; `only = { i = "0.3 mm" }`: the values at one |
 //! | `[[order]]` | `order = [names of free parameters, rising]`, `gap` |
 //! | `[[prediction]]` | `case`, `quantity` and its keys ([`Predicted`]), `conditions`, `reference` |
+//! | `[tolerance]` | the cases of an energy test of another `dataset`: `test`, `reference`, `interference = [{ name, area, resolution }]`, `housing`, `cycle`, `condition`, `range`, `quantities`, `terms`, `permutations`, `surface` ([`ToleranceSpec`]) |
 //!
 //! # Parts that turn far
 //! These tables replace `[[body]]`; degrees of freedom are `part.x`, `.y`, `.z` (displacement of the part's origin along fixed axes) and
@@ -34,7 +37,7 @@
 //! | `[[part]]` elsewhere | `name`, `at = ["x", "y", "z"]`, `mass`, `inertia`; `free = [...]` or `fixed = true` |
 //! | `[[joint]]` | to the ground: `part`, `free` axes that stay, `at` the point (`"start"` and `"end"` of the arcs), from then on the part's origin. `free = ["psi"]` is a pin |
 //! | `[[point]]` | `name`, `at`: a point to load and measure; its part (`part`, or the nearest) takes it as origin and its name |
-//! | `[[connector]]` | `name` and `chain = "part with count"` (`name1` ... at the interfaces), or `from`, `to`, `at` and `heading` of its y axis (fixed axes where it is left out); `absent = ["loop-*"]` tests it is not there in |
+//! | `[[connector]]` | `name` and `chain = "part with count"` (`name1` ... at the interfaces), or `from`, `to`, `at` and `heading` of its y axis (fixed axes where it is left out); `absent = ["loop-*"]` tests it is not there in; `attached = "loaded"`: it is attached when the loads that stay have come on and carries none of them (modal and frf tests) |
 
 mod channels;
 mod effects;
@@ -42,6 +45,7 @@ mod engineering;
 mod error;
 mod formula;
 mod graph;
+mod levels;
 mod load;
 mod mechanism;
 mod orders;
@@ -51,6 +55,7 @@ mod settings;
 mod site;
 mod space;
 mod text;
+mod tolerance;
 mod write;
 
 pub use effects::CoefficientOf;
@@ -60,7 +65,8 @@ pub use graph::{BodySpec, ConnectorSpec, Ends, GraphSpec};
 pub use load::Study;
 pub use orders::OrderSpec;
 pub use prediction::{CycleQuantity, Predicted, PredictionSpec};
-pub use settings::{FitSettings, SearchSettings, Split};
+pub use settings::{FitSettings, LeaveOut, SearchSettings, Split};
+pub use tolerance::ToleranceSpec;
 
 #[cfg(test)]
 mod tests;

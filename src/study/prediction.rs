@@ -1,12 +1,13 @@
 //! `[[prediction]]`: quantities the calibrated study is asked for.
 
 use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView};
-use crate::data::{Condition, Conditions, Control, Dataset, FrfQuantity, StoredEnergy};
+use crate::data::{Condition, Conditions, Control, Dataset, FrfQuantity, ModalTable, Record, StoredEnergy};
 use crate::explain::Explain;
 use crate::model::{ModelError, System};
-use crate::units::{Dimension, Quantity};
+use crate::units::{Dimension, Quantity, Unit, parse_unit};
 
 use super::engineering;
+use super::settings::unknown;
 use super::site::along;
 
 /// One prediction.
@@ -61,6 +62,15 @@ pub enum Predicted {
     Frequency(u32),
     /// Modal damping ratio of a mode, from 1.
     Damping(u32),
+    /// f / f' - 1: the natural frequency of a mode in one modal test over that in another, by the pairing of the tables.
+    Shift {
+        /// Id of the test.
+        test: String,
+        /// Id of the test it is compared with.
+        against: String,
+        /// Number of the mode in both tables.
+        mode: u32,
+    },
     /// |H| at one frequency.
     Frf {
         /// What H is.
@@ -86,10 +96,11 @@ enum Word {
     DisplacementRange,
     Frequency,
     Damping,
+    Shift,
     Frf(FrfQuantity),
 }
 
-const WORDS: [(&str, Word); 11] = [
+const WORDS: [(&str, Word); 12] = [
     ("W_D", Word::Dissipated),
     ("W_s", Word::Stored),
     ("D", Word::Ratio),
@@ -98,6 +109,7 @@ const WORDS: [(&str, Word); 11] = [
     ("displacement_range", Word::DisplacementRange),
     ("natural_frequency", Word::Frequency),
     ("modal_damping", Word::Damping),
+    ("frequency_shift", Word::Shift),
     ("accelerance", Word::Frf(FrfQuantity::Accelerance)),
     ("mobility", Word::Frf(FrfQuantity::Mobility)),
     ("receptance", Word::Frf(FrfQuantity::Receptance)),
@@ -117,6 +129,7 @@ impl Predicted {
             },
             Predicted::Frequency(_) => "natural_frequency",
             Predicted::Damping(_) => "modal_damping",
+            Predicted::Shift { .. } => "frequency_shift",
             Predicted::Frf { quantity, .. } => FrfQuantity::WORDS.iter().find(|w| w.1 == *quantity).map_or("", |w| w.0),
         }
     }
@@ -134,7 +147,7 @@ impl Predicted {
                 CycleQuantity::DisplacementRange => length(at),
             },
             Predicted::Frequency(_) => Dimension::FREQUENCY,
-            Predicted::Damping(_) => Dimension::DIMENSIONLESS,
+            Predicted::Damping(_) | Predicted::Shift { .. } => Dimension::DIMENSIONLESS,
             Predicted::Frf { quantity, excite, respond, .. } => {
                 length(respond).over(Dimension::TIME.power(quantity.derivatives() as i8)).over(force(excite))
             }
@@ -144,7 +157,54 @@ impl Predicted {
 
 /// Reads every `[[prediction]]`.
 pub(super) fn read(root: &TableView<'_>, system: &System, dataset: &Dataset) -> Result<Vec<PredictionSpec>, TomlError> {
-    root.tables("prediction")?.iter().map(|t| one(t, system, dataset)).collect()
+    let mut all = Vec::new();
+    for table in root.tables("prediction")? {
+        if table.get("quantity").and_then(|v| v.string().ok()) == Some("frequency_shift") {
+            all.extend(shifts(&table, dataset)?);
+        } else {
+            all.push(one(&table, system, dataset)?);
+        }
+    }
+    Ok(all)
+}
+
+/// `quantity = "frequency_shift"`: one prediction for each of `modes`, with the printed shift as reference.
+fn shifts(table: &TableView<'_>, dataset: &Dataset) -> Result<Vec<PredictionSpec>, TomlError> {
+    table.only(&["case", "quantity", "test", "against", "modes"])?;
+    let case = table.string("case")?.to_string();
+    let modal = |key: &str| {
+        let value = table.require(key, "the id of a modal test")?;
+        let id = value.string()?;
+        match dataset.test(id).map(|t| &t.record) {
+            Some(Record::Modal(modes)) => Ok((id.to_string(), modes)),
+            _ => {
+                let known = dataset.tests.iter().filter(|t| matches!(t.record, Record::Modal(_)));
+                Err(unknown(&value, "modal test", id, known.map(|t| t.id.as_str())))
+            }
+        }
+    };
+    let ((test, here), (against, there)) = (modal("test")?, modal("against")?);
+    let value = table.require("modes", "[1, 2, 3]")?;
+    let one = |v: &ValueView<'_>| {
+        let mode = v.integer(1, 1_000_000)? as u32;
+        let of = |m: &ModalTable| m.rows.iter().find(|r| r.mode == mode).map(|r| r.frequency.value);
+        let (Some(a), Some(b)) = (of(here), of(there)) else {
+            return Err(v.refuse(format!("mode {mode} does not stand in both `{test}` and `{against}`"), "a mode of both tests"));
+        };
+        let percent = parse_unit("%", Dimension::DIMENSIONLESS).unwrap_or_else(|_| Unit::si(Dimension::DIMENSIONLESS));
+        Ok(PredictionSpec {
+            case: format!("{case}, mode {mode}"),
+            quantity: Predicted::Shift { test: test.clone(), against: against.clone(), mode },
+            conditions: Conditions::new(),
+            reference: Some(Quantity { value: a / b - 1.0, unit: percent }),
+            line: table.line(),
+        })
+    };
+    let list = value.list()?;
+    if list.is_empty() {
+        return Err(value.refuse("no mode", "at least one"));
+    }
+    list.iter().map(one).collect()
 }
 
 fn one(table: &TableView<'_>, system: &System, dataset: &Dataset) -> Result<PredictionSpec, TomlError> {
@@ -154,6 +214,8 @@ fn one(table: &TableView<'_>, system: &System, dataset: &Dataset) -> Result<Pred
     let case = table.string("case")?.to_string();
     let conditions = conditions(table, dataset)?;
     let quantity = match word {
+        // Read by `shifts`.
+        Word::Shift => return Err(table.refuse("a shift is read from its tables", "test, against and modes")),
         Word::Frequency | Word::Damping => {
             table.only(&[&common[..], &["mode"]].concat())?;
             let mode = table.require("mode", "1, 2, ...")?.integer(1, 1_000_000)? as u32;
@@ -205,7 +267,7 @@ fn positive(value: &ValueView<'_>, dimension: Dimension) -> Result<f64, TomlErro
 }
 
 /// A connector's or a body's axis that is in the model.
-fn place<'a>(value: &ValueView<'a>, system: &System) -> Result<&'a str, TomlError> {
+pub(super) fn place<'a>(value: &ValueView<'a>, system: &System) -> Result<&'a str, TomlError> {
     let text = value.string()?;
     let model = &system.model;
     let known = || (0..model.places.len()).map(|p| model.place_name(p)).chain((0..model.dofs.len()).map(|d| model.dof_name(d)));
@@ -216,7 +278,7 @@ fn place<'a>(value: &ValueView<'a>, system: &System) -> Result<&'a str, TomlErro
     Err(value.refuse(e.to_string(), e.accepted()))
 }
 
-fn limits(table: &TableView<'_>, control: Control, at: &str) -> Result<(f64, f64), TomlError> {
+pub(super) fn limits(table: &TableView<'_>, control: Control, at: &str) -> Result<(f64, f64), TomlError> {
     let (dimension, min, max) = match control {
         Control::Force => (along(&[Dimension::FORCE, Dimension::MOMENT], at), "force_min", "force_max"),
         Control::Displacement => (along(&[Dimension::LENGTH, Dimension::ANGLE], at), "displacement_min", "displacement_max"),

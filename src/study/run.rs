@@ -9,8 +9,10 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use polars::prelude::{Column, DataFrame, ParquetWriter};
 use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::diagnose::results::{SplitName, TestResult};
+use crate::data::{OUT_OF_FAMILY, out_of_family};
+use crate::diagnose::results::{Finding, SplitName, TestResult};
 use crate::diagnose::{Case, DiagnoseError, Search};
 use crate::effect::formula::Motion;
 use crate::explain::Explain;
@@ -24,7 +26,12 @@ impl Case {
     /// Plans every test of the study and takes over its split, orders, loss, settings of fit and search.
     pub fn from_study(study: &Study, seed: u64) -> Result<Case, DiagnoseError> {
         let plan = |test: &crate::data::Test| -> Result<(Plan, SplitName), DiagnoseError> {
-            Ok((Plan::new(test, &study.system.model)?, split_of(study, &test.id)))
+            let mut plan = Plan::new(test, &study.system.model)?;
+            for left in study.leave_out.iter().filter(|l| l.test == test.id) {
+                plan.leave_out(left.quantity, f64::from(left.mode), &left.why);
+            }
+            let plan = study.fit.points.map_or_else(|| plan.clone(), |n| plan.thinned(n));
+            Ok((plan, split_of(study, &test.id)))
         };
         let plans = study.dataset.tests.par_iter().map(plan).collect::<Result<Vec<_>, _>>()?;
         let motions = |instance: &Instance| plans.iter().flat_map(|(p, _)| motions(p, &study.system, instance)).collect();
@@ -33,6 +40,7 @@ impl Case {
             name: study.title.clone(),
             plans: Arc::new(plans),
             system: study.system.clone(),
+            of_data: of_data(study),
             orders: study.orders.iter().map(|o| (o.below.clone(), o.above.clone(), o.gap)).collect(),
             loss: study.fit.loss,
             max_iterations: study.fit.max_iterations.map_or(Tolerances::default().max_iterations, |n| n as u64),
@@ -46,6 +54,18 @@ impl Case {
             coarse: false,
         })
     }
+}
+
+/// What the tables of the dataset say of each other.
+fn of_data(study: &Study) -> Vec<Finding> {
+    let finding = |odd: crate::data::OutOfFamily| Finding {
+        claim: odd.claim(),
+        number: odd.number(),
+        threshold: OUT_OF_FAMILY,
+        power: Normal::standard().cdf(0.1 / odd.sigma - OUT_OF_FAMILY),
+        test: odd.test,
+    };
+    out_of_family(&study.dataset.tests).into_iter().map(finding).collect()
 }
 
 /// The motion a test shows at the places of an instance; that of its drive where the model cannot be computed yet.

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::data::Dataset;
 use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView, nearest};
+use crate::data::{Dataset, Record};
 use crate::effect::{self, Effect};
 use crate::identify::Loss;
 use crate::model::Model;
@@ -42,11 +42,13 @@ pub struct FitSettings {
     pub max_iterations: Option<usize>,
     /// Starts: 1 is the study's own.
     pub starts: usize,
+    /// Points of a loop that are compared, at most; none: all.
+    pub points: Option<usize>,
 }
 
 impl Default for FitSettings {
     fn default() -> Self {
-        FitSettings { loss: Loss::Squares, max_iterations: None, starts: 1 }
+        FitSettings { loss: Loss::Squares, max_iterations: None, starts: 1, points: None }
     }
 }
 
@@ -59,6 +61,42 @@ pub struct SearchSettings {
     pub places: Option<Vec<String>>,
     /// Effects added at most.
     pub max_added: Option<usize>,
+}
+
+/// Rows of modal tables that are computed and compared with nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeaveOut {
+    /// Test id.
+    pub test: String,
+    /// `natural_frequency` or `modal_damping`.
+    pub quantity: &'static str,
+    /// Number of the mode.
+    pub mode: u32,
+    /// Why.
+    pub why: String,
+}
+
+/// Reads every `[[leave_out]]`.
+pub(super) fn leave_out(root: &TableView<'_>, dataset: &Dataset) -> Result<Vec<LeaveOut>, TomlError> {
+    let words = [("natural_frequency", "natural_frequency"), ("modal_damping", "modal_damping")];
+    let one = |table: &TableView<'_>| {
+        table.only(&["test", "quantity", "mode", "why"])?;
+        let value = table.require("test", "the id of a modal test")?;
+        let test = value.string()?;
+        let Some(Record::Modal(modes)) = dataset.test(test).map(|t| &t.record) else {
+            let modal = dataset.tests.iter().filter(|t| matches!(t.record, Record::Modal(_)));
+            return Err(unknown(&value, "modal test", test, modal.map(|t| t.id.as_str())));
+        };
+        let quantity = table.require("quantity", "natural_frequency or modal_damping")?.word("quantity", &words)?;
+        let value = table.require("mode", "1, 2, ...")?;
+        let mode = value.integer(1, 1_000_000)? as u32;
+        let there = modes.rows.iter().any(|r| r.mode == mode && (quantity == "natural_frequency" || r.damping.is_some()));
+        if !there {
+            return Err(value.refuse(format!("test `{test}` has no {quantity} of mode {mode}"), "a mode of that test"));
+        }
+        Ok(LeaveOut { test: test.to_string(), quantity, mode, why: table.string("why")?.to_string() })
+    };
+    root.tables("leave_out")?.iter().map(one).collect()
 }
 
 /// Reads `split`.
@@ -98,7 +136,7 @@ pub(super) fn split(root: &TableView<'_>, dataset: &Dataset) -> Result<Split, To
 pub(super) fn fit(root: &TableView<'_>) -> Result<FitSettings, TomlError> {
     let Some(value) = root.get("fit") else { return Ok(FitSettings::default()) };
     let table = value.table()?;
-    table.only(&["loss", "width", "max_iterations", "starts"])?;
+    table.only(&["loss", "width", "max_iterations", "starts", "points"])?;
     #[derive(Clone, Copy)]
     enum Word {
         Squares,
@@ -127,6 +165,7 @@ pub(super) fn fit(root: &TableView<'_>) -> Result<FitSettings, TomlError> {
         loss,
         max_iterations: table.optional("max_iterations", |v| v.integer(1, 1_000_000))?.map(|n| n as usize),
         starts: table.optional("starts", |v| v.integer(1, 10_000))?.map_or(default.starts, |n| n as usize),
+        points: table.optional("points", |v| v.integer(16, 400))?.map(|n| n as usize),
     })
 }
 
@@ -144,7 +183,8 @@ pub(super) fn search(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> 
     // A place or a channel: what stands before the last dot tells which is meant.
     let there = |v: &ValueView<'_>| {
         let text = v.string()?;
-        let force = model.places_at(text).map(|_| ());
+        // A group of places is written as effects have it, with commas.
+        let force = text.split(',').try_for_each(|at| model.places_at(at.trim()).map(|_| ()));
         let test = text.rsplit_once('.').map_or("", |(test, _)| test);
         if force.is_err() && (test == "*" || dataset.test(test).is_some()) {
             let delay = effect::LIBRARY.iter().find(|e| matches!(e, Effect::Channel(_)));

@@ -26,6 +26,7 @@ struct Made {
     /// First body and count of the parts of a stem along the arcs, with their interfaces.
     chains: HashMap<String, (usize, Vec<Frame>)>,
     absent: Vec<(usize, Vec<String>)>,
+    attached: Vec<usize>,
 }
 
 /// Reads a spatial model.
@@ -60,7 +61,7 @@ pub(super) fn read(root: &TableView<'_>) -> Result<Model, TomlError> {
         let table = all.into_iter().find(|t| Some(t.line()) == line).unwrap_or_else(|| root.clone());
         table.refuse(e.to_string(), e.accepted())
     })?;
-    model.absent = made.absent;
+    (model.absent, model.attached) = (made.absent, made.attached);
     Ok(model)
 }
 
@@ -341,11 +342,11 @@ fn point(table: &TableView<'_>, curve: Option<&Curve>, made: &mut Made, names: &
 }
 
 fn connector(table: &TableView<'_>, curve: Option<&Curve>, made: &mut Made, names: &mut Names) -> Result<(), TomlError> {
-    table.only(&["name", "from", "to", "chain", "at", "heading", "absent"])?;
+    table.only(&["name", "from", "to", "chain", "at", "heading", "absent", "attached"])?;
     let name = name(table)?;
     let value = table.require("name", "a name")?;
     if let Some(chain) = table.get("chain") {
-        if let Some(v) = ["from", "to", "at", "heading", "absent"].iter().find_map(|k| table.get(k)) {
+        if let Some(v) = ["from", "to", "at", "heading", "absent", "attached"].iter().find_map(|k| table.get(k)) {
             return Err(
                 v.refuse(format!("connector `{name}` is a chain, whose connectors lie at the interfaces"), "chain alone, or from and to")
             );
@@ -386,6 +387,9 @@ fn connector(table: &TableView<'_>, curve: Option<&Curve>, made: &mut Made, name
     made.tables.insert(name.clone(), table.line());
     if let Some(tests) = table.optional("absent", |v| v.strings())? {
         made.absent.push((made.connectors.len(), tests.into_iter().map(str::to_string).collect()));
+    }
+    if table.optional("attached", |v| v.word("time of attachment", &[("loaded", true), ("unloaded", false)]))? == Some(true) {
+        made.attached.push(made.connectors.len());
     }
     made.connectors.push(Connector { name, from: ends[0], to: ends[1] });
     made.frames.push(Frame { point, axes });

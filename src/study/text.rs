@@ -56,6 +56,9 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
             text.push_str("active = true\n");
         }
     }
+    if let Some(only) = &instance.only {
+        let _ = writeln!(text, "only = {{ {} = {} }}", only.name, quoted(&only.printed));
+    }
     if let Some(target) = &instance.target {
         let of = effects::of_name(&system.model, &system.instances, &instance.site, target);
         let unit = engineering::condition(dataset, &target.condition).unwrap_or_else(|| Unit::si(Dimension::DIMENSIONLESS));
@@ -108,6 +111,16 @@ impl Study {
         }
         let (select, held_out) = (list(&self.split.select), list(&self.split.held_out));
         let _ = writeln!(text, "split = {{ select = {select}, held_out = {held_out} }}");
+        for l in &self.leave_out {
+            let _ = writeln!(
+                text,
+                "\n[[leave_out]]\ntest = {}\nquantity = \"{}\"\nmode = {}\nwhy = {}",
+                quoted(&l.test),
+                l.quantity,
+                l.mode,
+                quoted(&l.why)
+            );
+        }
         self.settings(&mut text);
         for table in &self.graph.tables {
             let _ = write!(text, "\n{table}");
@@ -148,6 +161,9 @@ impl Study {
         for prediction in &self.predictions {
             prediction_text(&mut text, prediction);
         }
+        if let Some(t) = &self.tolerance {
+            let _ = write!(text, "\n[tolerance]\ndataset = {}\n{}", path(&t.file), t.text);
+        }
         text
     }
 
@@ -166,6 +182,9 @@ impl Study {
         }
         if let Some(n) = self.fit.max_iterations {
             let _ = writeln!(text, "max_iterations = {n}");
+        }
+        if let Some(n) = self.fit.points {
+            let _ = writeln!(text, "points = {n}");
         }
         let search = &self.search;
         if search.effects.is_some() || search.places.is_some() || search.max_added.is_some() {
@@ -190,7 +209,12 @@ fn quantity(text: &mut String, key: &str, value: Option<&Quantity>) {
 
 fn prediction_text(text: &mut String, prediction: &PredictionSpec) {
     let si = |value: f64, dimension: Dimension| quoted(&Quantity::si(value, dimension).to_string());
-    let _ = writeln!(text, "\n[[prediction]]\ncase = {}\nquantity = {}", quoted(&prediction.case), quoted(prediction.quantity.word()));
+    // The number of the mode is added to the case as it is read.
+    let case = match &prediction.quantity {
+        Predicted::Shift { mode, .. } => prediction.case.strip_suffix(&format!(", mode {mode}")).unwrap_or(&prediction.case),
+        _ => &prediction.case,
+    };
+    let _ = writeln!(text, "\n[[prediction]]\ncase = {}\nquantity = {}", quoted(case), quoted(prediction.quantity.word()));
     match &prediction.quantity {
         Predicted::Cycle { quantity, at, control, limits, .. } => {
             let force = *control == Control::Force;
@@ -207,6 +231,10 @@ fn prediction_text(text: &mut String, prediction: &PredictionSpec) {
         }
         Predicted::Frequency(mode) | Predicted::Damping(mode) => {
             let _ = writeln!(text, "mode = {mode}");
+        }
+        Predicted::Shift { test, against, mode } => {
+            let _ = writeln!(text, "test = {}\nagainst = {}\nmodes = [{mode}]", quoted(test), quoted(against));
+            return;
         }
         Predicted::Frf { excite, respond, frequency, excitation, .. } => {
             let _ = writeln!(text, "excite = {}\nrespond = {}", quoted(excite), quoted(respond));

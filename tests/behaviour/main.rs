@@ -1,6 +1,7 @@
 //! Behaviour of the program as its users meet it: the command line on studies in temporary folders, and the rules of the house.
 
 mod bad_input;
+mod committed;
 mod damage;
 mod formula;
 mod house;

@@ -8,7 +8,7 @@ use num_complex::Complex64;
 use crate::data::{EnergyRow, EnergyTable, Frf, FrfQuantity, ModalTable, ModeRow, Record, StoredEnergy, TableValue, Test};
 use crate::model::{FreeParam, Site, System};
 use crate::response::Plan;
-use crate::study::{CycleQuantity, Predicted, PredictionSpec};
+use crate::study::{CycleQuantity, Predicted, PredictionSpec, Study};
 use crate::units::{Dimension, Unit};
 
 use super::super::failure::Failure;
@@ -27,7 +27,7 @@ impl Found {
     }
 }
 
-pub(super) fn evaluate(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
+pub(super) fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
     let system = structure(system);
     match &spec.quantity {
         Predicted::Cycle { quantity, at, control, limits, frequency } => {
@@ -79,6 +79,10 @@ pub(super) fn evaluate(spec: &PredictionSpec, system: &System, free: &[FreeParam
             }
             Ok(Found::of(re, im, size, re.value / size, im.value / size))
         }
+        Predicted::Shift { test, against, mode } => {
+            let (a, b) = (in_table(spec, study, test, *mode, &system, free)?, in_table(spec, study, against, *mode, &system, free)?);
+            Ok(Found::of(&a, &b, a.value / b.value - 1.0, 1.0 / b.value, -a.value / b.value.powi(2)))
+        }
         Predicted::Frequency(mode) => mode_of(spec, *mode, false, &system, free),
         Predicted::Damping(mode) => mode_of(spec, *mode, true, &system, free),
     }
@@ -124,6 +128,18 @@ fn mode_of(spec: &PredictionSpec, mode: u32, damping: bool, system: &System, fre
     };
     let mut all = compute(spec, Record::Modal(ModalTable { rows: vec![row] }), system, free)?;
     all.pop().ok_or_else(|| refused(spec, "the mode was not computed"))
+}
+
+/// Frequency of a mode as a modal test pairs it.
+fn in_table(spec: &PredictionSpec, study: &Study, test: &str, mode: u32, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
+    let missing = || refused(spec, &format!("test `{test}` pairs no mode {mode} with the model"));
+    let test = study.dataset.test(test).ok_or_else(missing)?;
+    let plan = Plan::new(test, &system.model)?;
+    let block = plan.blocks.iter().find(|b| b.role == "natural_frequency").ok_or_else(missing)?;
+    let row = block.abscissa.iter().position(|m| *m == f64::from(mode)).ok_or_else(missing)? + block.range.start;
+    let computed = plan.evaluate_plain(system, free)?;
+    let n = free.len();
+    Ok(Found { value: computed.values[row], slopes: computed.slopes[row * n..(row + 1) * n].to_vec() })
 }
 
 /// The structure without its measuring channels: a prediction is of the thing, not of the rig. The channel effects stay in the list, so

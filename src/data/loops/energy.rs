@@ -1,7 +1,9 @@
 //! Energies of a settled loop, with their deviations.
 //!
 //! Displacement and force as truncated Fourier series over the phase, x = sum c_m cos m p + d_m sin m p, F = sum a_m cos m p + b_m sin m p, give
-//! W_D = loop integral of F dx = pi sum_m m (a_m d_m - b_m c_m), without the error of a polygon. The coefficients of n points with deviation s
+//! W_D = loop integral of F dx = pi sum_m m (a_m d_m - b_m c_m), without the error of a polygon.
+//! To it comes what the series leave out, averages and cut-off harmonics: the mean area of the recorded cycles, sample by sample, less the
+//! same polygon of the series, W_m sin(2 pi m / N) / (2 pi m / N). The coefficients of n points with deviation s
 //! and correlation rho_l between points l apart have the variance 2 s^2 / n (1 + 2 sum_l rho_l cos(2 pi m l / n)); first-order propagation gives the rest.
 
 use super::{LoopChannel, SettledLoop};
@@ -82,8 +84,19 @@ impl Waves {
     }
 }
 
+/// (harmonic, its part of W_D).
+fn parts(x: &[[f64; 4]], f: &[[f64; 4]]) -> impl Iterator<Item = (f64, f64)> {
+    x.iter().flat_map(|x| f.iter().filter(|f| f[0] == x[0]).map(|f| (x[0], PI * x[0] * (f[1] * x[2] - f[2] * x[1]))))
+}
+
 fn dissipated(x: &[[f64; 4]], f: &[[f64; 4]]) -> f64 {
-    x.iter().flat_map(|x| f.iter().filter(|f| f[0] == x[0]).map(|f| PI * x[0] * (f[1] * x[2] - f[2] * x[1]))).sum()
+    parts(x, f).map(|p| p.1).sum()
+}
+
+/// The same as a polygon of so many points per cycle.
+fn polygon(x: &[[f64; 4]], f: &[[f64; 4]], samples: f64) -> f64 {
+    let sinc = |u: f64| if u == 0.0 { 1.0 } else { u.sin() / u };
+    parts(x, f).map(|(m, w)| w * sinc(TAU * m / samples)).sum()
 }
 
 /// Range of values, and the places of its ends.
@@ -136,7 +149,9 @@ impl SettledLoop {
         let (x, f) = (series(self, channel(Role::Displacement)?).1, series(self, channel(Role::Force)?).1);
         let waves = Waves::new();
         let (xs, fs) = (waves.sample(&x), waves.sample(&f));
-        let base = all(dissipated(&x, &f), &xs, &fs);
+        let recorded = self.recorded.iter().find(|r| r.at == at);
+        let area = dissipated(&x, &f) + recorded.map_or(0.0, |r| r.area - polygon(&x, &f, r.samples));
+        let base = all(area, &xs, &fs);
         // Slopes by central differences over each coefficient, one deviation to each side.
         let mut variance = [0.0f64; 6];
         for (which, series) in [&x, &f].into_iter().enumerate() {
@@ -148,7 +163,7 @@ impl SettledLoop {
                         waves.add(if which == 0 { &mut xs } else { &mut fs }, m, sign * a, sign * b);
                         // W_D is linear in either channel.
                         let w = if which == 0 { dissipated(&change, &f) } else { dissipated(&x, &change) };
-                        all(dissipated(&x, &f) + w, &xs, &fs)
+                        all(area + w, &xs, &fs)
                     };
                     for (v, (a, b)) in variance.iter_mut().zip(moved(1.0).iter().zip(&moved(-1.0))) {
                         if let (Some(a), Some(b)) = (a, b) {
@@ -157,6 +172,16 @@ impl SettledLoop {
                     }
                 }
             }
+        }
+        // Noise of one channel on noise of the other, in every cycle: N / 2 s_x^2 s_F^2.
+        if let (Some(r), Some(cx), Some(cf)) = (recorded, channel(Role::Displacement), channel(Role::Force)) {
+            // White noise is averaged over every sample, of which the points of the loop are a part.
+            if cx.correlation.len() + cf.correlation.len() == 2 {
+                variance[0] *= (self.n as f64 / r.samples).min(1.0);
+            }
+            let both = 0.5 * r.samples / self.cycles as f64 * (cx.sigma_sample * cf.sigma_sample).powi(2);
+            variance[0] += both;
+            variance[3] += both * (base[3].unwrap_or(0.0) / area).powi(2);
         }
         let get = |k: usize| base[k].map(|value| Estimate { value, sigma: variance[k].sqrt() });
         let travel = get(4).filter(|t| t.value > 0.0)?;

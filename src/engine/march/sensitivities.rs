@@ -34,7 +34,7 @@ impl March<'_> {
         // h: derivative of every element's force at held q'.
         self.h.clear();
         self.h.resize(columns * n_elements, 0.0);
-        for (e, element) in self.bound.elements.iter().enumerate() {
+        for (e, element) in self.bound.elements.iter().enumerate().filter(|(e, _)| self.acts[*e]) {
             let (link, sensed) = (&self.links[e], &self.sensed[e]);
             let (d, by_state) = (sensed.inputs(0), sensed.states(0));
             for c in (0..columns).take_while(|_| spatial.is_none()) {
@@ -87,8 +87,9 @@ impl March<'_> {
             }
             rhs.resize(n_free, 0.0);
             self.rhs = rhs;
-        } else if let Some(spatial) = spatial {
-            self.held_spatial(spatial, state, columns, &mut []);
+        } else if let Some(at) = spatial {
+            self.refresh_matrix(spatial);
+            self.held_spatial(at, state, columns, &mut []);
         }
         for c in 0..columns {
             (0..n).for_each(|d| state.dg[c * n + d] = self.mass[d] * state.da[c * n + d]);
@@ -96,7 +97,7 @@ impl March<'_> {
         if let Some(spatial) = spatial {
             self.follow_spatial(spatial, state, columns);
         }
-        for (e, element) in self.bound.elements.iter().enumerate() {
+        for (e, element) in self.bound.elements.iter().enumerate().filter(|(e, _)| self.acts[*e]) {
             let (link, sensed) = (&self.links[e], &self.sensed[e]);
             let n_s = element.n_states();
             let k = {

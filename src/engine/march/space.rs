@@ -2,7 +2,7 @@
 
 use crate::effect::Inputs;
 use crate::model::Model;
-use crate::model::space::{Inertial, Pose, Space};
+use crate::model::space::{InPlane, Inertial, PlaneJoint, Pose, Relative, Space};
 
 use super::super::EngineError;
 use super::super::blocktri::Layout;
@@ -21,6 +21,10 @@ pub(super) struct Spatial {
 
 pub(super) struct JointWork {
     pub joint: Joint,
+    /// Its closed form, where its parts stay in the plane.
+    plane: Option<PlaneJoint>,
+    /// Coordinates that move, by their place among the twelve, with their degree of freedom.
+    live: Vec<(usize, usize)>,
     slots: Vec<Option<usize>>,
     now: Measured,
     /// Components and derivatives at the start of the step.
@@ -33,6 +37,8 @@ pub(super) struct PartWork {
     dofs: [Option<usize>; 6],
     slots: Vec<Option<usize>>,
     inertial: Inertial,
+    /// Moment of inertia about the origin, where the part stays in the plane.
+    plane: Option<f64>,
 }
 
 impl Spatial {
@@ -44,12 +50,16 @@ impl Spatial {
         let Some(space) = &model.space else { return Ok(None) };
         let joints = joints.into_iter().map(|joint| {
             let slots = joint.slots(layout, free)?;
-            Ok(JointWork { joint, slots, now: Measured::default(), before: Measured::default(), geometric: [[0.0; 12]; 12] })
+            let plane = space.plane(joint.connector, joint.from, joint.to);
+            let live = joint.dofs.iter().enumerate().filter_map(|(k, d)| Some((k, (*d)?))).collect();
+            Ok(JointWork { joint, plane, live, slots, now: Measured::default(), before: Measured::default(), geometric: [[0.0; 12]; 12] })
         });
         let joints = joints.collect::<Result<Vec<_>, EngineError>>()?;
         let moving = space.parts.iter().enumerate().filter(|(_, p)| p.dofs.iter().any(Option::is_some));
-        let parts = moving
-            .map(|(k, p)| Ok(PartWork { part: k, dofs: p.dofs, slots: slots(&p.dofs, layout, free)?, inertial: Inertial::default() }));
+        let parts = moving.map(|(k, p)| {
+            let plane = p.in_plane().then(|| p.inertia_about_origin()[2][2]);
+            Ok(PartWork { part: k, dofs: p.dofs, slots: slots(&p.dofs, layout, free)?, inertial: Inertial::default(), plane })
+        });
         let parts = parts.collect::<Result<Vec<_>, EngineError>>()?;
         let poses = vec![Pose::turned([0.0; 3]); space.parts.len()];
         Ok(Some(Spatial { space: space.clone(), joints, parts, poses, taken: vec![] }))
@@ -63,8 +73,7 @@ impl Spatial {
         }
         for j in &mut self.joints {
             if !known {
-                let relative = j.joint.between(&self.space, &self.poses);
-                (j.now.g, j.now.b) = (relative.g, relative.b);
+                j.measure(&self.space, &self.poses);
             }
             (j.before.g, j.before.b) = (j.now.g, j.now.b);
         }
@@ -79,6 +88,32 @@ impl Spatial {
     }
 }
 
+/// What was measured, with what its second derivatives need.
+enum Seen {
+    Plane(InPlane),
+    Space(Box<Relative<f64>>),
+}
+
+impl JointWork {
+    /// Components and derivatives at the present poses, into `now`.
+    fn measure(&mut self, space: &Space, poses: &[Pose<f64>]) -> Seen {
+        if let Some(plane) = &self.plane {
+            return Seen::Plane(plane.measure(&poses[self.joint.from], &poses[self.joint.to], &mut self.now.g, &mut self.now.b));
+        }
+        let relative = self.joint.between(space, poses);
+        (self.now.g, self.now.b) = (relative.g, relative.b);
+        Seen::Space(Box::new(relative))
+    }
+
+    /// Values of its twelve coordinates in a column that begins at `start`.
+    #[inline]
+    fn column(&self, u: &[f64], start: usize) -> [f64; 12] {
+        let mut out = [0.0; 12];
+        self.live.iter().for_each(|(k, d)| out[*k] = u[start + d]);
+        out
+    }
+}
+
 impl March<'_> {
     /// The spatial counterpart of the sum over the elements; inertia included.
     pub(super) fn internal_spatial(&mut self, spatial: &mut Spatial, state: &mut State, stage: Stage, force: &mut [f64]) -> f64 {
@@ -86,12 +121,13 @@ impl March<'_> {
         let mut scale = 0.0;
         spatial.pose(&state.q);
         for work in &mut spatial.joints {
+            let seen = work.measure(&spatial.space, &spatial.poses);
             let joint = &work.joint;
-            let relative = joint.between(&spatial.space, &spatial.poses);
-            (work.now.g, work.now.b) = (relative.g, relative.b);
             let (reads_v, reads_a) = joint.rates;
             let with_rates = reads_a || (reads_v && stage == Stage::Full);
-            if with_rates {
+            if let (Seen::Plane(at), true, false) = (&seen, with_rates, reads_a) {
+                at.rates(&joint.gather(&state.v), &mut work.now.rate);
+            } else if with_rates {
                 joint.rates_into(&spatial.space, &state.q, &state.v, &state.a, &mut work.now);
             } else {
                 (work.now.rate, work.now.second) = ([[0.0; 12]; 6], [[0.0; 12]; 6]);
@@ -126,7 +162,10 @@ impl March<'_> {
                 }
             }
             if stage != Stage::Value {
-                work.geometric = relative.geometric(&f, &spatial.poses[joint.from], &spatial.poses[joint.to]);
+                match seen {
+                    Seen::Plane(at) => at.geometric(&f, &mut work.geometric),
+                    Seen::Space(relative) => work.geometric = relative.geometric(&f, &spatial.poses[joint.from], &spatial.poses[joint.to]),
+                }
             }
             if stage == Stage::Newton {
                 add_joint(&mut self.matrix, work, &rows);
@@ -137,10 +176,11 @@ impl March<'_> {
             let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[d]));
             let (q, v, a) = (at(&state.q), at(&state.v), at(&state.a));
             let pose = &spatial.poses[work.part];
-            match stage {
-                Stage::Full => work.inertial = part.inertial_tangent(&q, &v, &a),
-                Stage::Newton => work.inertial = part.inertial_by_acceleration(pose, &v, &a),
-                Stage::Value => work.inertial.p = part.inertial_forces(pose, &v, &a),
+            match (stage, work.plane) {
+                (_, Some(inertia)) => part.plane_inertial(pose, &v, &a, inertia, &mut work.inertial),
+                (Stage::Full, _) => work.inertial = part.inertial_tangent(&q, &v, &a),
+                (Stage::Newton, _) => work.inertial = part.inertial_by_acceleration(pose, &v, &a),
+                (Stage::Value, _) => work.inertial.p = part.inertial_forces(pose, &v, &a),
             }
             for (d, p) in work.dofs.iter().zip(work.inertial.p) {
                 if let Some(d) = d {
@@ -162,6 +202,7 @@ impl March<'_> {
             let mut rows = [[0.0; 12]; 6];
             for &(e, c) in &work.joint.elements {
                 rows[c] = effective_row(self.sensed[e].inputs(0), &work.now, c, &rates);
+                self.rows[e] = rows[c];
             }
             add_joint(&mut self.matrix, work, &rows);
         }
@@ -175,13 +216,16 @@ impl March<'_> {
     pub(super) fn held_spatial(&mut self, spatial: &Spatial, state: &State, columns: usize, rhs: &mut [f64]) {
         let (n, ns, n_elements, n_free) = (self.mass.len(), self.n_states, self.bound.elements.len(), self.free_dofs.len());
         for c in 0..columns {
-            let column = |u: &'_ [f64], dofs: &[Option<usize>; 12]| -> [f64; 12] { dofs.map(|d| d.map_or(0.0, |d| u[c * n + d])) };
             for work in &spatial.joints {
                 let joint = &work.joint;
-                let (dv, da, dq0) = (column(&state.dv, &joint.dofs), column(&state.da, &joint.dofs), column(&self.old.dq, &joint.dofs));
+                let (dv, da, dq0) = (work.column(&state.dv, c * n), work.column(&state.da, c * n), work.column(&self.old.dq, c * n));
                 for &(e, axis) in &joint.elements {
                     let (sensed, s0) = (&self.sensed[e], self.links[e].s0);
                     let (d, by_state) = (sensed.inputs(0), sensed.states(0));
+                    // A spring without parameters changes with the coordinates alone.
+                    if d[1..].iter().all(|d| *d == 0.0) && by_state.is_empty() && self.h[c * n_elements + e] == 0.0 {
+                        continue;
+                    }
                     let row = &work.now.b[axis];
                     let v = dot(row, &dv);
                     let a = dot(row, &da) + 2.0 * dot(&work.now.rate[axis], &dv);
@@ -190,9 +234,9 @@ impl March<'_> {
                     h += by_state.iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
                     self.h[c * n_elements + e] += h;
                     let h = self.h[c * n_elements + e];
-                    for (k, d) in joint.dofs.iter().enumerate() {
-                        if let Some(i) = d.and_then(|d| self.free[d]) {
-                            rhs[c * n_free + i] -= row[k] * h;
+                    for (k, d) in &work.live {
+                        if let Some(i) = self.free[*d] {
+                            rhs[c * n_free + i] -= row[*k] * h;
                         }
                     }
                 }
@@ -213,19 +257,18 @@ impl March<'_> {
     /// Derivatives of forces, states and reactions once those of the motion are known.
     pub(super) fn follow_spatial(&mut self, spatial: &Spatial, state: &mut State, columns: usize) {
         let (n, ns, n_elements) = (self.mass.len(), self.n_states, self.bound.elements.len());
-        let rates = self.rates();
+        // Only what is prescribed has a reaction.
+        let reactions = !self.loads.prescribed.is_empty();
         for c in 0..columns {
-            let column = |u: &'_ [f64], dofs: &[Option<usize>; 12]| -> [f64; 12] { dofs.map(|d| d.map_or(0.0, |d| u[c * n + d])) };
             for work in &spatial.joints {
                 let joint = &work.joint;
-                let (dq, dv, da) = (column(&state.dq, &joint.dofs), column(&state.dv, &joint.dofs), column(&state.da, &joint.dofs));
-                let dq0 = column(&self.old.dq, &joint.dofs);
+                let (dq, dv, da) = (work.column(&state.dq, c * n), work.column(&state.dv, c * n), work.column(&state.da, c * n));
+                let dq0 = work.column(&self.old.dq, c * n);
                 let mut df = [0.0; 6];
                 for &(e, axis) in &joint.elements {
                     let sensed = &self.sensed[e];
-                    let row = effective_row(sensed.inputs(0), &work.now, axis, &rates);
                     let h = &mut self.h[c * n_elements + e];
-                    *h += dot(&row, &dq);
+                    *h += dot(&self.rows[e], &dq);
                     df[axis] = *h;
                     let n_s = sensed.states(0).len();
                     if n_s == 0 {
@@ -247,14 +290,12 @@ impl March<'_> {
                             + sensed.states(1 + r).iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
                     }
                 }
-                for (k, d) in joint.dofs.iter().enumerate() {
-                    if let Some(d) = d {
-                        let direct: f64 = (0..6).map(|i| work.now.b[i][k] * df[i]).sum();
-                        state.dg[c * n + d] += direct + dot(&work.geometric[k], &dq);
-                    }
+                for (k, d) in work.live.iter().filter(|_| reactions) {
+                    let direct: f64 = (0..6).map(|i| work.now.b[i][*k] * df[i]).sum();
+                    state.dg[c * n + d] += direct + dot(&work.geometric[*k], &dq);
                 }
             }
-            for work in spatial.parts.iter().filter(|_| !self.alpha.still) {
+            for work in spatial.parts.iter().filter(|_| reactions && !self.alpha.still) {
                 let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[c * n + d]));
                 let (dq, dv, da) = (at(&state.dq), at(&state.dv), at(&state.da));
                 for (k, d) in work.dofs.iter().enumerate() {

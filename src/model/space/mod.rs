@@ -17,12 +17,14 @@
 //! |---|---|
 //! | `rotation` | rotation vectors, their tangents, over dual numbers |
 //! | `joint` | the six components of a connector, first and second derivatives |
+//! | `plane` | the same between parts that move in the plane alone |
 //! | `body` | inertia, gyroscopic terms included |
 //! | `curve` | arcs and the parts along them |
 
 pub mod body;
 pub mod curve;
 pub mod joint;
+pub mod plane;
 pub mod rotation;
 
 use std::collections::HashMap;
@@ -32,6 +34,7 @@ use super::graph::{Axis, Body, Connector, Dof, Model, Place, unique};
 pub use body::{Inertial, Part};
 pub use curve::{Arc, Curve, Section};
 pub use joint::{Frame, Pose, Relative};
+pub use plane::{InPlane, PlaneJoint};
 
 /// Where the parts and connectors of a spatial model are.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,6 +46,13 @@ pub struct Space {
 }
 
 impl Space {
+    /// The connector in the plane, where both its parts move there alone.
+    pub fn plane(&self, connector: usize, from: usize, to: usize) -> Option<PlaneJoint> {
+        let flat = |part: &Part| part.dofs[2..5].iter().all(Option::is_none);
+        let (a, b) = (&self.parts[from], &self.parts[to]);
+        if flat(a) && flat(b) { PlaneJoint::new(&self.frames[connector], a.origin, b.origin) } else { None }
+    }
+
     /// Coordinates of a part among all, 0 where it is held.
     #[inline]
     pub fn coordinates(&self, part: usize, q: &[f64]) -> [f64; 6] {
@@ -97,7 +107,7 @@ impl Model {
                 "a connector to every part that can move",
             ));
         }
-        Ok(Model { bodies, connectors, dofs, places, space: Some(space), loads: vec![], absent: vec![] })
+        Ok(Model { bodies, connectors, dofs, places, space: Some(space), loads: vec![], absent: vec![], attached: vec![] })
     }
 }
 

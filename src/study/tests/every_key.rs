@@ -104,11 +104,17 @@ assumptions = ["rigid"]
 [split]
 select = ["whole"]
 held_out = ["hammer"]
+[[leave_out]]
+test = "modes"
+quantity = "natural_frequency"
+mode = 1
+why = "out of family"
 [fit]
 loss = "huber"
 width = 1.345
 max_iterations = 50
 starts = 2
+points = 100
 [search]
 effects = ["film"]
 places = ["c1.x"]
@@ -213,6 +219,7 @@ excitation = "0.1 N"
 
 /// Fields that may be left out.
 pub const OPTIONAL: &[&str] = &[
+    "leave_out",
     // dataset.toml
     "folder",
     "title",
@@ -263,6 +270,7 @@ pub const OPTIONAL: &[&str] = &[
     "fit.width",
     "fit.max_iterations",
     "fit.starts",
+    "fit.points",
     "search",
     "search.effects",
     "search.places",
@@ -288,6 +296,20 @@ pub const OPTIONAL: &[&str] = &[
 ];
 
 /// Tables of a chain of parts stand in space.rs, keys that a CSV file has no use for in the tests of the other readers
-/// (src/data/dataset/files_tests.rs); and the second spelling of a licence.
-pub const ELSEWHERE: &[&str] =
-    &["arc", "joint", "load", "part", "point", "estimate", "header_units", "load_cell_mass", "record", "license"];
+/// (src/data/dataset/files_tests.rs), values per condition in levels.rs; and the second spelling of a licence.
+pub const ELSEWHERE: &[&str] = &[
+    "tolerance",
+    "arc",
+    "joint",
+    "load",
+    "part",
+    "point",
+    "estimate",
+    "header_units",
+    "load_cell_mass",
+    "record",
+    "license",
+    "per",
+    "only",
+    "monotone",
+];

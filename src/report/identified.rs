@@ -1,0 +1,92 @@
+//! Modal parameters identified from the measured FRFs, for every group of FRF tests at the same conditions.
+
+use std::collections::BTreeMap;
+
+use plotly::Scatter;
+use plotly::common::{AxisSide, Line, Marker, MarkerSymbol, Mode as Draw};
+
+use crate::data::modal_fit::{FrfSet, ModalFit, Settings, fit};
+use crate::data::{Condition, Dataset, Frf, Record, Test};
+
+use super::chart::{self, Charts};
+use super::text::{esc, plain};
+
+/// FRF tests at the same conditions over the same lines.
+pub struct Group<'a> {
+    pub tests: Vec<&'a Test>,
+    pub frfs: Vec<&'a Frf>,
+}
+
+/// Groups of the FRF tests that are of small signal, in the order of the dataset.
+pub fn groups(dataset: &Dataset) -> Vec<Group<'_>> {
+    let key = |t: &Test| -> BTreeMap<String, u64> { t.conditions.iter().map(|(k, c)| (k.clone(), c.value.to_bits())).collect() };
+    let mut groups: Vec<(BTreeMap<String, u64>, Group)> = vec![];
+    for t in &dataset.tests {
+        let Record::Frf(f) = &t.record else { continue };
+        if f.excitation.is_some() {
+            continue;
+        }
+        let k = key(t);
+        let known = groups.iter_mut().find(|g| {
+            // Each pair of places once, all over the same lines.
+            let new = g.1.frfs.iter().all(|o| (&o.respond, &o.excite) != (&f.respond, &f.excite));
+            g.0 == k && new && g.1.frfs.first().is_some_and(|o| o.frequency == f.frequency)
+        });
+        match known {
+            Some((_, group)) => {
+                group.tests.push(t);
+                group.frfs.push(f);
+            }
+            None => groups.push((k, Group { tests: vec![t], frfs: vec![f] })),
+        }
+    }
+    groups.into_iter().map(|g| g.1).collect()
+}
+
+/// Conditions as they are printed.
+pub fn conditions(t: &Test) -> String {
+    let print = |(name, c): (&String, &Condition)| {
+        format!("{} {}", esc(name), format!("{} {}", plain(c.unit.from_si(c.value), 4), esc(&c.unit.symbol)).trim_end())
+    };
+    t.conditions.iter().map(print).collect::<Vec<_>>().join(", ")
+}
+
+/// Modes of a group; `Err` says why there are none.
+pub fn identify(group: &Group) -> Result<ModalFit, String> {
+    let say = |e: crate::data::modal_fit::ModalFitError| format!("{e}; accepted: {}", e.accepted());
+    let set = FrfSet::from_frfs(&group.frfs).map_err(say)?;
+    fit(&set, &Settings::default()).map_err(say)
+}
+
+/// Poles over the order of the fit with the sum of the FRFs behind them.
+pub fn diagram(group: &Group, found: &ModalFit, charts: &mut Charts, caption: &str) -> String {
+    let Some(first) = group.frfs.first() else { return String::new() };
+    let (mut plot, layout) = chart::chart(&chart::linear("frequency [Hz]"), &chart::linear("order"));
+    let from = first.frequency.iter().take_while(|f| **f <= 0.0).count();
+    let x = first.frequency[from..].to_vec();
+    let sum: Vec<f64> = (from..first.frequency.len()).map(|k| group.frfs.iter().map(|f| f.measured[k].norm()).sum()).collect();
+    let keep = chart::thin(&sum, 500);
+    let (low, high) = (x.first().copied().unwrap_or(0.0), x.last().copied().unwrap_or(1.0));
+    let behind = Scatter::new(chart::pick(&x, &keep), chart::pick(&sum, &keep))
+        .name("sum of magnitudes")
+        .mode(Draw::Lines)
+        .line(Line::new().color("#c9c9c9").width(1.5))
+        .y_axis("y2");
+    plot.add_trace(behind);
+    for (stable, name, colour, symbol) in
+        [(false, "pole", "#b5b5b5", MarkerSymbol::CircleOpen), (true, "stable pole", chart::LAST, MarkerSymbol::Circle)]
+    {
+        let here = found.diagram.iter().filter(|p| p.stable == stable && p.frequency >= low && p.frequency <= high);
+        let (f, order): (Vec<f64>, Vec<f64>) = here.map(|p| (p.frequency, p.order as f64)).unzip();
+        let marker = Marker::new().color(colour).size(if stable { 6 } else { 4 }).symbol(symbol);
+        plot.add_trace(chart::points(f, order, name, colour, 4).marker(marker));
+    }
+    let highest = found.diagram.iter().map(|p| p.order).max().unwrap_or(1) as f64;
+    for (k, mode) in found.modes.iter().enumerate() {
+        let picked = chart::dashed(vec![mode.frequency; 2], vec![0.0, highest], "picked");
+        plot.add_trace(picked.show_legend(k == 0));
+    }
+    let second = chart::axis(&chart::decades("sum of magnitudes")).overlaying("y").side(AxisSide::Right).show_grid(false);
+    plot.set_layout(layout.y_axis2(second));
+    charts.figure(&plot, 360, caption, "wide")
+}

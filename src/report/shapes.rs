@@ -1,0 +1,145 @@
+//! Pictures of mode shapes: the undeformed chain in grey, the deformed one over it, one picture a mode (the paper's Fig. 13).
+
+use num_complex::Complex64;
+use plotly::common::{HoverInfo, Line, Mode as Draw};
+use plotly::layout::Axis as PlotAxis;
+use plotly::{Plot, Scatter};
+
+use crate::model::space::Space;
+use crate::model::space::rotation::{V3, add, cross, dot, sub};
+use crate::model::{Axis, Model};
+
+use super::chart;
+
+/// Largest displacement drawn, against the length of the chain.
+const SWING: f64 = 0.12;
+/// Half the width drawn for a part, against the length of the chain.
+const HALF: f64 = 0.05;
+
+/// A mode on the chain; the shape's components turn together to where they are largest.
+pub fn picture(model: &Model, shape: &[Complex64]) -> Plot {
+    let largest = shape.iter().copied().max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_default();
+    let turn = if largest.norm() > 0.0 { largest.conj() / largest.norm() } else { Complex64::from(1.0) };
+    let real: Vec<f64> = shape.iter().map(|x| (x * turn).re).collect();
+    match &model.space {
+        Some(space) => spatial(model, space, &real),
+        None => line(model, &real),
+    }
+}
+
+fn trace(points: (Vec<f64>, Vec<f64>), name: &str, colour: &'static str, width: f64, draw: Draw) -> Box<Scatter<f64, f64>> {
+    Scatter::new(points.0, points.1).name(name).mode(draw).line(Line::new().color(colour).width(width)).hover_info(HoverInfo::Skip)
+}
+
+/// Bodies along a line at equal distance, displacements across it, one trace an axis.
+fn line(model: &Model, shape: &[f64]) -> Plot {
+    let (mut plot, layout) = chart::chart(&chart::linear("body"), &chart::linear("displacement, scaled"));
+    let moving: Vec<usize> = (0..model.bodies.len()).filter(|b| !model.bodies[*b].free.is_empty()).collect();
+    let number = |b: usize| moving.iter().position(|m| *m == b).map_or(0.0, |k| k as f64 + 1.0);
+    plot.add_trace(trace((vec![1.0, moving.len().max(2) as f64], vec![0.0; 2]), "undeformed", chart::GREY, 1.5, Draw::Lines));
+    let colours = [chart::LAST, chart::FIRST, chart::OTHERS[0], chart::OTHERS[1], chart::OTHERS[2], chart::OTHERS[3]];
+    for axis in Axis::ALL {
+        let here: Vec<(usize, f64)> = model.dofs.iter().zip(shape).filter(|(d, _)| d.axis == axis).map(|(d, x)| (d.body, *x)).collect();
+        // Translations and rotations have a size each.
+        let like = model.dofs.iter().zip(shape).filter(|(d, _)| d.axis.rotational() == axis.rotational());
+        let size = like.fold(0.0f64, |m, (_, x)| m.max(x.abs()));
+        if here.is_empty() || size <= 0.0 {
+            continue;
+        }
+        let points = here.iter().map(|(b, x)| (number(*b), x / size)).unzip();
+        plot.add_trace(trace(points, axis.name(), colours[axis as usize], 2.0, Draw::LinesMarkers));
+    }
+    plot.set_layout(layout);
+    plot
+}
+
+/// Where the picture looks from: the chain lies along the page, z goes up it aslant.
+struct View {
+    along: V3<f64>,
+    across: V3<f64>,
+    from: V3<f64>,
+}
+
+impl View {
+    fn show(&self, p: V3<f64>) -> (f64, f64) {
+        let d = sub(p, self.from);
+        (1e3 * (dot(d, self.along) + 0.35 * d[2]), 1e3 * (dot(d, self.across) + 0.55 * d[2]))
+    }
+}
+
+/// A part as it is drawn: its two ends on the chain.
+struct Bar {
+    part: usize,
+    ends: [V3<f64>; 2],
+}
+
+/// Parts between their connectors, in the order of the chain; the first and the last reach on to their origins or as far as before.
+fn bars(model: &Model, space: &Space) -> Vec<Bar> {
+    let chain = |c: usize| {
+        let c = &model.connectors[c];
+        !model.bodies[c.from].free.is_empty() && !model.bodies[c.to].free.is_empty()
+    };
+    let links: Vec<usize> = (0..model.connectors.len()).filter(|c| chain(*c)).collect();
+    let of = |part: usize| {
+        let points: Vec<V3<f64>> = links
+            .iter()
+            .filter(|c| model.connectors[**c].from == part || model.connectors[**c].to == part)
+            .map(|c| space.frames[*c].point)
+            .collect();
+        let p = &space.parts[part];
+        let centre = add(p.origin, p.centre);
+        // An end without a connector lies as far from the centre of mass as the other.
+        let beyond = |a: V3<f64>| std::array::from_fn(|i| 2.0 * centre[i] - a[i]);
+        match points[..] {
+            [] => None,
+            [a] if links.len() > 1 || p.mass > 0.0 => {
+                let first = model.connectors.iter().enumerate().any(|(k, c)| links.contains(&k) && c.from == part);
+                Some(if first { [beyond(a), a] } else { [a, beyond(a)] })
+            }
+            [a] => Some([a, a]),
+            [a, b, ..] => Some([a, b]),
+        }
+    };
+    (0..space.parts.len()).filter_map(|part| Some(Bar { part, ends: of(part)? })).collect()
+}
+
+fn spatial(model: &Model, space: &Space, shape: &[f64]) -> Plot {
+    let (mut plot, layout) = chart::chart(&chart::linear("along the chain [mm]"), &chart::linear("across [mm]"));
+    let bars = bars(model, space);
+    let (Some(first), Some(last)) = (bars.first(), bars.last()) else { return plot };
+    let (start, end) = (first.ends[0], last.ends[1]);
+    let reach = sub(end, start);
+    let length = dot(reach, reach).sqrt().max(1e-9);
+    let along = [reach[0] / length, reach[1] / length, 0.0];
+    let view = View { along, across: [-along[1], along[0], 0.0], from: start };
+    // Displacement of a point that is fixed to a part.
+    let moved = |part: usize, p: V3<f64>| -> V3<f64> {
+        let q = space.coordinates(part, shape);
+        let turn = cross([q[3], q[4], q[5]], sub(p, space.parts[part].origin));
+        std::array::from_fn(|i| q[i] + turn[i])
+    };
+    let sides = [[0.0, 0.0, -HALF * length], [0.0, 0.0, HALF * length]];
+    let sides = &sides;
+    let corners = bars.iter().flat_map(|b| b.ends.iter().flat_map(move |e| sides.iter().map(move |s| (b.part, add(*e, *s)))));
+    let size = corners.fold(0.0f64, |m, (part, p)| {
+        let u = moved(part, p);
+        m.max(dot(u, u).sqrt())
+    });
+    let scale = if size > 0.0 { SWING * length / size } else { 0.0 };
+    let outline = |scale: f64| -> (Vec<f64>, Vec<f64>) {
+        let at = |part: usize, p: V3<f64>| view.show(add(p, moved(part, p).map(|u| u * scale)));
+        let mut points = vec![];
+        for b in &bars {
+            let [a, c] = b.ends;
+            let corner = |e: V3<f64>, s: usize| at(b.part, add(e, sides[s]));
+            points.extend([corner(a, 0), corner(a, 1), corner(c, 1), corner(c, 0), corner(a, 0), (f64::NAN, f64::NAN)]);
+        }
+        points.into_iter().unzip()
+    };
+    plot.add_trace(trace(outline(0.0), "undeformed", "#b5b5b5", 1.0, Draw::Lines));
+    plot.add_trace(trace(outline(scale), "deformed", chart::LAST, 1.6, Draw::Lines));
+    // One scale in both directions.
+    let y: PlotAxis = chart::axis(&chart::linear("across [mm]")).scale_anchor("x");
+    plot.set_layout(layout.y_axis(y));
+    plot
+}
