@@ -69,7 +69,9 @@ fn what_no_library_has_is_unexplained_with_a_formula_that_can_be_pasted() {
     let text = given.replace("dataset = \"data\"", &format!("dataset = {data:?}"));
     std::fs::write(folder.path().join("study.toml"), format!("{text}\n{block}")).unwrap();
     let fit = misfit(&["fit", "--json", &folder.path().display().to_string()]).json();
-    let error = |v: &Value| v["tests"].as_array().unwrap().iter().filter(|t| t["split"] == "held_out").map(|t| t["error"].as_f64().unwrap()).sum::<f64>();
+    let error = |v: &Value| {
+        v["tests"].as_array().unwrap().iter().filter(|t| t["split"] == "held_out").map(|t| t["error"].as_f64().unwrap()).sum::<f64>()
+    };
     let before = l["held_out"]["before"].as_f64().unwrap();
     assert!(error(&fit) < 0.2 * before, "{} against {before}: {block}", error(&fit));
 }
@@ -121,6 +123,7 @@ fn a_bootstrap_stopped_and_resumed_is_the_same_and_covers_the_truth() {
     let (low, high) = (profile["interval"][0].as_f64().unwrap(), profile["interval"][1].as_f64().unwrap());
     // truth.toml: 0.276 per mm.
     assert!(low < 276.0 && 276.0 < high && high - low < 20.0, "{profile}");
-    let missing = misfit(&["fit", "--json", &study, "--profile", "c1.x.nothing", "--out", &folder.path().join("no").display().to_string()]).json();
+    let missing =
+        misfit(&["fit", "--json", &study, "--profile", "c1.x.nothing", "--out", &folder.path().join("no").display().to_string()]).json();
     assert!(missing["error"]["message"].as_str().unwrap().contains("c1.x.nothing"), "{missing}");
 }

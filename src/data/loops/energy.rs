@@ -51,12 +51,14 @@ const MIDDLE: f64 = 0.6;
 /// Fourier coefficients of a channel that stand out of its noise: (harmonic, cos, sin, variance of each).
 pub(super) fn series(l: &SettledLoop, c: &LoopChannel) -> (f64, Vec<[f64; 4]>) {
     let fit = FourierInput::fit(&l.phase, &c.mean, c.sigma_mean, TAU * l.frequency);
-    let variance = |m: usize| {
-        let tail: f64 = c.correlation.iter().enumerate().skip(1).map(|(k, r)| r * (TAU * (m * k) as f64 / l.n as f64).cos()).sum();
-        2.0 * c.sigma_mean.powi(2) / l.n as f64 * (1.0 + 2.0 * tail).max(0.0)
-    };
     let kept = fit.cos.iter().zip(&fit.sin).enumerate().filter(|(_, (a, b))| **a != 0.0 || **b != 0.0);
-    (fit.mean, kept.map(|(k, (a, b))| [(k + 1) as f64, *a, *b, variance(k + 1)]).collect())
+    (fit.mean, kept.map(|(k, (a, b))| [(k + 1) as f64, *a, *b, variance(l, c, k + 1)]).collect())
+}
+
+/// Variance of each coefficient of harmonic m.
+fn variance(l: &SettledLoop, c: &LoopChannel, m: usize) -> f64 {
+    let tail: f64 = c.correlation.iter().enumerate().skip(1).map(|(k, r)| r * (TAU * (m * k) as f64 / l.n as f64).cos()).sum();
+    2.0 * c.sigma_mean.powi(2) / l.n as f64 * (1.0 + 2.0 * tail).max(0.0)
 }
 
 /// cos and sin of the phases of the grid; a harmonic steps through them.
@@ -153,7 +155,7 @@ impl SettledLoop {
         let area = dissipated(&x, &f) + recorded.map_or(0.0, |r| r.area - polygon(&x, &f, r.samples));
         let base = all(area, &xs, &fs);
         // Slopes by central differences over each coefficient, one deviation to each side.
-        let mut variance = [0.0f64; 6];
+        let mut variances = [0.0f64; 6];
         for (which, series) in [&x, &f].into_iter().enumerate() {
             for [m, _, _, v] in series.iter().copied() {
                 for (a, b) in [(v.sqrt(), 0.0), (0.0, v.sqrt())] {
@@ -165,7 +167,7 @@ impl SettledLoop {
                         let w = if which == 0 { dissipated(&change, &f) } else { dissipated(&x, &change) };
                         all(area + w, &xs, &fs)
                     };
-                    for (v, (a, b)) in variance.iter_mut().zip(moved(1.0).iter().zip(&moved(-1.0))) {
+                    for (v, (a, b)) in variances.iter_mut().zip(moved(1.0).iter().zip(&moved(-1.0))) {
                         if let (Some(a), Some(b)) = (a, b) {
                             *v += (0.5 * (a - b)).powi(2);
                         }
@@ -173,17 +175,22 @@ impl SettledLoop {
                 }
             }
         }
-        // Noise of one channel on noise of the other, in every cycle: N / 2 s_x^2 s_F^2.
         if let (Some(r), Some(cx), Some(cf)) = (recorded, channel(Role::Displacement), channel(Role::Force)) {
+            // The recorded cycles have the noise of one channel on every harmonic of the other, also where its own series has none.
+            let on = |noisy: &LoopChannel, own: &[[f64; 4]], other: &[[f64; 4]]| -> f64 {
+                let bare = other.iter().filter(|o| own.iter().all(|h| h[0] != o[0]));
+                bare.map(|[m, a, b, _]| (PI * m).powi(2) * (a * a + b * b) * variance(self, noisy, *m as usize)).sum()
+            };
             // White noise is averaged over every sample, of which the points of the loop are a part.
-            if cx.correlation.len() + cf.correlation.len() == 2 {
-                variance[0] *= (self.n as f64 / r.samples).min(1.0);
-            }
+            let white = cx.correlation.len() + cf.correlation.len() == 2;
+            let finer = if white { (self.n as f64 / r.samples).min(1.0) } else { 1.0 };
+            // Noise on noise, in every cycle: N / 2 s_x^2 s_F^2.
             let both = 0.5 * r.samples / self.cycles as f64 * (cx.sigma_sample * cf.sigma_sample).powi(2);
-            variance[0] += both;
-            variance[3] += both * (base[3].unwrap_or(0.0) / area).powi(2);
+            let more = finer * (on(cx, &x, &f) + on(cf, &f, &x)) + both;
+            variances[0] = finer * variances[0] + more;
+            variances[3] += more * (base[3].unwrap_or(0.0) / area).powi(2);
         }
-        let get = |k: usize| base[k].map(|value| Estimate { value, sigma: variance[k].sqrt() });
+        let get = |k: usize| base[k].map(|value| Estimate { value, sigma: variances[k].sqrt() });
         let travel = get(4).filter(|t| t.value > 0.0)?;
         Some(LoopEnergy {
             dissipated: get(0)?,
