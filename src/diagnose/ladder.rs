@@ -161,7 +161,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         if stopped {
             break interrupted(&missing);
         }
-        if missing.len() >= limit {
+        if missing.len() >= limit || rungs.len() > 2 * limit {
             break (format!("{limit} effects were added, which is the limit"), Verdict::Missing);
         }
         watch(&format!("rung {now}"));
@@ -219,18 +219,11 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         fitted = case.fit_system(&system, case.plans_of(SplitName::Fit), monitor)?;
         let tests = compare(&case, &fitted.system, &seen)?;
         let added = EffectAt { effect: name.effect.into(), at: name.at };
-        let undone = removed.contains(&added);
         rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
         if let Some(swap) = simplify(&searched, &mut fitted, base_instances, &mut missing, WORTH_KEEPING, monitor, watch)? {
             fitted = case.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
             let tests = compare(&case, &fitted.system, &seen)?;
             rungs.push(rung(&case, &fitted, Some(swap.added), vec![swap.removed], vec![], tests)?);
-        }
-        if undone {
-            break (
-                "the effect added last was pruned again".to_string(),
-                if missing.is_empty() { Verdict::Unexplained } else { Verdict::Missing },
-            );
         }
     };
     let before = compare(&case, &first_system, &[SplitName::HeldOut])?;
@@ -322,7 +315,10 @@ fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missin
         let gone = &system.instances[k];
         let gone = EffectAt { effect: gone.name().into(), at: gone.at.clone() };
         watch(&format!("pruned {} at {}", gone.effect, gone.at));
-        missing.retain(|m| m.effect != gone.effect || m.at != gone.at);
+        // One of the same name may just have been added: the older one goes.
+        if let Some(old) = missing.iter().position(|m| m.effect == gone.effect && m.at == gone.at) {
+            missing.remove(old);
+        }
         removed.push(gone);
         now = Some(whole(&proof));
         *system = proof.fitted.system;
