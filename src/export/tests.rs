@@ -297,7 +297,7 @@ fn the_exudyn_script_holds_every_part_and_connector() {
     for name in study.system.model.bodies.iter().map(|b| &b.name).chain(study.system.model.connectors.iter().map(|c| &c.name)) {
         assert!(text.contains(&format!("    (\"{name}\", ")), "{name}");
     }
-    assert!(text.contains("BRANCHES = True") && text.contains("(\"slider\", 30.0, 0.3)"), "{text}");
+    assert!(text.contains("(\"slider\", 30.0, 0.3)") && text.contains("(\"branch\", "), "{text}");
     assert!(text.contains("lambda x, v: (-5000000.0*MAX((-x)-(-0.0001), 0))"), "{text}");
     let axis = &study.system.model.space.as_ref().unwrap().frames[0].axes;
     assert!(text.contains(&format!("[{:?}, {:?}, 0.0]", axis[0][0], axis[0][1])));

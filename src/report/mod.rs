@@ -20,6 +20,8 @@ mod summary;
 mod text;
 mod tolerance;
 #[cfg(test)]
+mod modes_tests;
+#[cfg(test)]
 mod tests;
 
 use std::path::Path;
