@@ -168,7 +168,6 @@ fn script(m: &Mechanism, of: &Source) -> (String, Vec<String>) {
 }
 
 fn head(of: &Source, notes: &[String]) -> String {
-    let conditions: Vec<String> = of.conditions.iter().map(|(k, v)| format!("{k} = {v} (SI)")).collect();
     let clean = |s: &str| s.replace('\\', "/").replace("\"\"\"", "'''").replace('\n', " ");
     let left_out = if notes.is_empty() {
         "Everything the model holds is in this script.\n".to_string()
@@ -187,7 +186,7 @@ fn head(of: &Source, notes: &[String]) -> String {
         of.set.study_hash,
         clean(&of.set.termination),
         clean(of.test),
-        if conditions.is_empty() { "none stated".into() } else { conditions.join(", ") },
+        if of.described.is_empty() { "none stated".into() } else { clean(of.described) },
         quoted(of.test)
     )
 }
