@@ -50,8 +50,8 @@ pub(super) struct Args {
     test: Option<String>,
 }
 
-/// Id and conditions [SI] of the test a mechanism stands at.
-fn stand(args: &Args, study: &Study) -> Result<(String, BTreeMap<String, f64>), Failure> {
+/// Id and conditions of the test a mechanism stands at, these in SI and as they are stated.
+fn stand(args: &Args, study: &Study) -> Result<(String, BTreeMap<String, f64>, String), Failure> {
     let tests = &study.dataset.tests;
     let conditions = |t: &Test| -> BTreeMap<String, f64> { t.conditions.iter().map(|(k, c)| (k.clone(), c.value)).collect() };
     let loaded = |t: &&Test| {
@@ -67,13 +67,14 @@ fn stand(args: &Args, study: &Study) -> Result<(String, BTreeMap<String, f64>), 
             Failure::new("export", "--to", "the dataset has no test whose conditions a mechanism could stand at", "at least one [[test]]")
         })?,
     };
-    Ok((test.id.clone(), conditions(test)))
+    let described: Vec<String> = test.conditions.iter().map(|(k, c)| format!("{k} = {}", c.unit.print(c.value))).collect();
+    Ok((test.id.clone(), conditions(test), described.join(", ")))
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let study = session.study()?;
-    let (test, conditions) = stand(args, &study)?;
+    let (test, conditions, described) = stand(args, &study)?;
     let case = session.case(&study)?;
     session.progress.say("fit");
     let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
@@ -85,7 +86,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&study, "export")?;
     folder.study(&study, &fitted.system)?;
     let (mut files, mut notes): (Vec<String>, Vec<String>) = (vec![], vec![]);
-    let of = Source { set: &set, system: &fitted.system, test: &test, conditions: &conditions };
+    let of = Source { set: &set, system: &fitted.system, test: &test, conditions: &conditions, described: &described };
     for exporter in args.to.iter().filter_map(|f| f.exporter()) {
         let exported = exporter.files(&of)?;
         for (name, bytes) in exported.files {

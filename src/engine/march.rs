@@ -18,11 +18,13 @@ use super::EngineError;
 use super::blocktri::{BlockTri, Layout, Levels};
 use super::spatial::{self, Joint};
 
+mod broyden;
 mod method;
 mod sensitivities;
 mod space;
 mod statics;
 
+use broyden::Broyden;
 use method::{Alpha, Rates};
 use space::Spatial;
 
@@ -108,6 +110,7 @@ pub struct March<'a> {
     diagonal: Vec<usize>,
     matrix: BlockTri<f64>,
     alpha: Alpha,
+    broyden: Broyden,
     scratch: ElementScratch,
     sensed: Vec<Sensed>,
     /// Derivatives of every element's force with respect to the coordinates of its connector, of a spatial model.
@@ -199,6 +202,7 @@ impl<'a> March<'a> {
             links,
             diagonal,
             alpha: Alpha::new(radius),
+            broyden: Broyden::default(),
             scratch: ElementScratch::default(),
             sensed: bound.elements.iter().map(|_| Sensed::default()).collect(),
             rows: vec![[0.0; 12]; bound.elements.len()],
@@ -360,6 +364,7 @@ impl<'a> March<'a> {
             // Bending a chain of stiff links strains them to second order: the residual may rise far before it falls.
             let patience = if self.spatial.is_some() { PATIENCE } else { 0 };
             self.keep &= patience > 0;
+            self.broyden.clear();
             for iteration in 0..ITERATIONS {
                 // Factors are kept from step to step while they serve.
                 let stage = if self.keep { Stage::Value } else { Stage::Newton };
@@ -399,14 +404,19 @@ impl<'a> March<'a> {
                         *base = state.q[d];
                     }
                     if !self.keep {
+                        self.broyden.clear();
                         self.matrix.factor()?;
                         self.keep = self.spatial.is_some() && !alpha.still;
                     }
                     self.matrix.solve(&mut self.rhs)?;
                     self.newton.copy_from_slice(&self.rhs);
+                    if self.keep {
+                        self.broyden.improve(&mut self.newton);
+                    }
                 } else {
                     // Non-smooth laws can make full steps jump between branches: go back and take less of the step.
                     factor *= 0.5;
+                    self.broyden.clear();
                 }
                 for (i, &d) in self.free_dofs.iter().enumerate() {
                     state.q[d] = self.base[i] + factor * self.newton[i];

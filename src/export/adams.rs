@@ -53,6 +53,22 @@ fn reals(x: &[f64]) -> String {
     x.iter().map(|x| real(*x)).collect::<Vec<_>>().join(", ")
 }
 
+/// A function as strings of a line each, which Adams joins.
+fn function(text: &str) -> String {
+    let (mut lines, mut line): (Vec<String>, String) = (vec![], String::new());
+    for piece in text.split_inclusive(['+', ',']) {
+        if !line.is_empty() && line.len() + piece.len() > LINE {
+            lines.push(std::mem::take(&mut line));
+        }
+        line += piece;
+    }
+    lines.push(line);
+    lines.iter().map(|l| format!("\"{l}\"")).collect::<Vec<_>>().join(", &\n      ")
+}
+
+/// Characters of a function in a line.
+const LINE: usize = 100;
+
 /// A word of letters, digits and underscores.
 fn word(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
@@ -124,13 +140,12 @@ impl File {
 
     fn whole(&mut self, m: &Mechanism, of: &Source) {
         let model = ".misfit";
-        let conditions: Vec<String> = of.conditions.iter().map(|(k, v)| format!("{k} = {v} (SI)")).collect();
         let header = HEADER
             .replace("@STUDY@", &of.set.study.replace('\n', " "))
             .replace("@HASH@", &of.set.study_hash)
             .replace("@FIT@", &of.set.termination)
             .replace("@TEST@", of.test)
-            .replace("@CONDITIONS@", &if conditions.is_empty() { "none stated".into() } else { conditions.join(", ") });
+            .replace("@CONDITIONS@", if of.described.is_empty() { "none stated" } else { of.described });
         // What is left out is known at the end and stands at the top.
         const LEFT_OUT: &str = "@LEFT_OUT@\n";
         self.text += &header;
@@ -342,7 +357,7 @@ impl File {
                                 ("differential_equation_name", format!("{stem}_z{}", k + 1)),
                                 ("adams_id", id),
                                 ("initial_condition", "0.0".into()),
-                                ("function", format!("\"{rate}\"")),
+                                ("function", function(rate)),
                                 ("implicit", "off".into()),
                                 ("static_hold", if states.held { "on" } else { "off" }.into()),
                             ],
@@ -357,8 +372,8 @@ impl File {
             }
         }
         let id = self.id();
-        let function =
-            |k: usize| if functions[k].is_empty() { "\"0.0\"".to_string() } else { format!("\"-({})\"", functions[k].join(" + ")) };
+        let written =
+            |k: usize| if functions[k].is_empty() { function("0.0") } else { function(&format!("-({})", functions[k].join(" + "))) };
         self.command(
             "force create direct general_force",
             &[
@@ -367,12 +382,12 @@ impl File {
                 ("i_marker_name", i.clone()),
                 ("j_part_name", parts[joint.from].clone()),
                 ("ref_marker_name", j),
-                ("x_force_function", function(0)),
-                ("y_force_function", function(1)),
-                ("z_force_function", function(2)),
-                ("x_torque_function", function(3)),
-                ("y_torque_function", function(4)),
-                ("z_torque_function", function(5)),
+                ("x_force_function", written(0)),
+                ("y_force_function", written(1)),
+                ("z_force_function", written(2)),
+                ("x_torque_function", written(3)),
+                ("y_torque_function", written(4)),
+                ("z_torque_function", written(5)),
             ],
         );
     }
@@ -447,7 +462,7 @@ impl File {
             steps.push(format!("STEP(TIME, {stage}, 0, {}, {})", stage + 1, real(value - before)));
             before = value;
         }
-        let function = if load.path.len() > 1 { steps.join(" + ") } else { real(before) };
+        let course = if load.path.len() > 1 { steps.join(" + ") } else { real(before) };
         if load.path.len() > 1 {
             self.line("! The loading path is declared: one second from each value to the next; run quasi-statics to its end first.");
         }
@@ -461,7 +476,7 @@ impl File {
                 ("i_marker_name", i),
                 ("j_marker_name", j),
                 ("action_only", "on".into()),
-                ("function", format!("\"{function}\"")),
+                ("function", function(&course)),
             ],
         );
     }

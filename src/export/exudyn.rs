@@ -47,7 +47,6 @@ struct Put {
     stiffness: f64,
     damping: f64,
     more: Vec<String>,
-    branches: bool,
 }
 
 /// `Err` names what the script cannot express.
@@ -69,13 +68,11 @@ fn put(law: &Law, fits: bool) -> Result<Put, String> {
         // Stuck at small amplitude; without force at rest.
         "film" if p[2] > 0.0 => {
             out.more.push(branch(p[0] / p[2], p[2] / p[1]));
-            out.branches = true;
         }
         name => {
             if let Some(series) = prony(name, p) {
                 (out.stiffness, out.damping) = (p[0] * series.spring, p[0] * series.damper);
                 out.more.extend(series.branches.iter().map(|(weight, rate)| branch(p[0] * weight, 1.0 / rate)));
-                out.branches = true;
                 return Ok(out);
             }
             let constants: Vec<String> = p.iter().map(|x| if *x < 0.0 { format!("({})", number(*x)) } else { number(*x) }).collect();
@@ -100,15 +97,12 @@ fn script(m: &Mechanism, of: &Source) -> (String, Vec<String>) {
     for law in &m.series {
         note(&mut notes, format!("{law}: acts in series, which the script does not express; its place is stiffer than it was identified"));
     }
-    let (mut connectors, mut branches) = (String::new(), false);
+    let mut connectors = String::new();
     for joint in &m.joints {
         let mut puts: Vec<(Axis, Put)> = vec![];
         for law in &joint.laws {
             match put(law, mass_fits(m, joint, law)) {
-                Ok(p) => {
-                    branches |= p.branches;
-                    puts.push((law.axis, p));
-                }
+                Ok(p) => puts.push((law.axis, p)),
                 Err(what) => note(&mut notes, what),
             }
         }
@@ -154,7 +148,6 @@ fn script(m: &Mechanism, of: &Source) -> (String, Vec<String>) {
     }
     let steps = m.loads.iter().map(|l| l.steps).max().unwrap_or(1).max(10);
     let _ = write!(text, "]\nSTEPS = {steps}  # of the loading path, from one value to the next\n");
-    let _ = writeln!(text, "BRANCHES = {}  # whether a law depends on frequency", if branches { "True" } else { "False" });
     let name = |part: usize, axis: Axis| quoted(&format!("{}.{}", m.parts[part].name, axis.name()));
     let shown = |a: &Axis| !m.spatial || !a.rotational();
     let deflection: Vec<String> =
@@ -175,7 +168,6 @@ fn script(m: &Mechanism, of: &Source) -> (String, Vec<String>) {
 }
 
 fn head(of: &Source, notes: &[String]) -> String {
-    let conditions: Vec<String> = of.conditions.iter().map(|(k, v)| format!("{k} = {v} (SI)")).collect();
     let clean = |s: &str| s.replace('\\', "/").replace("\"\"\"", "'''").replace('\n', " ");
     let left_out = if notes.is_empty() {
         "Everything the model holds is in this script.\n".to_string()
@@ -194,7 +186,7 @@ fn head(of: &Source, notes: &[String]) -> String {
         of.set.study_hash,
         clean(&of.set.termination),
         clean(of.test),
-        if conditions.is_empty() { "none stated".into() } else { conditions.join(", ") },
+        if of.described.is_empty() { "none stated".into() } else { clean(of.described) },
         quoted(of.test)
     )
 }

@@ -17,8 +17,18 @@ class Slider:
         self.x0, self.f0 = self.now
 
 
-def build(loaded, omega=None):
-    """The mechanism; with a circular frequency [rad/s] the branches stand as the spring and damper they are there, friction sticks."""
+def branches(more):
+    return tuple(law[1:] for law in more if law[0] == "branch")
+
+
+def groups():
+    """Different sets of branches that act somewhere."""
+    return sorted({branches(c[5]) for c in CONNECTORS} - {()})
+
+
+def build(loaded, small=False, unit=None):
+    """The mechanism; for small motion friction sticks. Branches carry nothing at rest; with unit = (branches, stiffness) a spring stands
+    where these are."""
     SC = exu.SystemContainer()
     mbs = SC.AddSystem()
     fixed = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=mbs.AddNode(NodePointGround()), coordinate=0))
@@ -41,15 +51,13 @@ def build(loaded, omega=None):
             if law[0] == "force":
                 laws.append(law[1])
             elif law[0] == "slider":
-                if omega is None:
+                if not small:
                     sliders.append(Slider(*law[1:]))
                     laws.append(lambda x, v, s=sliders[-1]: s.force(x))
                 else:
                     stiffness += law[1]
-            elif law[0] == "branch" and omega is not None:
-                _, k, tau = law
-                stiffness += k * (omega * tau) ** 2 / (1 + (omega * tau) ** 2)
-                damping += k * tau / (1 + (omega * tau) ** 2)
+        if unit and branches(more) == unit[0]:
+            stiffness += unit[1]
         function = 0
         if laws:
 

@@ -1,38 +1,59 @@
 
 
-def matrices(omega):
+def matrices(unit=None):
     """Mass, stiffness and damping at rest, coordinates that are held projected out. Exudyn differentiates stiff connectors numerically:
     right at rest, noise under load."""
-    mbs, _ = build(False, omega)
+    mbs, _ = build(False, True, unit)
     M, K, D = mbs.ComputeLinearizedSystem(projectIntoConstraintNullspace=True)[:3]
     return np.array(M), np.array(K), np.array(D)
 
 
-def roots(omega):
-    """Circular frequencies |s| of damped modes [rad/s], ascending."""
-    M, K, D = matrices(omega)
-    if np.linalg.eigvalsh(M).min() <= 1e-12 * np.abs(M).max():
-        # Degrees of freedom without mass: of the springs alone.
-        s = np.linalg.eigvals(np.linalg.solve(K, M))
-        return np.sort(np.sqrt(1 / s.real[s.real > 1e-12 * np.abs(s).max()]))
-    n = len(M)
-    # Both in their own measure, so that digits are kept.
-    scale = math.sqrt(np.abs(K).max() / np.abs(M).max())
-    A = np.block([[np.zeros((n, n)), scale * np.eye(n)], [-np.linalg.solve(M, K) / scale, -np.linalg.solve(M, D)]])
-    s = np.linalg.eigvals(A)
-    return np.sort(np.abs(s[s.imag > 1e-9 * np.abs(s)]))
+def undamped(M, K):
+    """Circular frequencies [rad/s], ascending, and shapes."""
+    M, K = (M + M.T) / 2, (K + K.T) / 2
+    if np.linalg.eigvalsh(M).min() > 1e-12 * np.abs(M).max():
+        L = np.linalg.inv(np.linalg.cholesky(M))
+        squares, shapes = np.linalg.eigh(L @ K @ L.T)
+        return np.sqrt(np.maximum(squares, 0.0)), L.T @ shapes
+    # Degrees of freedom without mass.
+    inverse, shapes = np.linalg.eig(np.linalg.solve(K, M))
+    keep = inverse.real > 1e-12 * np.abs(inverse).max()
+    w, shapes = np.sqrt(1 / inverse.real[keep]), shapes.real[:, keep]
+    return np.sort(w), shapes[:, np.argsort(w)]
 
 
 def frequencies(count):
-    """Damped natural frequencies at rest [Hz]; laws that depend on frequency are taken at each mode's own."""
-    found = roots(1e-3)[:count]
-    if BRANCHES:
-        for k in range(len(found)):
-            for _ in range(8):
-                before, found[k] = found[k], roots(found[k])[k]
-                if abs(found[k] / before - 1) < 1e-8:
-                    break
-    return [float(w / (2 * math.pi)) for w in found]
+    """|s| / 2 pi of the lowest damped modes at rest [Hz]: (s^2 M + s D + K + sum_g k_g(s) K_g) shape = 0 with k_g(s) = sum_j k_j s tau_j / (1 + s tau_j)
+    of the branches of each group, solved by inverse iteration from the undamped modes with the storage stiffness."""
+    M, K, D = matrices()
+    own = []
+    for group in groups():
+        size = sum(k for k, _ in group)
+        own.append((group, (matrices((group, size))[1] - K) / size))
+    law = lambda group, s: sum(k * s * tau / (1 + s * tau) for k, tau in group)
+    slope = lambda group, s: sum(k * tau / (1 + s * tau) ** 2 for k, tau in group)
+    storage = lambda w: K + sum((law(g, 1j * w).real * Kg for g, Kg in own), np.zeros_like(K))
+    found = []
+    for mode in range(min(count, len(M))):
+        w = undamped(M, K)[0][mode]
+        for _ in range(6 if own else 1):
+            all_w, shapes = undamped(M, storage(w))
+            w = all_w[mode]
+        s, x = 1j * w, shapes[:, mode].astype(complex)
+        for _ in range(40 if w > 0 else 0):
+            Z = s * s * M + s * D + K + sum((law(g, s) * Kg for g, Kg in own), 0 * K)
+            dZ = 2 * s * M + D + sum((slope(g, s) * Kg for g, Kg in own), 0 * K)
+            try:
+                x = np.linalg.solve(Z, dZ @ x)
+            except np.linalg.LinAlgError:  # exactly at an eigenvalue
+                break
+            x /= np.linalg.norm(x)
+            step = (x @ Z @ x) / (x @ dZ @ x)
+            s -= step
+            if abs(step) < 1e-12 * abs(s):
+                break
+        found.append(float(abs(s) / (2 * math.pi)))
+    return sorted(found)
 
 
 def deflection():

@@ -19,12 +19,19 @@ class Slider:
         self.x0, self.f0 = self.now
 
 
-def frame(axes):
-    return np.array(axes)
+def branches(more, axis):
+    """Those of an axis."""
+    return tuple(law[1:] for k, law in more if k == axis and law[0] == "branch")
 
 
-def build(loaded, omega=None):
-    """The mechanism; with a circular frequency [rad/s] the branches stand as the spring and damper they are there, friction sticks."""
+def groups():
+    """Different sets of branches that act somewhere."""
+    return sorted({branches(c[7], axis) for c in CONNECTORS for axis in range(6)} - {()})
+
+
+def build(loaded, small=False, unit=None):
+    """The mechanism; for small motion friction sticks. Branches carry nothing at rest; with unit = (branches, stiffness) a spring stands
+    where these are."""
     SC = exu.SystemContainer()
     mbs = SC.AddSystem()
     ground = mbs.AddObject(ObjectGround())
@@ -60,21 +67,20 @@ def build(loaded, omega=None):
             if law[0] == "force":
                 laws.append((axis, law[1]))
             elif law[0] == "slider":
-                if omega is None:
+                if not small:
                     sliders.append(Slider(*law[1:]))
                     laws.append((axis, lambda x, v, s=sliders[-1]: s.force(x)))
                 else:
                     stiffness[axis] += law[1]
-            elif law[0] == "branch" and omega is not None:
-                _, k, tau = law
-                stiffness[axis] += k * (omega * tau) ** 2 / (1 + (omega * tau) ** 2)
-                damping[axis] += k * tau / (1 + (omega * tau) ** 2)
             elif law[0] == "mass":
                 own = mbs.AddNode(Node1D(referenceCoordinates=[0.0]))
                 mbs.AddObject(Mass1D(physicsMass=law[1], nodeNumber=own))
                 its = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=own, coordinate=0))
                 mbs.AddObject(CoordinateConstraint(markerNumbers=[its, coordinate(second, axis)]))
-        A = frame(axes)
+        for axis in range(6):
+            if unit and branches(more, axis) == unit[0]:
+                stiffness[axis] += unit[1]
+        A = np.array(axes)
         markers = [marker(first, point), marker(second, point)]
         function = 0
         if laws:

@@ -116,6 +116,8 @@ pub struct Source<'a> {
     pub test: &'a str,
     /// Its conditions [SI].
     pub conditions: &'a BTreeMap<String, f64>,
+    /// The same as the dataset states them.
+    pub described: &'a str,
 }
 
 /// The files of a format.

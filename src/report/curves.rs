@@ -21,8 +21,8 @@ const FEWEST: usize = 60;
 const BUDGET: usize = 130_000;
 /// Rows of a table shown.
 const ROWS: usize = 60;
-/// Tests unfolded from the start.
-const OPEN: usize = 8;
+/// Tests of each kind unfolded from the start.
+const OPEN: usize = 4;
 
 /// Every test with its curves.
 pub fn section(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> String {
@@ -43,8 +43,12 @@ pub fn section(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> St
         let n = drawn.iter().filter(|d| !**d).count();
         out += &format!("<p>To keep the page small, the curves of the {n} tests that fit best are not drawn.</p>\n");
     }
+    let mut shown: std::collections::HashMap<&str, usize> = std::collections::HashMap::new();
     for (k, id) in ids.iter().enumerate() {
-        let open = if k < OPEN { " open" } else { "" };
+        let kind = stages.iter().find_map(|s| test(s, id)).map_or("", |t| t.kind.as_str());
+        let count = shown.entry(kind).or_insert(0);
+        *count += 1;
+        let open = if *count <= OPEN { " open" } else { "" };
         let figures = if drawn[k] { figures(input, stages, id, limit, charts) } else { String::new() };
         out += &format!(
             "<details id=\"test-{k}\"{open}><summary>{} <span class=\"soft\">{}</span></summary>\n{}{}{figures}</details>\n",

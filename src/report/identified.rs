@@ -40,7 +40,29 @@ pub fn groups(dataset: &Dataset) -> Vec<Group<'_>> {
             None => groups.push((k, Group { tests: vec![t], frfs: vec![f] })),
         }
     }
-    groups.into_iter().map(|g| g.1).collect()
+    groups.into_iter().flat_map(|g| complete(g.1)).collect()
+}
+
+/// The group where every response was measured over every force; else one group for each force.
+fn complete<'a>(group: Group<'a>) -> Vec<Group<'a>> {
+    let different = |pick: fn(&'a Frf) -> &'a str| {
+        let mut all: Vec<&str> = vec![];
+        for f in &group.frfs {
+            if !all.contains(&pick(f)) {
+                all.push(pick(f));
+            }
+        }
+        all
+    };
+    let excites = different(|f| &f.excite);
+    if group.frfs.len() == excites.len() * different(|f| &f.respond).len() {
+        return vec![group];
+    }
+    let of = |excite: &str| {
+        let mine = || (0..group.frfs.len()).filter(|k| group.frfs[*k].excite == excite);
+        Group { tests: mine().map(|k| group.tests[k]).collect(), frfs: mine().map(|k| group.frfs[k]).collect() }
+    };
+    excites.into_iter().map(of).collect()
 }
 
 /// Conditions as they are printed.

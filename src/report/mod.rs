@@ -21,6 +21,8 @@ mod text;
 mod tolerance;
 mod unexplained;
 #[cfg(test)]
+mod modes_tests;
+#[cfg(test)]
 mod tests;
 
 use std::path::Path;

@@ -144,9 +144,8 @@ fn from_frfs(system: &System, group: &Group, drawn: &mut Vec<Drawn>, charts: &mu
     let computed = model_modes(system, t, &found);
     let note = match &computed {
         Ok(_) => format!(
-            "<p class=\"soft\">Poly-reference least squares, refined to the FRFs with their noise; intervals of 95 %. What the modes leave of the FRFs: {} \
-             (χ² per degree of freedom {}; above 1 the modes do not leave noise alone, and the intervals are too narrow).</p>",
-            percent(found.error),
+            "<p class=\"soft\">Poly-reference least squares, refined to the FRFs with their noise; intervals of 95 %. χ² per degree of freedom {}: \
+             at 1 the modes leave noise alone, well above 1 there is more in the FRFs and the intervals are too narrow.</p>",
             digits(found.chi_squared, 3)
         ),
         Err(e) => format!("<p>The model's modes cannot be held against them: {}</p>", esc(e)),

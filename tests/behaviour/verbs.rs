@@ -235,6 +235,32 @@ fn exported_files_hold_the_calibrated_set() {
 }
 
 #[test]
+fn exported_mechanisms_hold_the_identified_coefficients_and_name_what_they_cannot() {
+    let rig = Rig::new();
+    let study = rig.read("study.toml");
+    rig.write(
+        "study.toml",
+        &(study + "[[effect]]\neffect = \"support_compliance\"\nat = \"c1.x\"\ns = { start = \"1e-6 mm/N\", fixed = true }\n"),
+    );
+    let out = rig.path("out");
+    let ran = rig.run("export", &["--to", "adams,exudyn", "--test", "loop-2Hz", "--json", "--out", &out.display().to_string()]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    for format in ["adams", "exudyn"] {
+        assert!(ran.stderr.contains(&format!("{format}: support_compliance at c1.x")), "{}", ran.stderr);
+    }
+    assert_eq!(ran.json()["test"], "loop-2Hz");
+    let adams = std::fs::read_to_string(out.join("mechanism.cmd")).unwrap();
+    let after = adams.split("c1_x_linear_stiffness_k").nth(1).unwrap();
+    let value: f64 = after.split("real_value = ").nth(1).unwrap().split_whitespace().next().unwrap().parse().unwrap();
+    assert!((value / K - 1.0).abs() < 0.01, "{value} N/mm");
+    assert!(adams.contains("general_force_name = .misfit.c1"));
+    let script = std::fs::read_to_string(out.join("mechanism.py")).unwrap();
+    assert!(script.contains("(\"c1.x\", None, \"end.x\", ") && script.contains("support_compliance at c1.x"), "{script}");
+    let error = rig.run("export", &["--to", "adams", "--test", "loop-9Hz", "--json"]).error();
+    assert!(error[2].contains("no test `loop-9Hz`") && error[3].contains("loop-5Hz"), "{error:?}");
+}
+
+#[test]
 fn check_tells_every_problem() {
     let rig = Rig::new();
     rig.change("data/dataset.toml", "file = \"loop2.csv\"", "file = \"loop3.csv\"");

@@ -30,6 +30,9 @@ pub(super) struct JointWork {
     /// Components and derivatives at the start of the step.
     before: Measured,
     geometric: [[f64; 12]; 12],
+    seen: Seen,
+    /// Whether the rates of the derivatives at hand are zero.
+    at_rest: bool,
 }
 
 pub(super) struct PartWork {
@@ -52,7 +55,17 @@ impl Spatial {
             let slots = joint.slots(layout, free)?;
             let plane = space.plane(joint.connector, joint.from, joint.to);
             let live = joint.dofs.iter().enumerate().filter_map(|(k, d)| Some((k, (*d)?))).collect();
-            Ok(JointWork { joint, plane, live, slots, now: Measured::default(), before: Measured::default(), geometric: [[0.0; 12]; 12] })
+            Ok(JointWork {
+                joint,
+                plane,
+                live,
+                slots,
+                now: Measured::default(),
+                before: Measured::default(),
+                geometric: [[0.0; 12]; 12],
+                seen: Seen::Plane(InPlane::default()),
+                at_rest: true,
+            })
         });
         let joints = joints.collect::<Result<Vec<_>, EngineError>>()?;
         let moving = space.parts.iter().enumerate().filter(|(_, p)| p.dofs.iter().any(Option::is_some));
@@ -89,20 +102,24 @@ impl Spatial {
 }
 
 /// What was measured, with what its second derivatives need.
-enum Seen {
+// Kept in place of the last one: nothing is allocated in a step.
+#[allow(clippy::large_enum_variant)]
+pub(super) enum Seen {
     Plane(InPlane),
-    Space(Box<Relative<f64>>),
+    Space(Relative<f64>),
 }
 
 impl JointWork {
     /// Components and derivatives at the present poses, into `now`.
-    fn measure(&mut self, space: &Space, poses: &[Pose<f64>]) -> Seen {
+    fn measure(&mut self, space: &Space, poses: &[Pose<f64>]) {
         if let Some(plane) = &self.plane {
-            return Seen::Plane(plane.measure(&poses[self.joint.from], &poses[self.joint.to], &mut self.now.g, &mut self.now.b));
+            let (a, b) = (&poses[self.joint.from], &poses[self.joint.to]);
+            self.seen = Seen::Plane(plane.measure(a, b, &mut self.now.g, &mut self.now.b));
+            return;
         }
         let relative = self.joint.between(space, poses);
         (self.now.g, self.now.b) = (relative.g, relative.b);
-        Seen::Space(Box::new(relative))
+        self.seen = Seen::Space(relative);
     }
 
     /// Values of its twelve coordinates in a column that begins at `start`.
@@ -121,25 +138,30 @@ impl March<'_> {
         let mut scale = 0.0;
         spatial.pose(&state.q);
         for work in &mut spatial.joints {
-            let seen = work.measure(&spatial.space, &spatial.poses);
+            work.measure(&spatial.space, &spatial.poses);
             let joint = &work.joint;
             let (reads_v, reads_a) = joint.rates;
             let with_rates = reads_a || (reads_v && stage == Stage::Full);
-            if let (Seen::Plane(at), true, false) = (&seen, with_rates, reads_a) {
+            if let (Seen::Plane(at), true, false) = (&work.seen, with_rates, reads_a) {
                 at.rates(&joint.gather(&state.v), &mut work.now.rate);
             } else if with_rates {
                 joint.rates_into(&spatial.space, &state.q, &state.v, &state.a, &mut work.now);
-            } else {
+            } else if !work.at_rest {
                 (work.now.rate, work.now.second) = ([[0.0; 12]; 6], [[0.0; 12]; 6]);
             }
-            let (v12, a12) = (joint.gather(&state.v), joint.gather(&state.a));
+            work.at_rest = !with_rates;
+            let gather = |reads: bool, u: &[f64]| if reads { joint.gather(u) } else { [0.0; 12] };
+            let (v12, a12) = (gather(reads_v || reads_a, &state.v), gather(reads_a, &state.a));
+            let mut on = [0.0; 12];
             let mut f = [0.0; 6];
             let mut rows = [[0.0; 12]; 6];
             for &(e, c) in &joint.elements {
                 let element = &self.bound.elements[e];
                 let (row, link) = (&work.now.b[c], &self.links[e]);
                 let x = work.now.g[c];
-                let u = Inputs { x, v: dot(row, &v12), a: dot(row, &a12) + dot(&work.now.rate[c], &v12), dx: x - work.before.g[c] };
+                let v = if reads_v || reads_a { dot(row, &v12) } else { 0.0 };
+                let a = if reads_a { dot(row, &a12) + dot(&work.now.rate[c], &v12) } else { 0.0 };
+                let u = Inputs { x, v, a, dx: x - work.before.g[c] };
                 let s = &mut self.new_s[link.s0..link.s0 + element.n_states()];
                 let fs = &mut state.fs[link.fs0..link.fs0 + element.n_follower_states()];
                 let value = if stage == Stage::Value {
@@ -153,16 +175,13 @@ impl March<'_> {
                     out.f
                 };
                 f[c] = value;
+                on.iter_mut().zip(row).for_each(|(on, b)| *on += b * value);
                 self.forces[e] = value;
                 scale += value.abs();
             }
-            for (k, d) in joint.dofs.iter().enumerate() {
-                if let Some(d) = d {
-                    force[*d] += (0..6).map(|c| work.now.b[c][k] * f[c]).sum::<f64>();
-                }
-            }
+            work.live.iter().for_each(|(k, d)| force[*d] += on[*k]);
             if stage != Stage::Value {
-                match seen {
+                match &work.seen {
                     Seen::Plane(at) => at.geometric(&f, &mut work.geometric),
                     Seen::Space(relative) => work.geometric = relative.geometric(&f, &spatial.poses[joint.from], &spatial.poses[joint.to]),
                 }
