@@ -7,7 +7,10 @@ use std::f64::consts::TAU;
 use nalgebra::DMatrix;
 use num_complex::Complex64;
 
-use crate::data::{Channel, Control, EnergyRow, EnergyTable, Frf, FrfQuantity, ModalTable, ModeRow, Record, Role, StoredEnergy, TableValue, Test, TimeRecord};
+use crate::data::{
+    Channel, Control, EnergyRow, EnergyTable, Frf, FrfQuantity, ModalTable, ModeRow, Record, Role, StoredEnergy, TableValue, Test,
+    TimeRecord,
+};
 use crate::model::{FreeParam, Site, System};
 use crate::response::Plan;
 use crate::study::{CycleQuantity, Predicted, PredictionSpec, Study};
@@ -158,7 +161,14 @@ pub(super) fn sweep(spec: &PredictionSpec, system: &System, free: &[FreeParam]) 
     // The force sets in at zero of its sine: the march starts at rest, or in the equilibrium under the loads that stay.
     let phase = |t: f64| TAU * (from * t + 0.5 * (to - from) / duration * t * t);
     let force: Vec<f64> = time.iter().map(|t| mean + amplitude * phase(*t).sin()).collect();
-    let channel = |role, at: &str, dimension, input, values| Channel { role, at: at.into(), unit: Unit::si(dimension), sigma: Some(1.0), input, values };
+    let channel = |role, at: &str, dimension, input, values| Channel {
+        role,
+        at: at.into(),
+        unit: Unit::si(dimension),
+        sigma: Some(1.0),
+        input,
+        values,
+    };
     let channels = vec![
         channel(Role::Force, at, Dimension::FORCE, true, force),
         channel(Role::Displacement, respond, Dimension::LENGTH, false, vec![0.0; time.len()]),

@@ -182,7 +182,10 @@ modes = [1, 2]
     std::fs::write(&file, whole).unwrap();
     let again = Study::load(&file, None).unwrap();
     assert_eq!(again.leave_out, study.leave_out);
-    assert_eq!(again.predictions.iter().map(|p| &p.quantity).collect::<Vec<_>>(), study.predictions.iter().map(|p| &p.quantity).collect::<Vec<_>>());
+    assert_eq!(
+        again.predictions.iter().map(|p| &p.quantity).collect::<Vec<_>>(),
+        study.predictions.iter().map(|p| &p.quantity).collect::<Vec<_>>()
+    );
     assert_eq!(again.tolerance.unwrap().cases, spec.cases);
 
     let case = |from: &str, to: &str, message: &str| {
@@ -206,7 +209,11 @@ modes = [1, 2]
     case("condition = \"i\"\nrange", "condition = \"j\"\nrange", "unknown condition `j`");
     case("leaf_length = \"84 mm\"", "leaf_length = \"84 N\"", "where a length is expected");
     case("frequency = \"5 Hz\"", "frequency = \"0 Hz\"", "is not above 0");
-    case("force_min = \"21.6 N\"\nforce_max = \"138.3 N\"\nfrequency", "force_min = \"150 N\"\nforce_max = \"138.3 N\"\nfrequency", "the limits of the cycle");
+    case(
+        "force_min = \"21.6 N\"\nforce_max = \"138.3 N\"\nfrequency",
+        "force_min = \"150 N\"\nforce_max = \"138.3 N\"\nfrequency",
+        "the limits of the cycle",
+    );
     // Table 5 prints the areas in mm.
     let wrong = |from: &str, to: &str, message: &str| {
         std::fs::write(folder.path().join("data/cases.toml"), CASES.replacen(from, to, 1)).unwrap();
