@@ -8,7 +8,7 @@ use crate::response::Plan;
 use super::candidates::Name;
 use super::case::{Case, Fitted, compare, effects, fit, parameters};
 use super::findings::{findings, unsettled};
-use super::refit::{Proof, cost, prove};
+use super::refit::{Proof, cost, prove, whitened};
 use super::results::*;
 use super::search::{LEVEL, SURE, Step, step};
 use super::simplify::simplify;
@@ -16,7 +16,7 @@ use super::unexplained::{Unexplained, unexplained};
 use super::{DiagnoseError, trace};
 
 /// Effects added at most where the study does not say.
-const MAX_ADDED: usize = 6;
+const MAX_ADDED: usize = 4;
 /// Fall of the cost that an effect must be worth, per parameter, to stay.
 const WORTH_KEEPING: f64 = 4.0;
 /// Root mean square of whitened residuals up to which a model is at the floor, where chance does not already reach beyond it: so many
@@ -107,6 +107,13 @@ fn at_floor((rms, n): (f64, usize)) -> bool {
     rms * rms < (AT_FLOOR * AT_FLOOR).max(1.0 + CHANCE * (2.0 / n.max(1) as f64).sqrt())
 }
 
+/// Root mean square of the whitened residuals of a system on the fit and select tests, and their number.
+fn left_by(case: &Case, system: &System) -> (f64, usize) {
+    let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
+    let n: usize = plans.iter().map(|p| p.len()).sum();
+    whitened(&plans, system).map_or((f64::INFINITY, n), |w| ((2.0 * cost(&w) / n.max(1) as f64).sqrt(), n))
+}
+
 /// Whether what was added takes most of what the first model failed by.
 fn mostly(first: (f64, usize), last: (f64, usize)) -> bool {
     let excess = |(rms, _): (f64, usize)| (rms * rms - 1.0).max(0.0);
@@ -162,7 +169,17 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break interrupted(&missing);
         }
         if missing.len() >= limit || rungs.len() > 2 * limit {
-            break (format!("{limit} effects were added, which is the limit"), Verdict::Missing);
+            let searched = case.with_instruments(&fitted.system);
+            let after = left_by(&searched, &fitted.system);
+            (left, remainder) = (Some(after.0), !at_floor(after));
+            let verdict = match &first {
+                Some((before, given)) if remainder && !mostly(*before, after) => {
+                    formula = suggestion(&searched, given, monitor, watch);
+                    Verdict::Unexplained
+                }
+                _ => Verdict::Missing,
+            };
+            break (format!("{} effects were added, and {limit} is the limit", missing.len()), verdict);
         }
         watch(&format!("rung {now}"));
         let searched = case.with_instruments(&fitted.system);
