@@ -94,13 +94,14 @@ fn a_device_attached_under_load_carries_none_of_it() {
     // At no load there is no difference between the two.
     let (a, b) = (unloaded(&chain()), unloaded(&chain().replace("attached = \"loaded\"", "attached = \"unloaded\"")));
     assert!((a[0] / b[0] - 1.0).abs() < 1e-5, "{a:?} {b:?}");
-    assert!(attached.abs() > 4.0 * from_start.abs(), "{attached} {from_start}");
+    assert!(attached.abs() > 2.0 * from_start.abs(), "{attached} {from_start}");
     // A march has no time at which it would be attached.
     let energy = |text: &str| {
         let study = Folder::new(text, MODAL).load().unwrap();
         Plan::new(study.dataset.test("energy-a").unwrap(), &study.system.model).unwrap().evaluate(&study.system, &[], false).unwrap().values
     };
-    assert_eq!(energy(&chain()), energy(&chain().replace("absent = [\"energy-*\"]\n", "")));
+    let (without, with) = (energy(&chain()), energy(&chain().replace("absent = [\"energy-*\"]\n", "")));
+    assert!(without.iter().zip(&with).all(|(a, b)| (a - b).abs() < 1e-9), "{without:?} {with:?}");
 }
 
 /// Sensitivities through an equilibrium that the device takes no part in.
