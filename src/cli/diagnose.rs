@@ -1,7 +1,7 @@
 //! `misfit diagnose`: where the model fails, which effects explain it, how sure that is.
 
 use crate::diagnose::results::{Candidate, Diagnosis, FitResult, Verdict};
-use crate::diagnose::{self, Case};
+use crate::diagnose::{self, Case, Unexplained};
 
 use super::failure::Failure;
 use super::session::{Common, Session};
@@ -51,12 +51,36 @@ pub(super) fn candidates(list: &[Candidate]) -> String {
             percent(c.error_before),
             c.error_after.map_or("-".into(), percent),
             if c.accepted { "yes" } else { "no" }.into(),
+            c.selected.map_or("-".into(), percent),
             c.tied_with.join("; "),
             c.remark.clone(),
         ]
     };
-    let header = ["effect", "at", "predicted drop", "p", "error before", "after", "accepted", "cannot be told from", "remark"];
+    let header = [
+        "effect",
+        "at",
+        "predicted drop",
+        "p",
+        "error before",
+        "after",
+        "accepted",
+        "part of all at once",
+        "cannot be told from",
+        "remark",
+    ];
     table(&header, &list.iter().map(row).collect::<Vec<_>>())
+}
+
+/// What would explain the rest, and how to paste it.
+pub(super) fn suggestion(u: &Unexplained) -> String {
+    let indented: String = u.formula.lines().map(|l| format!("  {l}\n")).collect();
+    format!(
+        "A force at {} would explain {} of it (error {} before, {} after); as an effect of the study:\n\n{indented}\n",
+        u.at,
+        percent(u.explains),
+        percent(u.error_before),
+        percent(u.error_after)
+    )
 }
 
 /// A verdict in a sentence.
@@ -65,6 +89,9 @@ pub(super) fn sentence(verdict: Verdict, missing: &[(&str, &str)]) -> String {
     match verdict {
         Verdict::Missing => format!("Missing: {}.", names.join(", ")),
         Verdict::NothingMissing => "Nothing is missing: what is left of the misfit is noise.".into(),
+        Verdict::Unexplained if !names.is_empty() => {
+            format!("Unexplained: {} take part of the misfit away, and no effect of the library explains the rest.", names.join(", "))
+        }
         Verdict::Unexplained => "Something is missing that no effect of the library explains.".into(),
         Verdict::Interrupted => "The search was interrupted before it had found anything; it says nothing about what is missing.".into(),
     }
@@ -83,9 +110,15 @@ fn told(d: &Diagnosis, study: &str) -> String {
         text += &candidates(&d.candidates);
         text += "\n";
     }
+    if let Some(remark) = &d.second_opinion.remark {
+        text += &format!("Second opinion: {remark}.\n");
+    }
     let missing: Vec<(&str, &str)> = d.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
     text += &sentence(d.verdict, &missing);
     text += "\n";
+    if let Some(u) = &d.unexplained {
+        text += &suggestion(u);
+    }
     for seen in &d.would_have_been_seen {
         text += &format!("would have been seen: {seen}\n");
     }

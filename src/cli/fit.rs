@@ -13,7 +13,7 @@ use crate::study::run::RunFolder;
 
 use super::failure::Failure;
 use super::session::{Common, Session};
-use super::{INTERRUPTED, NOT_DONE, Outcome, report, text};
+use super::{INTERRUPTED, NOT_DONE, Outcome, report, scatter, text};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -22,6 +22,12 @@ pub(super) struct Args {
     /// Go on from the best state of an interrupted fit, kept in the folder of its run (of several starts: from the best)
     #[arg(long, value_name = "RUNDIR")]
     resume: Option<PathBuf>,
+    /// Profile likelihood of these free parameters, each refitted with all others; `all` for every one
+    #[arg(long, value_name = "PARAM", num_args = 1.., value_delimiter = ',')]
+    profile: Vec<String>,
+    /// Bootstrap: refits to this many measurements made of the residuals
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
+    bootstrap: Option<u32>,
 }
 
 pub(super) const ALL: [SplitName; 3] = [SplitName::Fit, SplitName::Select, SplitName::HeldOut];
@@ -31,14 +37,35 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let study = session.study()?;
     let case = session.case(&study)?;
     let folder = session.folder(&study, "fit")?;
-    let done = fitted(&session, &case, &folder, args.resume.as_deref()).and_then(|(fitted, result)| {
+    let done = fitted(&session, &case, &folder, args.resume.as_deref()).and_then(|(case, fitted, result)| {
         keep(&study, &fitted.system, &folder, &result)?;
-        Ok(result)
+        Ok((case, fitted, result))
     });
-    let result = done.inspect_err(|_| folder.discard())?;
+    let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
     let mut text = text::fit(&result, &args.common.study.display().to_string());
+    let mut value = json(&result, &folder)?;
+    if !args.profile.is_empty() {
+        let every = || fitted.free.iter().map(|f| f.name.clone()).collect();
+        let names = if args.profile.iter().any(|n| n == "all") { every() } else { args.profile.clone() };
+        let all = scatter::profiles(&session, &case, &fitted, &folder, &names)?;
+        text += &format!("\n{}", scatter::profile_table(&all));
+        value["profiles"] = plain(&all)?;
+    }
+    if let Some(n) = args.bootstrap {
+        let all = scatter::replicates(&session, &case, &fitted, &folder, n as usize)?;
+        let (told, table) = scatter::told(&fitted, &all, n as usize);
+        text += &format!("\n{table}");
+        value["bootstrap"] = told;
+    }
+    session.progress.end();
+    folder.result(&value)?;
+    let stopped = session.interrupted() && (args.bootstrap.is_some() || !args.profile.is_empty());
+    if stopped {
+        text += &format!("Stopped; to go on: --resume {}\n", folder.path.display());
+        value["termination"] = "interrupted".into();
+    }
     text += &format!("Run: {}\n", folder.path.display());
-    Ok(Outcome { json: json(&result, &folder)?, text, code: code(&result.termination) })
+    Ok(Outcome { json: value, text, code: if stopped { INTERRUPTED } else { code(&result.termination) } })
 }
 
 /// Exit code of a fit that ended this way.
@@ -50,7 +77,7 @@ pub(super) fn code(termination: &str) -> u8 {
     }
 }
 
-fn fitted(session: &Session, case: &Case, folder: &RunFolder, resume: Option<&Path>) -> Result<(Fitted, FitResult), Failure> {
+fn fitted(session: &Session, case: &Case, folder: &RunFolder, resume: Option<&Path>) -> Result<(Case, Fitted, FitResult), Failure> {
     if let Some(old) = resume {
         take_over(old, folder)?;
     }
@@ -58,7 +85,7 @@ fn fitted(session: &Session, case: &Case, folder: &RunFolder, resume: Option<&Pa
     let monitor: Monitor = session.monitor().checkpoint(folder.checkpoint(), resume.is_some());
     let result = diagnose::fit(case, &ALL, &monitor);
     session.progress.end();
-    let (_, fitted, mut result) = result?;
+    let (finer, fitted, mut result) = result?;
     // Of several starts the best may have converged before the others were stopped: the search as a whole was not done.
     if case.starts > 1 && session.interrupted() {
         result.termination = "interrupted".into();
@@ -66,7 +93,7 @@ fn fitted(session: &Session, case: &Case, folder: &RunFolder, resume: Option<&Pa
     if case.starts > 1 && resume.is_some() {
         result.notes.push("fit: went on from the best state of the earlier run; starts not tried there were not tried here".into());
     }
-    Ok((fitted, result))
+    Ok((finer, fitted, result))
 }
 
 /// Copies the checkpoint of an earlier run, so that its folder stays as it was.
@@ -77,6 +104,14 @@ fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
         Failure::new("identify", file.display().to_string(), format!("no best state to go on from: {e}"), accepted)
     })?;
     folder.write("checkpoint.json", &bytes)?;
+    for name in scatter::KEPT {
+        let kept = old.join(name);
+        if kept.is_file() {
+            let bytes = std::fs::read(&kept)
+                .map_err(|e| Failure::new("identify", kept.display().to_string(), e.to_string(), "a file that can be read"))?;
+            folder.write(name, &bytes)?;
+        }
+    }
     Ok(())
 }
 

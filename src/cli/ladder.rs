@@ -1,7 +1,7 @@
 //! `misfit ladder`: diagnose, add, refit, prune until nothing earns its place.
 
 use crate::diagnose;
-use crate::diagnose::results::{LadderResult, Rung, SplitName};
+use crate::diagnose::results::{LadderResult, Rung, SplitName, Verdict};
 
 use super::failure::Failure;
 use super::session::{Common, Session};
@@ -61,6 +61,15 @@ fn told(result: &LadderResult) -> String {
     let missing: Vec<(&str, &str)> = result.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
     text += &super::diagnose::sentence(result.verdict, &missing);
     text += if result.interrupted && !missing.is_empty() { " So far: the search was interrupted.\n" } else { "\n" };
+    for (k, remark) in result.rungs.iter().enumerate().filter_map(|(k, r)| Some((k, r.second_opinion.remark.as_ref()?))) {
+        text += &format!("Second opinion on what rung {k} misses: {remark}.\n");
+    }
+    if result.unexplained_remainder && result.verdict == Verdict::Missing {
+        text += "These effects leave a misfit beyond the noise that no further effect of the library explains.\n";
+    }
+    if let Some(u) = &result.unexplained {
+        text += &super::diagnose::suggestion(u);
+    }
     for m in result.missing.iter().filter(|m| !m.tied_with.is_empty()) {
         text += &format!("{} at {} cannot be told from {} by these tests.\n", m.effect, m.at, m.tied_with.join(", "));
     }

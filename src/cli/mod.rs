@@ -16,6 +16,7 @@ mod new;
 mod predict;
 mod progress;
 mod report;
+mod scatter;
 mod session;
 mod simulate;
 mod table;

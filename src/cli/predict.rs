@@ -1,9 +1,10 @@
 //! `misfit predict`: the study's predictions from the calibrated model, with their standard deviations.
 
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::diagnose;
-use crate::identify::{UncertaintyOptions, uncertainty};
+use crate::diagnose::{self, Fitted};
+use crate::identify::{Replicate, UncertaintyOptions, uncertainty};
 use crate::report::{ReportInput, html_with};
 use crate::study::{Predicted, PredictionSpec, Study};
 use crate::units::Dimension;
@@ -11,7 +12,7 @@ use crate::units::Dimension;
 use super::failure::Failure;
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
-use super::{Outcome, fit, report, text};
+use super::{Outcome, fit, report, scatter, text};
 
 mod tolerance;
 mod value;
@@ -20,6 +21,9 @@ mod value;
 pub(super) struct Args {
     #[command(flatten)]
     pub common: Common,
+    /// Intervals from refits to this many measurements made of the residuals, beside the standard deviations
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
+    bootstrap: Option<u32>,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -35,8 +39,13 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let case = session.case(&study)?;
     session.progress.say("fit");
-    let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
+    let (case, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
     let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
+    let folder = session.folder(&study, "predict")?;
+    let replicates = match args.bootstrap {
+        Some(n) => scatter::replicates(&session, &case, &fitted, &folder, n as usize).inspect_err(|_| folder.discard())?,
+        None => vec![],
+    };
     session.progress.say("predictions");
     let mut rows = Vec::new();
     let mut predictions: Vec<Value> = Vec::new();
@@ -44,6 +53,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     for spec in &study.predictions {
         let found = value::evaluate(spec, &study, &fitted.system, &fitted.free)?;
         let std = value::deviation(&found, &spread.covariance, &fitted.outcome.p);
+        let scattered = scattered(spec, &study, &fitted, &replicates);
         let reference = spec.reference.as_ref().map(|q| q.value);
         let relative = reference.filter(|r| *r != 0.0).map(|r| found.value / r - 1.0);
         let unit = si(spec.dimension());
@@ -60,6 +70,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             spec.quantity.word().to_string(),
             shown(found.value),
             std.map_or("-".into(), |s| significant(s / factor, 2)),
+            scattered.as_ref().map_or("-".into(), |s| format!("{} to {}", shown(s.interval.0), shown(s.interval.1))),
             symbol,
             reference.map_or("-".into(), shown),
             relative.map_or("-".into(), percent),
@@ -68,11 +79,12 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         predictions.push(json!({
             "case": spec.case, "quantity": spec.quantity.word(), "unit": unit, "value": found.value, "std": std,
             "reference": reference, "relative_error": relative, "extrapolated": beyond,
+            "bootstrap": scattered.as_ref().map(|s| json!({ "std": s.std, "interval": [s.interval.0, s.interval.1] })),
         }));
     }
     // What is off over what "no shift" would be off.
     let shifts = (all > 0.0).then(|| (off / all).sqrt());
-    let header = ["case", "quantity", "value", "std", "unit", "reference", "error", ""];
+    let header = ["case", "quantity", "value", "std", "95 % by bootstrap", "unit", "reference", "error", ""];
     let mut text = format!("{}\n\n{}\n", study.title, text::tests(&result.tests));
     if !rows.is_empty() {
         text += &format!("{}\n", table(&header, &rows));
@@ -89,7 +101,6 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         None => None,
     };
     session.progress.end();
-    let folder = session.folder(&study, "predict")?;
     folder.study(&study, &fitted.system)?;
     folder.residuals(&result.tests)?;
     let mut value = json!({ "fit": fit::plain(&result)?, "shift_error_over_none": shifts });
@@ -106,6 +117,18 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     folder.result(&value)?;
     text += &format!("Run: {}\n", folder.path.display());
     Ok(Outcome { json: value, text, code: fit::code(&result.termination) })
+}
+
+/// A prediction over the replicates; none without them.
+fn scattered(spec: &PredictionSpec, study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Option<scatter::Spread> {
+    let at = |r: &Replicate| -> Option<f64> {
+        let mut system = fitted.system.clone();
+        for (f, v) in fitted.free.iter().zip(r.p.as_ref()?) {
+            system.instances[f.instance].params[f.param].value = if f.log { v.exp() } else { *v };
+        }
+        value::evaluate(spec, study, &system, &[]).ok().map(|found| found.value).filter(|v| v.is_finite())
+    };
+    scatter::spread(replicates.par_iter().filter_map(at).collect())
 }
 
 /// In words, where a condition that a law of the model depends on lies outside those of the tests.

@@ -122,13 +122,31 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 fn tell(options: &Options, told: &trial::Table, results: &[CaseResult]) -> String {
     let row = |name: &str, c: &Counts| {
         let mut row = vec![name.to_string()];
-        row.extend([c.cases, c.strict, c.with_ties, c.missed, c.false_alarms, c.with_extra, c.failed].map(|n| n.to_string()));
+        row.extend(
+            [c.cases, c.strict, c.with_ties, c.missed, c.false_alarms, c.with_extra, c.failed, c.weighed, c.next_tests, c.ties_broken]
+                .map(|n| n.to_string()),
+        );
         row
     };
     let mut rows: Vec<Vec<String>> = told.by_kind.iter().map(|(name, c)| row(name, c)).collect();
     rows.push(row("all", &told.all));
     let mut text = format!("Trial of {} cases, seed {}\n\n", results.len(), options.seed);
-    text += &table(&["hidden", "cases", "strict", "with ties", "missed", "false alarms", "more named", "failed"], &rows);
+    text += &table(
+        &[
+            "hidden",
+            "cases",
+            "strict",
+            "with ties",
+            "missed",
+            "false alarms",
+            "more named",
+            "failed",
+            "refitted",
+            "next tests",
+            "ties broken",
+        ],
+        &rows,
+    );
     text += "\n";
     let rows: Vec<Vec<String>> = told.confusion.iter().map(|c| vec![c.truth.clone(), c.said.clone(), c.count.to_string()]).collect();
     text += &table(&["truth", "said", "count"], &rows);

@@ -4,10 +4,12 @@
 //! on equal phases and averaged. sigma of a sample is declared, or the pooled scatter between cycles; sigma of the mean is that over the
 //! root of the number of cycles. Nothing is taken from a misfit.
 
+mod area;
 mod energy;
 mod findings;
 mod settling;
 
+pub use area::RecordedArea;
 pub use energy::{Estimate, LoopEnergy};
 
 use super::frequency;
@@ -49,6 +51,8 @@ pub struct SettledLoop {
     pub controlled: usize,
     /// The controlled channel, free of noise.
     pub input: FourierInput,
+    /// Areas of the recorded cycles, one for each place with displacement and force that do not drift.
+    pub recorded: Vec<RecordedArea>,
     /// Channels whose cycles still change.
     pub unsettled: Vec<Unsettled>,
     pub notes: Vec<Note>,
@@ -153,8 +157,15 @@ pub(super) fn settle(record: &TimeRecord) -> Result<SettledLoop, LoopError> {
     let grid = grid(record, &record.channels[controlled], &mut notes)?;
     let theta: Vec<f64> = (0..grid.n).map(|j| TAU * j as f64 / grid.n as f64).collect();
     let mut unsettled = Vec::new();
+    let mut drifting = Vec::new();
     let mut channels: Vec<LoopChannel> =
-        record.channels.iter().map(|c| average(&record.time, c, &grid, &mut unsettled, &mut notes)).collect();
+        record.channels.iter().map(|c| average(&record.time, c, &grid, &mut drifting, &mut unsettled, &mut notes)).collect();
+    let at = |role: Role| record.channels.iter().filter(move |c| c.role == role);
+    let recorded = at(Role::Displacement)
+        .filter_map(|x| at(Role::Force).find(|f| f.at == x.at).map(|f| (x, f)))
+        .filter(|(x, f)| ![x.label(), f.label()].iter().any(|l| drifting.contains(l)))
+        .map(|(x, f)| area::recorded(&record.time, x, f, &grid))
+        .collect();
 
     // Phase zero: the fundamental of the controlled channel is A sin(theta + shift).
     let drive = &channels[controlled].mean;
@@ -167,7 +178,7 @@ pub(super) fn settle(record: &TimeRecord) -> Result<SettledLoop, LoopError> {
     let input = FourierInput::fit(&phase, &channels[controlled].mean, channels[controlled].sigma_mean, TAU * grid.frequency);
     let first = (grid.n - turn) % grid.n.max(1);
     let (frequency, n, cycles) = (grid.frequency, grid.n, grid.cycles);
-    Ok(SettledLoop { frequency, n, cycles, phase, first, channels, controlled, input, unsettled, notes })
+    Ok(SettledLoop { frequency, n, cycles, phase, first, channels, controlled, input, recorded, unsettled, notes })
 }
 
 fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<Grid, LoopError> {
@@ -264,7 +275,14 @@ fn settled_end(time: &[f64], drive: &[f64], frequency: f64, label: &str, notes: 
 }
 
 /// Mean over cycles and its scatter.
-fn average(time: &[f64], channel: &Channel, grid: &Grid, unsettled: &mut Vec<Unsettled>, notes: &mut Vec<Note>) -> LoopChannel {
+fn average(
+    time: &[f64],
+    channel: &Channel,
+    grid: &Grid,
+    drifting: &mut Vec<String>,
+    unsettled: &mut Vec<Unsettled>,
+    notes: &mut Vec<Note>,
+) -> LoopChannel {
     let (n, cycles) = (grid.n, grid.cycles);
     let mut folded = fold(time, &channel.values, grid);
     let label = channel.label();
@@ -273,6 +291,7 @@ fn average(time: &[f64], channel: &Channel, grid: &Grid, unsettled: &mut Vec<Uns
 
     let changes = settling::changes(&folded, n, floor);
     if let Some(drift) = drift(&folded, n, cycles, floor) {
+        drifting.push(label.clone());
         let middle = (n * cycles - 1) as f64 / 2.0;
         folded.iter_mut().enumerate().for_each(|(i, v)| *v -= drift.slope * (i as f64 - middle) / n as f64);
         notes.push(Note::new(

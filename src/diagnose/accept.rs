@@ -5,7 +5,7 @@ use super::refit::{Proof, Whitened, cost};
 /// Points per chunk at least: neighbouring residuals are not independent, their chunk means nearly are.
 const CHUNKS: usize = 12;
 /// Standard errors by which the improvement must exceed zero.
-const STANDARD_ERRORS: f64 = 2.0;
+pub const STANDARD_ERRORS: f64 = 2.0;
 
 /// Mean improvement of the squared whitened residual and its standard error, paired over chunks of every test.
 pub fn improvement(before: &Whitened, after: &Whitened) -> (f64, f64) {
@@ -50,7 +50,7 @@ pub fn verdict_cost(proof: &Proof) -> f64 {
 
 /// Cost difference up to which responses that agree within the noise on every test are not told apart; beyond it the many points
 /// together decide.
-const DECISIVE: f64 = 8.0;
+pub const DECISIVE: f64 = 8.0;
 
 /// Whether the data cannot tell a candidate from the best: on every planned test their responses differ by less than the noise and the
 /// costs by less than [`DECISIVE`]; or the costs differ by less than the noise in a cost difference explains, or by a hundredth where

@@ -48,7 +48,7 @@ impl Scene {
     }
 
     /// What the tests show at any of these places.
-    fn at(&self, places: &[usize]) -> Scales {
+    pub fn at(&self, places: &[usize]) -> Scales {
         let none = Scales { least_v: f64::INFINITY, periods: self.periods, small: self.small, ..Scales::default() };
         places.iter().map(|p| self.scales[*p]).fold(none, |a, b| Scales {
             x: a.x.max(b.x),
@@ -132,7 +132,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
 }
 
 /// Every place where something acts, and the groups that effects of the model share.
-fn sites(system: &System) -> Vec<(String, Vec<usize>)> {
+pub fn sites(system: &System) -> Vec<(String, Vec<usize>)> {
     let mut sites: Vec<(String, Vec<usize>)> = Vec::new();
     for p in 0..system.model.places.len() {
         let acted = system.instances.iter().any(|i| matches!(&i.site, Site::Places(list) if list.contains(&p)));
@@ -249,13 +249,19 @@ fn push(
     let candidate = names.len();
     names.push(Name { effect: info.name, at: at.clone(), of });
     for shape in shapes {
-        let mut params: Vec<ParamValue> = info.params.iter().map(|p| ParamValue::fixed(p.default)).collect();
+        let mut instance = at_null(effect, at.clone(), site.clone(), target.clone());
         for (k, v) in shape {
-            params[k].value = v;
+            instance.params[k].value = v;
         }
-        params[0] = ParamValue::free(info.params[0].default, info.params[0].sign);
-        let follower = matches!(info.role, Role::Force | Role::Series);
-        let instance = Instance { effect, at: at.clone(), site: site.clone(), params, target: target.clone(), follower };
         trials.push(Trial { instance, candidate });
     }
+}
+
+/// An effect at its null value, its strength free.
+fn at_null(effect: &'static Effect, at: String, site: Site, target: Option<Target>) -> Instance {
+    let info = effect.info();
+    let mut params: Vec<ParamValue> = info.params.iter().map(|p| ParamValue::fixed(p.default)).collect();
+    params[0] = ParamValue::free(info.params[0].default, info.params[0].sign);
+    let follower = matches!(info.role, Role::Force | Role::Series);
+    Instance { target, follower, ..Instance::new(effect, at, site, params) }
 }

@@ -12,6 +12,9 @@ use super::DiagnoseError;
 use super::factors::factors;
 use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
 
+/// Relative change of the cost at which a coarse fit ends.
+const COARSE: f64 = 1e-5;
+
 /// What the search for missing effects may use.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
@@ -46,6 +49,8 @@ pub struct Case {
     pub seed: u64,
     /// Search.
     pub search: Search,
+    /// Whether a fit may end where its cost is known to a hundred-thousandth: what decides between candidates, no more.
+    pub coarse: bool,
 }
 
 /// A fitted case.
@@ -65,6 +70,20 @@ impl Case {
     /// Plans of the given split.
     pub fn plans_of(&self, split: SplitName) -> Vec<&Plan> {
         self.plans.iter().filter(|(_, s)| *s == split).map(|(p, _)| p).collect()
+    }
+
+    /// The same case with instruments that may err within tolerance (`response::Correlated`): what the search for missing physics is held
+    /// against. A plain fit takes the stated sigma at its word.
+    /// `system`: the model as it stands, from which the signals are computed.
+    pub fn with_instruments(&self, system: &System) -> Case {
+        use rayon::prelude::*;
+        let granted = |(p, s): &(Plan, SplitName)| {
+            let computed = p.evaluate(system, &[], false).ok().filter(|c| c.values.iter().all(|v| v.is_finite()));
+            (computed.map_or_else(|| p.with_instruments(&p.measured), |c| p.with_instruments(&c.values)), *s)
+        };
+        // Held-out tests are read once, at the end: nothing of them is looked at here.
+        let plans = self.plans.par_iter().map(|p| if p.1 == SplitName::HeldOut { p.clone() } else { granted(p) }).collect();
+        Case { plans: Arc::new(plans), ..self.clone() }
     }
 
     /// What was found in the data of every test and done to them, `test: what`.
@@ -114,6 +133,9 @@ impl Case {
             options.losses = vec![LossBlock { rows: 0..n_residuals, loss: self.loss }];
         }
         options.tolerances.max_iterations = self.max_iterations;
+        if self.coarse {
+            options.tolerances.f_tol = COARSE;
+        }
         Ok(options)
     }
 

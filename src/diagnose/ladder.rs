@@ -1,22 +1,30 @@
 //! The ladder: diagnose, add, refit, prune until nothing earns its place.
 
+use crate::effect::Dim;
 use crate::identify::Monitor;
 use crate::model::System;
 use crate::response::Plan;
 
+use super::candidates::Name;
 use super::case::{Case, Fitted, compare, effects, fit, parameters};
 use super::findings::{findings, unsettled};
-use super::refit::{cost, prove, whitened};
+use super::refit::{Proof, cost, prove};
 use super::results::*;
-use super::search::{LEVEL, Step, step};
+use super::search::{LEVEL, SURE, Step, step};
+use super::simplify::simplify;
+use super::unexplained::{Unexplained, unexplained};
 use super::{DiagnoseError, trace};
 
 /// Effects added at most where the study does not say.
 const MAX_ADDED: usize = 6;
 /// Fall of the cost that an effect must be worth, per parameter, to stay.
 const WORTH_KEEPING: f64 = 4.0;
-/// Root mean square of whitened residuals up to which a model is at the floor.
+/// Root mean square of whitened residuals up to which a model is at the floor, where chance does not already reach beyond it: so many
+/// standard deviations of a sum of squares.
 const AT_FLOOR: f64 = 1.1;
+const CHANCE: f64 = 3.1;
+/// Part of the first excess of squares over the noise that may be left unexplained where what was added is still what is missing.
+const REMAINDER: f64 = 0.03;
 
 type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 
@@ -24,51 +32,85 @@ type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResult, Diagnosis), DiagnoseError> {
     let (case, fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
     let case = &case;
-    let step = step(case, &fitted, monitor, watch)?;
-    let verdict = verdict(&step, whitened_rms(case, &fitted), trace::stopped(monitor));
+    let searched = case.with_instruments(&fitted.system);
+    let step = step(&searched, &fitted, monitor, watch)?;
+    let verdict = verdict(&step, trace::stopped(monitor));
     let missing = step.accepted.iter().map(|(n, ..)| EffectAt { effect: n.effect.into(), at: n.at.clone() }).collect();
-    let would = if verdict == Verdict::NothingMissing {
-        let unit = |at: &str, effect: &str| strength_unit(&fitted.system, effect, at);
-        step.visible.iter().map(|(n, v)| format!("{} at {}: {v:.3e} {}", n.effect, n.at, unit(&n.at, n.effect))).collect()
-    } else {
-        vec![]
-    };
-    let next_test = next_test(case, &step);
+    let would = if verdict == Verdict::NothingMissing { detectable(case, &fitted.system, &step.visible) } else { vec![] };
+    let formula = if verdict == Verdict::Unexplained { suggestion(&searched, &step.base, monitor, watch) } else { None };
+    let next_test = next_test(&searched, &step, monitor, watch);
     Ok((
         result,
         Diagnosis {
             findings: all_findings(case, &fitted.system)?,
             candidates: step.candidates,
+            second_opinion: step.second_opinion,
             verdict,
             missing,
             next_test,
+            unexplained: formula,
             would_have_been_seen: would,
         },
     ))
 }
 
-fn strength_unit(system: &System, effect: &str, at: &str) -> String {
-    let rotational =
-        system.model.places_at(at).ok().and_then(|p| p.first().copied()).is_some_and(|p| system.model.places[p].axis.rotational());
-    crate::effect::find(effect).ok().and_then(|e| e.info().params.first()).map(|p| p.dim.si(rotational)).unwrap_or_default()
+/// The strength of each candidate that would have been seen, in its unit.
+fn detectable(case: &Case, system: &System, visible: &[(Name, f64)]) -> Vec<String> {
+    let line = |(n, v): &(Name, f64)| {
+        let (unit, factor) = strength_unit(case, system, n);
+        format!("{} at {}: {:.2e} {unit}", n.effect, n.at, v / factor)
+    };
+    visible.iter().map(line).collect()
 }
 
-fn verdict(step: &Step, rms: f64, stopped: bool) -> Verdict {
+/// Unit of a candidate's strength with its value in SI.
+fn strength_unit(case: &Case, system: &System, name: &Name) -> (String, f64) {
+    let place = system.model.places_at(&name.at).ok().and_then(|p| p.first().copied());
+    let rotational = place.is_some_and(|p| system.model.places[p].axis.rotational());
+    let dim = crate::effect::find(name.effect).ok().and_then(|e| e.info().params.first()).map(|p| p.dim);
+    let channel = || {
+        let (test, role) = name.at.rsplit_once('.')?;
+        let mut blocks = case.plans.iter().filter(|(p, _)| test == "*" || p.id == test).flat_map(|(p, _)| &p.blocks);
+        blocks.find(|b| b.role == role).map(|b| b.unit.clone())
+    };
+    match dim {
+        Some(Dim::Channel) => (channel().unwrap_or_default(), 1.0),
+        Some(Dim::ChannelPerTime) => (format!("{}/s", channel().unwrap_or_default()), 1.0),
+        Some(dim) => dim.practical(rotational),
+        None => (String::new(), 1.0),
+    }
+}
+
+/// The formula for what no candidate explains.
+fn suggestion(case: &Case, base: &Fitted, monitor: &Monitor, watch: Watch) -> Option<Unexplained> {
+    if trace::stopped(monitor) {
+        return None;
+    }
+    watch("fitting a formula to what is unexplained");
+    unexplained(case, base, monitor)
+}
+
+fn verdict(step: &Step, stopped: bool) -> Verdict {
     if step.accepted.is_some() {
         Verdict::Missing
     } else if stopped {
         Verdict::Interrupted
-    } else if step.p_value > LEVEL && rms < AT_FLOOR {
+    } else if step.p_value > SURE && at_floor(step.left) {
         Verdict::NothingMissing
     } else {
         Verdict::Unexplained
     }
 }
 
-fn whitened_rms(case: &Case, fitted: &Fitted) -> f64 {
-    let plans = case.plans_of(SplitName::Fit);
-    let n: usize = plans.iter().map(|p| p.len()).sum();
-    whitened(&plans, &fitted.system).map_or(f64::INFINITY, |w| (2.0 * cost(&w) / n.max(1) as f64).sqrt())
+/// Whether this root mean square of so many whitened residuals is noise.
+fn at_floor((rms, n): (f64, usize)) -> bool {
+    rms * rms < (AT_FLOOR * AT_FLOOR).max(1.0 + CHANCE * (2.0 / n.max(1) as f64).sqrt())
+}
+
+/// Whether what was added takes most of what the first model failed by.
+fn mostly(first: (f64, usize), last: (f64, usize)) -> bool {
+    let excess = |(rms, _): (f64, usize)| (rms * rms - 1.0).max(0.0);
+    excess(last) <= REMAINDER * excess(first)
 }
 
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
@@ -109,8 +151,10 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let mut rungs = vec![rung(&case, &fitted, None, vec![], vec![], first.tests)?];
     let mut missing: Vec<Missing> = Vec::new();
     let limit = case.search.max_added.unwrap_or(MAX_ADDED);
-    let mut next = None;
+    let (mut next, mut remainder, mut formula, mut left, mut would) = (None, false, None, None, vec![]);
     let mut stopped;
+    // What the first model left, and that model as the search sees it.
+    let mut first: Option<((f64, usize), Fitted)> = None;
     let (ended, verdict) = loop {
         let now = rungs.len();
         stopped = trace::stopped(monitor);
@@ -121,43 +165,67 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break (format!("{limit} effects were added, which is the limit"), Verdict::Missing);
         }
         watch(&format!("rung {now}"));
-        let step = step(&case, &fitted, monitor, watch)?;
+        let searched = case.with_instruments(&fitted.system);
+        let step = step(&searched, &fitted, monitor, watch)?;
         if let Some(last) = rungs.last_mut() {
             last.candidates = step.candidates.clone();
+            last.second_opinion = step.second_opinion.clone();
+            last.effort = step.effort;
         }
-        let step_verdict = verdict(&step, whitened_rms(&case, &fitted), trace::stopped(monitor));
-        next = next.or_else(|| next_test(&case, &step));
+        let step_verdict = verdict(&step, trace::stopped(monitor));
+        let (first_left, given) = first.get_or_insert_with(|| (step.left, step.base.clone())).clone();
+        next = next.or_else(|| next_test(&searched, &step, monitor, watch));
         let Some((name, proof, ties)) = step.accepted else {
             stopped = step_verdict == Verdict::Interrupted;
+            left = Some(step.left.0);
             if stopped {
                 break interrupted(&missing);
             }
             let said = match step_verdict {
-                Verdict::NothingMissing => "the residual is at the noise and no candidate scores beyond chance".to_string(),
+                Verdict::NothingMissing if step.p_value > LEVEL => {
+                    "the residual is at the noise and no candidate scores beyond chance".to_string()
+                }
+                Verdict::NothingMissing => format!("the residual is at the noise and no candidate earned its place {}", judged(&case)),
                 _ if step.p_value > LEVEL => "no candidate scores beyond chance, but the residual lies above the noise".to_string(),
                 _ => format!("no candidate earned its place {}", judged(&case)),
             };
+            remainder = step_verdict == Verdict::Unexplained && !missing.is_empty();
+            match step_verdict {
+                Verdict::Unexplained => {
+                    // What was added is no part of the answer where it leaves most of the question.
+                    let base = if mostly(first_left, step.left) { &step.base } else { &given };
+                    formula = suggestion(&searched, base, monitor, watch);
+                }
+                Verdict::NothingMissing => would = detectable(&case, &fitted.system, &step.visible),
+                _ => {}
+            }
             let v = match (missing.is_empty(), step_verdict) {
                 (true, v) => v,
+                (false, Verdict::Unexplained) if !mostly(first_left, step.left) => Verdict::Unexplained,
                 (false, _) => Verdict::Missing,
             };
             break (said, v);
         };
         watch(&format!("added {} at {}", name.effect, name.at));
-        fitted = proof.fitted;
-        // The refit was cut short, and a new effect may ask for finer steps.
-        case = case.refined(&fitted.system).unwrap_or(case);
-        fitted = case.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
         missing.push(Missing {
             effect: name.effect.into(),
             at: name.at.clone(),
             tied_with: ties.iter().map(|n| format!("{} at {}", n.effect, n.at)).collect(),
         });
-        let removed = prune(&case, &mut fitted, base_instances, &mut missing, monitor, watch);
+        let mut system = proof.fitted.system;
+        let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
+        // A new effect may ask for finer steps; what is reported takes the stated sigma at its word.
+        case = case.refined(&system).unwrap_or(case);
+        fitted = case.fit_system(&system, case.plans_of(SplitName::Fit), monitor)?;
         let tests = compare(&case, &fitted.system, &seen)?;
         let added = EffectAt { effect: name.effect.into(), at: name.at };
         let undone = removed.contains(&added);
         rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
+        if let Some(swap) = simplify(&searched, &mut fitted, base_instances, &mut missing, WORTH_KEEPING, monitor, watch)? {
+            fitted = case.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
+            let tests = compare(&case, &fitted.system, &seen)?;
+            rungs.push(rung(&case, &fitted, Some(swap.added), vec![swap.removed], vec![], tests)?);
+        }
         if undone {
             break (
                 "the effect added last was pruned again".to_string(),
@@ -183,6 +251,10 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         verdict,
         missing,
         held_out,
+        unexplained_remainder: remainder,
+        unexplained: formula,
+        whitened_rms: left,
+        would_have_been_seen: would,
         next_test: next,
         ended,
         interrupted: stopped,
@@ -216,6 +288,8 @@ fn rung(
         parameters: parameters(case, fitted)?.0,
         effects: effects(&fitted.system),
         candidates,
+        second_opinion: SecondOpinion::default(),
+        effort: Effort::default(),
         termination: fitted.outcome.termination.name().into(),
         cost: fitted.outcome.cost,
     })
@@ -223,44 +297,45 @@ fn rung(
 
 /// Takes away again what the added effects have made superfluous: each added effect whose removal costs less than its parameters are
 /// worth on fit and select together.
-fn prune(case: &Case, fitted: &mut Fitted, base: usize, missing: &mut Vec<Missing>, monitor: &Monitor, watch: Watch) -> Vec<EffectAt> {
+fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missing>, monitor: &Monitor, watch: Watch) -> Vec<EffectAt> {
     let mut removed = Vec::new();
-    loop {
-        let plans: Vec<&Plan> = case.plans_of(SplitName::Fit).into_iter().chain(case.plans_of(SplitName::Select)).collect();
-        let Ok(now) = whitened(&plans, &fitted.system).map(|w| cost(&w)) else { return removed };
-        let mut best: Option<(usize, f64, super::refit::Proof)> = None;
-        // The one added last has just been judged.
-        for k in base..fitted.system.instances.len().saturating_sub(1) {
-            let mut without = fitted.system.clone();
+    let whole = |p: &Proof| cost(&p.fit) + cost(&p.select);
+    let mut now: Option<f64> = None;
+    // The one added last has just been judged.
+    while base + 1 < system.instances.len() {
+        let Some(before) = now.or_else(|| prove(case, system, monitor).ok().map(|p| whole(&p))) else { break };
+        let mut best: Option<(usize, f64, Proof)> = None;
+        for k in base..system.instances.len() - 1 {
+            let mut without = system.clone();
             let gone = without.instances.remove(k);
             if without.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instance >= k)) {
                 continue;
             }
             let params = gone.params.iter().filter(|p| p.free).count() as f64;
             let Ok(proof) = prove(case, &without, monitor) else { continue };
-            let rise = cost(&proof.fit) + cost(&proof.select) - now;
+            let rise = whole(&proof) - before;
             if rise < WORTH_KEEPING * params && best.as_ref().is_none_or(|b| rise < b.1) {
                 best = Some((k, rise, proof));
             }
         }
-        let Some((k, _, proof)) = best else { return removed };
-        let gone = &fitted.system.instances[k];
+        let Some((k, _, proof)) = best else { break };
+        let gone = &system.instances[k];
         let gone = EffectAt { effect: gone.name().into(), at: gone.at.clone() };
         watch(&format!("pruned {} at {}", gone.effect, gone.at));
         missing.retain(|m| m.effect != gone.effect || m.at != gone.at);
         removed.push(gone);
-        *fitted = proof.fitted;
+        now = Some(whole(&proof));
+        *system = proof.fitted.system;
     }
+    removed
 }
 
-/// The test that separates tied candidates: the drive of each fit test at other frequencies and amplitudes is the plan's own business;
-/// among the tests that exist, the one where the tied responses differ most is named with its conditions.
-fn next_test(case: &Case, step: &Step) -> Option<NextTest> {
+/// The test that separates what is tied with the accepted candidate.
+fn next_test(case: &Case, step: &Step, monitor: &Monitor, watch: Watch) -> Option<NextTest> {
     let (_, best, _) = step.accepted.as_ref()?;
-    let rivals = &step.tied_systems;
-    if rivals.is_empty() {
+    if step.tied.is_empty() || trace::stopped(monitor) {
         return None;
     }
-    let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
-    super::next::separating(&plans, &best.fitted.system, rivals)
+    watch("looking for the test that separates what is tied");
+    super::next::separating(case, &best.fitted, &step.tied, monitor)
 }

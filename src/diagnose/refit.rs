@@ -13,12 +13,19 @@ use super::case::{Case, Fitted};
 use super::results::SplitName;
 use super::score::Score;
 
-/// Iterations of a refit: what is far from the floor after these is no explanation.
-const REFIT_ITERATIONS: u64 = 40;
-/// Iterations that every picked candidate gets.
-const FIRST_LOOK: u64 = 8;
+/// Starts of a candidate: its best shapes, as far as they promise at least this part of the best of them.
+const STARTS: usize = 3;
+const PROMISING: f64 = 0.3;
+/// Iterations after which one of the starts is chosen, and those that every picked candidate gets.
+const CHOICE: u64 = 4;
+const FIRST_LOOK: u64 = 6;
 /// A candidate is refitted in full when its cost is within this factor of the best after the first look, or among the best three.
 const HOPEFUL: f64 = 10.0;
+/// Iterations of a refit in full.
+const REFIT_ITERATIONS: u64 = 40;
+/// How often one that has not ended is gone on with, and the part of its cost that it must still lose each time.
+const CONTINUED: usize = 3;
+const STILL_FALLING: f64 = 0.01;
 
 /// Folds of a cross-validation.
 const FOLDS: usize = 4;
@@ -48,12 +55,20 @@ pub struct Proof {
     pub fit: Whitened,
     /// Whitened residuals on the select tests.
     pub select: Whitened,
+    /// Pooled relative error on the select tests; on the fit tests where there are none.
+    pub error: f64,
 }
 
 /// Best score of each candidate, in order.
 pub fn best_per_candidate(scores: &[Score], trials: &[Trial]) -> Vec<Score> {
     let mut seen = std::collections::HashSet::new();
     scores.iter().filter(|s| s.drop > 0.0 && seen.insert(trials[s.trial].candidate)).copied().collect()
+}
+
+/// The scores that a candidate's refit starts from, its best first.
+fn starts(best: &Score, scores: &[Score], trials: &[Trial]) -> Vec<Score> {
+    let own = scores.iter().filter(|s| trials[s.trial].candidate == trials[best.trial].candidate);
+    own.filter(|s| s.drop > PROMISING * best.drop).take(STARTS).copied().collect()
 }
 
 /// The candidate's instance with a start for its strength, everything of it free.
@@ -77,71 +92,133 @@ pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
 
 /// Whitened residuals of the given tests.
 pub fn whitened(plans: &[&Plan], system: &System) -> Result<Whitened, String> {
-    plans
-        .par_iter()
-        .map(|plan| {
-            let c = plan.evaluate(system, &[], false).map_err(|e| e.to_string())?;
-            Ok(c.values.iter().zip(&plan.measured).zip(&plan.sigma).map(|((y, m), s)| (y - m) / s).collect())
-        })
-        .collect()
+    Ok(against(plans, system)?.0)
 }
 
-/// Refits candidates, in parallel; the order of the list is kept. All get a first look of a few iterations; those that then stand far
-/// behind are shown as they are, the others are refitted in full.
-pub fn refit_all(
-    case: &Case,
-    base: &System,
-    names: &[Name],
-    trials: &[Trial],
-    picked: &[Score],
-    monitor: &Monitor,
-    watch: &(dyn Fn(&str) + Sync),
-) -> Vec<Refit> {
-    let looks: Vec<Result<Fitted, String>> =
-        picked.par_iter().map(|score| first_look(case, base, &trials[score.trial], score, monitor)).collect();
-    let mut costs: Vec<f64> = looks.iter().flatten().map(|f| f.outcome.cost).collect();
-    costs.sort_by(f64::total_cmp);
-    let (best, third) = (costs.first().copied().unwrap_or(0.0), costs.get(2).or(costs.last()).copied().unwrap_or(0.0));
-    picked
-        .par_iter()
-        .zip(looks)
-        .map(|(score, look)| {
-            let name = &names[trials[score.trial].candidate];
-            let result = look.and_then(|fitted| {
-                let hopeful = fitted.outcome.cost <= (HOPEFUL * best).max(third);
-                if hopeful && fitted.outcome.termination == Termination::MaxIterations {
-                    prove(case, &fitted.system, monitor)
-                } else {
-                    proof(case, fitted)
+/// Whitened residuals of the given tests, and their pooled relative error.
+fn against(plans: &[&Plan], system: &System) -> Result<(Whitened, f64), String> {
+    let each = |plan: &&Plan| -> Result<(Vec<f64>, f64), String> {
+        let values = plan.evaluate(system, &[], false).map_err(|e| e.to_string())?.values;
+        Ok((plan.whitened(&values).as_slice().to_vec(), test_error(plan, &values).error))
+    };
+    let (rows, errors): (Whitened, Vec<f64>) = plans.par_iter().map(each).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    Ok((rows, (errors.iter().map(|e| e * e).sum::<f64>() / plans.len().max(1) as f64).sqrt()))
+}
+
+/// What is refitted, and how it is watched.
+pub struct Bench<'a> {
+    /// The case.
+    pub case: &'a Case,
+    /// The fitted system without a candidate.
+    pub base: &'a System,
+    /// Names of the candidates.
+    pub names: &'a [Name],
+    /// Their trials.
+    pub trials: &'a [Trial],
+    /// Watch over the fits.
+    pub monitor: &'a Monitor<'a>,
+}
+
+impl Bench<'_> {
+    /// Refits the picked candidates, in parallel; the order of the list is kept. Each begins at the best of its shapes and goes on from the
+    /// one that does best; those that then stand far behind are shown as they are, the others are refitted in full. What has not ended and
+    /// still falls is gone on with, where it is among the best or was expected to be.
+    pub fn refit_all(&self, picked: &[Score], scores: &[Score], watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
+        let first: Vec<(usize, Score)> =
+            picked.iter().enumerate().flat_map(|(k, s)| starts(s, scores, self.trials).into_iter().map(move |s| (k, s))).collect();
+        let begun: Vec<Result<Fitted, String>> = first.par_iter().map(|(_, score)| self.first_look(score)).collect();
+        let mut chosen: Vec<Result<Fitted, String>> = picked.iter().map(|_| Err("it was not begun".to_string())).collect();
+        for ((k, _), look) in first.iter().zip(begun) {
+            let better = match (&chosen[*k], &look) {
+                (Ok(a), Ok(b)) => b.outcome.cost < a.outcome.cost,
+                (Err(_), _) => true,
+                (Ok(_), Err(_)) => false,
+            };
+            if better {
+                chosen[*k] = look;
+            }
+        }
+        let looks: Vec<Result<Fitted, String>> = chosen.into_par_iter().map(|l| l.and_then(|f| self.go_on(f, FIRST_LOOK))).collect();
+        let hopeful = threshold(looks.iter().flatten().map(|f| f.outcome.cost).collect(), HOPEFUL);
+        let mut fitted: Vec<Result<Fitted, String>> = looks
+            .into_par_iter()
+            .map(|l| l.and_then(|f| if f.outcome.cost <= hopeful { self.go_on(f, REFIT_ITERATIONS) } else { Ok(f) }))
+            .collect();
+        for _ in 0..CONTINUED {
+            let near = among_three(fitted.iter().flatten().map(|f| f.outcome.cost).collect());
+            let expected = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop).fold(0.0, f64::max);
+            let again: Vec<(usize, Result<Fitted, String>)> = fitted
+                .par_iter()
+                .enumerate()
+                .filter_map(|(k, f)| {
+                    let f = f.as_ref().ok()?;
+                    let wanted = f.outcome.cost <= near || picked[k].drop >= expected;
+                    let open = f.outcome.termination == Termination::MaxIterations;
+                    (wanted && open && !self.monitor.stops()).then(|| (k, self.go_on(f.clone(), REFIT_ITERATIONS)))
+                })
+                .collect();
+            let mut falling = false;
+            for (k, f) in again {
+                if let (Ok(new), Ok(old)) = (&f, &fitted[k]) {
+                    falling |= new.outcome.cost < (1.0 - STILL_FALLING) * old.outcome.cost;
+                    fitted[k] = f;
                 }
-            });
+            }
+            if !falling {
+                break;
+            }
+        }
+        let proved = picked.par_iter().zip(fitted).map(|(score, fitted)| {
+            let candidate = self.trials[score.trial].candidate;
+            let (name, result) = (&self.names[candidate], fitted.and_then(|f| proof(self.case, f)));
             match &result {
                 Ok(p) => watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, p.fitted.outcome.cost)),
                 Err(e) => watch(&format!("  refit {} at {} failed: {e}", name.effect, name.at)),
             }
-            Refit { candidate: trials[score.trial].candidate, score: *score, result }
-        })
-        .collect()
+            Refit { candidate, score: *score, result }
+        });
+        proved.collect()
+    }
+
+    /// More iterations for what has used up its own.
+    fn go_on(&self, fitted: Fitted, iterations: u64) -> Result<Fitted, String> {
+        if fitted.outcome.termination != Termination::MaxIterations {
+            return Ok(fitted);
+        }
+        fit_some(self.case, &fitted.system, iterations, self.monitor)
+    }
+
+    /// The first iterations of a refit. Where the model cannot be computed at the strength the score expects, it starts with less.
+    fn first_look(&self, score: &Score) -> Result<Fitted, String> {
+        let mut failed = String::new();
+        for part in [1.0, 0.3, 0.1] {
+            let mut system = self.base.clone();
+            system.instances.push(started(&self.trials[score.trial], part * score.strength));
+            match fit_some(self.case, &system, CHOICE, self.monitor) {
+                Ok(fitted) => return Ok(fitted),
+                Err(reason) => failed = reason,
+            }
+        }
+        Err(failed)
+    }
 }
 
-/// The first iterations of a refit. Where the model cannot be computed at the strength the score expects, it starts with less.
-fn first_look(case: &Case, base: &System, trial: &Trial, score: &Score, monitor: &Monitor) -> Result<Fitted, String> {
-    let mut failed = String::new();
-    for part in [1.0, 0.3, 0.1] {
-        let mut system = base.clone();
-        system.instances.push(started(trial, part * score.strength));
-        match fit_some(case, &system, FIRST_LOOK, monitor) {
-            Ok(fitted) => return Ok(fitted),
-            Err(reason) => failed = reason,
-        }
-    }
-    Err(failed)
+/// A cost that only the best three reach, and those within a factor of the best.
+fn among_three(mut costs: Vec<f64>) -> f64 {
+    costs.sort_by(f64::total_cmp);
+    let best = costs.first().copied().unwrap_or(0.0);
+    (HOPEFUL * best).min(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
+}
+
+/// A cost up to which something is worth going on with: that of the third best, or a factor of the best.
+fn threshold(mut costs: Vec<f64>, factor: f64) -> f64 {
+    costs.sort_by(f64::total_cmp);
+    let best = costs.first().copied().unwrap_or(0.0);
+    (factor * best).max(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
 }
 
 fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
-    let mut single = case.clone();
-    single.starts = 1;
-    single.max_iterations = single.max_iterations.min(iterations);
+    let single = Case { starts: 1, max_iterations: case.max_iterations.min(iterations), coarse: true, ..case.clone() };
     let fitted = single.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
     match &fitted.outcome.termination {
         Termination::Failed(reason) => Err(reason.clone()),
@@ -154,10 +231,12 @@ pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, S
     proof(case, fit_some(case, system, REFIT_ITERATIONS, monitor)?)
 }
 
-fn proof(case: &Case, fitted: Fitted) -> Result<Proof, String> {
-    let fit = whitened(&case.plans_of(SplitName::Fit), &fitted.system)?;
-    let select = whitened(&case.plans_of(SplitName::Select), &fitted.system)?;
-    Ok(Proof { fitted, fit, select })
+/// A fitted system held against the fit and select tests.
+pub fn proof(case: &Case, fitted: Fitted) -> Result<Proof, String> {
+    let (fit, fit_error) = against(&case.plans_of(SplitName::Fit), &fitted.system)?;
+    let selects = case.plans_of(SplitName::Select);
+    let (select, select_error) = against(&selects, &fitted.system)?;
+    Ok(Proof { fitted, fit, select, error: if selects.is_empty() { fit_error } else { select_error } })
 }
 
 /// Whitened residuals on parts of the fit tests of a model that was fitted to the rest: what a select split would say where there is
@@ -165,47 +244,37 @@ fn proof(case: &Case, fitted: Fitted) -> Result<Proof, String> {
 /// test than about the effect, and the parts are stretches of every test.
 pub fn cross_validated(case: &Case, system: &System, monitor: &Monitor) -> Result<Whitened, String> {
     let plans = case.plans_of(SplitName::Fit);
-    let mut single = case.clone();
-    single.starts = 1;
-    single.max_iterations = single.max_iterations.min(REFIT_ITERATIONS);
-    let by_test = plans.len() >= FOLDS;
-    // Fold of a row: of its test, or of its stretch.
-    let fold_of = |test: usize, row: usize| if by_test { test % FOLDS } else { row * STRETCHES / plans[test].len().max(1) % FOLDS };
-    let parts: Vec<Whitened> = (0..FOLDS)
-        .into_par_iter()
-        .map(|fold| {
-            let mut masked: Vec<Plan> = Vec::new();
-            for (t, plan) in plans.iter().enumerate().filter(|(t, _)| !by_test || fold_of(*t, 0) != fold) {
-                let mut plan = (*plan).clone();
-                plan.sigma.iter_mut().enumerate().filter(|(row, _)| fold_of(t, *row) == fold).for_each(|(_, s)| *s *= UNSEEN);
-                masked.push(plan);
-            }
-            let fitted = single.fit_system(system, masked.iter().collect(), &monitor.quiet()).map_err(|e| e.to_string())?;
-            let tests: Vec<&Plan> = plans.iter().enumerate().filter(|(t, _)| !by_test || fold_of(*t, 0) == fold).map(|(_, p)| *p).collect();
-            whitened(&tests, &fitted.system)
-        })
-        .collect::<Result<_, String>>()?;
-    let mut taken = [0; FOLDS];
-    Ok((0..plans.len())
-        .map(|t| {
-            let mut row_of = |row: usize| {
-                let fold = fold_of(t, row);
-                parts[fold][if by_test { taken[fold] } else { t }][row]
-            };
-            let rows = (0..plans[t].len()).map(&mut row_of).collect();
-            taken[fold_of(t, 0)] += 1;
-            rows
-        })
-        .collect())
+    let single = Case { starts: 1, max_iterations: case.max_iterations.min(REFIT_ITERATIONS), coarse: true, ..case.clone() };
+    let fit = |plans: Vec<&Plan>| single.fit_system(system, plans, &monitor.quiet()).map_err(|e| e.to_string());
+    if plans.len() >= FOLDS { over_tests(&plans, fit) } else { over_stretches(&plans, fit) }
 }
 
-/// Pooled relative error of tests with the given whitened residuals.
-pub fn pooled_error(plans: &[&Plan], residuals: &Whitened) -> f64 {
-    let squares = plans.iter().zip(residuals).map(|(plan, w)| {
-        let computed: Vec<f64> = w.iter().zip(&plan.measured).zip(&plan.sigma).map(|((r, m), s)| m + r * s).collect();
-        test_error(plan, &computed).error.powi(2)
-    });
-    (squares.sum::<f64>() / plans.len().max(1) as f64).sqrt()
+/// Every fourth test is left out in turn.
+fn over_tests(plans: &[&Plan], fit: impl Fn(Vec<&Plan>) -> Result<Fitted, String> + Sync) -> Result<Whitened, String> {
+    let of = |fold: usize, inside: bool| -> Vec<&Plan> {
+        plans.iter().enumerate().filter(|(t, _)| (t % FOLDS == fold) == inside).map(|(_, p)| *p).collect()
+    };
+    let parts: Vec<Whitened> =
+        (0..FOLDS).into_par_iter().map(|fold| whitened(&of(fold, true), &fit(of(fold, false))?.system)).collect::<Result<_, String>>()?;
+    Ok((0..plans.len()).map(|t| parts[t % FOLDS][t / FOLDS].clone()).collect())
+}
+
+/// Every fourth stretch of every test is left out in turn.
+fn over_stretches(plans: &[&Plan], fit: impl Fn(Vec<&Plan>) -> Result<Fitted, String> + Sync) -> Result<Whitened, String> {
+    let fold_of = |test: usize, row: usize| row * STRETCHES / plans[test].len().max(1) % FOLDS;
+    let without = |fold: usize| -> Vec<Plan> {
+        let masked = |(t, plan): (usize, &&Plan)| {
+            let mut masked = (*plan).clone();
+            masked.sigma.iter_mut().enumerate().filter(|(row, _)| fold_of(t, *row) == fold).for_each(|(_, s)| *s *= UNSEEN);
+            masked.correlated.clone().map_or_else(|| masked.clone(), |c| masked.with_instruments(&c.signal))
+        };
+        plans.iter().enumerate().map(masked).collect()
+    };
+    let parts: Vec<Whitened> = (0..FOLDS)
+        .into_par_iter()
+        .map(|fold| whitened(plans, &fit(without(fold).iter().collect())?.system))
+        .collect::<Result<_, String>>()?;
+    Ok((0..plans.len()).map(|t| (0..plans[t].len()).map(|row| parts[fold_of(t, row)][t][row]).collect()).collect())
 }
 
 /// Half the sum of squares.

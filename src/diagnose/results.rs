@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use super::unexplained::Unexplained;
+
 /// Which use a test serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -239,8 +241,32 @@ pub struct Candidate {
     pub tied_with: Vec<String>,
     /// p-value of the best of all candidates under nothing missing, for this candidate's score.
     pub p_value: f64,
+    /// The second opinion: the part it has in a sparse nonnegative combination of all candidates' columns; none where it is not in it.
+    pub selected: Option<f64>,
     /// Why it was not accepted or failed, in words.
     pub remark: String,
+}
+
+/// What a sparse nonnegative combination of all candidates' columns says beside the scores of single ones.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct SecondOpinion {
+    /// What it needs, the largest part first; empty where nothing scores beyond chance.
+    pub needs: Vec<Share>,
+    /// Whether its first is what was accepted or, without that, the best score, or is tied with it.
+    pub agrees: bool,
+    /// A word where the two disagree.
+    pub remark: Option<String>,
+}
+
+/// A candidate's part of what a combination explains.
+#[derive(Clone, Debug, Serialize)]
+pub struct Share {
+    /// Effect.
+    pub effect: String,
+    /// Place.
+    pub at: String,
+    /// Part, of 1.
+    pub part: f64,
 }
 
 /// A test that would separate tied candidates.
@@ -248,14 +274,22 @@ pub struct Candidate {
 pub struct NextTest {
     /// In words.
     pub describe: String,
-    /// Drive frequency [Hz].
+    /// The test that it varies.
+    pub test: String,
+    /// cycle or frf.
+    pub kind: String,
+    /// Drive frequency; of an FRF its highest line [Hz].
     pub frequency: f64,
-    /// Amplitude of the drive [SI].
+    /// Half range of the drive; of an FRF the peak of its force, 0 for a small signal [SI].
     pub amplitude: f64,
+    /// Mean of the drive [SI].
+    pub mean: f64,
     /// SI unit of the amplitude.
     pub unit: String,
-    /// Expected separation in units of noise.
+    /// By how many sigma the true one fits better in the simulation, whichever is true: the root of twice the difference of the costs.
     pub separation: f64,
+    /// Whether the tie broke there.
+    pub breaks: bool,
 }
 
 /// What a diagnosis says.
@@ -280,14 +314,31 @@ pub struct Diagnosis {
     pub findings: Vec<Finding>,
     /// Candidates, best first.
     pub candidates: Vec<Candidate>,
+    /// What all candidates at once say.
+    pub second_opinion: SecondOpinion,
     /// Verdict.
     pub verdict: Verdict,
     /// Best accepted, with its place.
     pub missing: Vec<EffectAt>,
     /// Test that separates the tied.
     pub next_test: Option<NextTest>,
+    /// Where something is unexplained: the force that would explain it, and a formula fitted to it.
+    pub unexplained: Option<Unexplained>,
     /// Strength of each candidate that would have been seen, where nothing is missing: name and value with unit.
     pub would_have_been_seen: Vec<String>,
+}
+
+/// What a step of the search took.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Effort {
+    /// Effects at places with their shapes that the score test weighed.
+    pub trials: usize,
+    /// Time of the score test [s].
+    pub score_s: f64,
+    /// Candidates refitted.
+    pub refits: usize,
+    /// Time of the refits [s].
+    pub refits_s: f64,
 }
 
 /// One rung of a ladder.
@@ -305,6 +356,10 @@ pub struct Rung {
     pub effects: Vec<EffectAt>,
     /// Candidates weighed on top of this rung.
     pub candidates: Vec<Candidate>,
+    /// What all of them at once say.
+    pub second_opinion: SecondOpinion,
+    /// What weighing them took.
+    pub effort: Effort,
     /// Termination of the refit.
     pub termination: String,
     /// Cost after the refit.
@@ -344,6 +399,15 @@ pub struct LadderResult {
     pub verdict: Verdict,
     /// Effects added that stayed.
     pub missing: Vec<Missing>,
+    /// Whether these effects leave a misfit beyond the noise that no further candidate explains.
+    pub unexplained_remainder: bool,
+    /// Where something is unexplained: the force that would explain it, and a formula fitted to it.
+    pub unexplained: Option<Unexplained>,
+    /// Root mean square of the whitened residuals on the fit and select tests at the end, where instruments may err within their tolerance; none
+    /// where the search was stopped.
+    pub whitened_rms: Option<f64>,
+    /// Strength of each candidate that would have been seen, where nothing more is missing: name and value with unit.
+    pub would_have_been_seen: Vec<String>,
     /// Held-out error, read once.
     pub held_out: HeldOut,
     /// Findings on the last rung.

@@ -1,10 +1,10 @@
 //! The score test: how much of the misfit each candidate would explain, from one evaluation of the model with all candidates at their
 //! null strength (design.md section 6).
 //!
-//! With `J` the columns of the free parameters that are not held at a bound, the priors' rows and the columns of the channels' nuisances
-//! (gain, offset, delay, each with its prior; not for candidates that are channel effects themselves), `Q` an orthonormal basis of them, `r`
-//! the whitened residual and `g` a candidate's column: `r~ = (I - QQ')r`, `g~ = (I - QQ')g`, `z = -g~'r~/||g~||`, one-sided where the
-//! strength has a sign; expected fall of the cost `z^2/2`.
+//! With `J` the columns of the free parameters that are not held at a bound and the priors' rows, `Q` an orthonormal basis of them, `r`
+//! the residual and `g` a candidate's column, both whitened with the covariance that noise and instruments within tolerance have
+//! (`response::Correlated`): `r~ = (I - QQ')r`, `g~ = (I - QQ')g`, `z = -g~'r~/||g~||`, one-sided where the strength has a sign; expected
+//! fall of the cost `z^2/2`.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::effect::{Role, Sign};
+use crate::effect::Sign;
 use crate::identify::LeastSquares;
 use crate::model::System;
 use crate::residual::Problem;
@@ -20,7 +20,7 @@ use crate::response::Plan;
 
 use super::DiagnoseError;
 use super::candidates::Trial;
-use super::nuisance::nuisances;
+use super::selection::{Column, select};
 
 /// A column keeps at least this part of itself after projection, or the data cannot tell it from what the model has.
 const VISIBLE: f64 = 1e-3;
@@ -32,7 +32,7 @@ const DRAWS: usize = 10_000;
 pub struct Score {
     /// Index of the trial.
     pub trial: usize,
-    /// Standardised score beyond what the channels' nuisances imitate, positive where the strength would grow in its admissible direction.
+    /// Standardised score, positive where the strength would grow in its admissible direction.
     pub z: f64,
     /// Fraction of the present cost that the linear model expects to fall.
     pub drop: f64,
@@ -44,25 +44,41 @@ pub struct Score {
     pub visible: f64,
 }
 
-/// Scores every trial; the largest expected drop first. `at_bound[k]` holds for free parameters of `system` that lie at a bound.
-pub fn score(
+/// What the score test says.
+pub struct Scores {
+    /// Every trial that can be seen, the largest expected drop first.
+    pub list: Vec<Score>,
+    /// The second opinion: candidates that a sparse combination of all columns needs, with their part of what it explains.
+    pub selected: Vec<(usize, f64)>,
+}
+
+/// The residual and the trials' columns, without what the model's own parameters can do.
+pub struct Projected {
+    /// Residual `r~`.
+    pub r: DVector<f64>,
+    /// Column `g~` of each trial; none where the data cannot tell it from what the model has.
+    pub columns: Vec<Option<DVector<f64>>>,
+    /// Half the sum of squares before.
+    pub cost: f64,
+}
+
+/// Evaluates the model once with all trials at their null strength. `at_bound[k]` holds for free parameters of `system` that lie at a
+/// bound.
+pub fn projected(
     plans: &[&Plan],
     system: &System,
     trials: &[Trial],
     at_bound: &[bool],
     priors: &[(usize, f64, f64)],
-    seed: u64,
-) -> Result<Vec<Score>, DiagnoseError> {
+) -> Result<Projected, DiagnoseError> {
     let mut augmented = system.clone();
     augmented.instances.extend(trials.iter().map(|t| t.instance.clone()));
-    let chain = nuisances(plans);
-    augmented.instances.extend(chain.iter().map(|n| n.instance.clone()));
     let problem = Problem::new(plans.to_vec(), augmented);
     let own = system.free().len();
     let p = problem.variables();
     let computed = problem.jacobian(&p).map_err(|e| crate::identify::IdentifyError::StartFails { reason: e.reason })?;
     let (r, j) = computed;
-    let rows = r.len() + priors.len() + chain.len();
+    let rows = r.len() + priors.len();
     let cost: f64 = 0.5 * r.norm_squared();
     // Prior rows belong to the columns of the model's own parameters.
     let mut base = DMatrix::zeros(rows, own);
@@ -79,39 +95,36 @@ pub fn score(
     }
     let kept: Vec<usize> = (0..own).filter(|k| !at_bound[*k]).collect();
     let plain = base.select_columns(&kept);
-    // The nuisances' columns, each with the row of its prior.
-    let mut with_chain = DMatrix::zeros(rows, kept.len() + chain.len());
-    with_chain.columns_mut(0, kept.len()).copy_from(&plain);
-    for (k, nuisance) in chain.iter().enumerate() {
-        let column = j.column(own + trials.len() + k);
-        if column.iter().all(|v| v.is_finite()) {
-            with_chain.view_mut((0, kept.len() + k), (j.nrows(), 1)).copy_from(&column);
-        }
-        with_chain[(j.nrows() + priors.len() + k, kept.len() + k)] = 1.0 / nuisance.sigma;
-    }
-    let (q_plain, q_chain) = (basis(&plain), basis(&with_chain));
-    let (r_plain, r_chain) = (project(&q_plain, extended.clone()), project(&q_chain, extended));
-    let mut scores = Vec::new();
-    let mut columns: Vec<DVector<f64>> = Vec::new();
-    for (t, trial) in trials.iter().enumerate() {
+    let q = basis(&plain);
+    let column = |t: usize| {
         let mut g = DVector::zeros(rows);
         g.rows_mut(0, j.nrows()).copy_from(&j.column(own + t));
         let size = g.norm();
         if !(size.is_finite() && size > 0.0) {
-            continue;
+            return None;
         }
-        // What the candidate would take off the cost, against the model alone; whether that is beyond chance, against what the
-        // instruments may do too.
-        let plain = project(&q_plain, g.clone());
-        let plain_norm = plain.norm();
-        let instrument = trial.instance.effect.info().role == Role::Channel;
-        let (left, r) = if instrument { (plain.clone(), &r_plain) } else { (project(&q_chain, g), &r_chain) };
+        let left = project(&q, g);
+        (left.norm() >= VISIBLE * size).then_some(left)
+    };
+    Ok(Projected { columns: (0..trials.len()).into_par_iter().map(column).collect(), r: project(&q, extended), cost })
+}
+
+/// Scores every trial; the largest expected drop first.
+pub fn score(
+    plans: &[&Plan],
+    system: &System,
+    trials: &[Trial],
+    at_bound: &[bool],
+    priors: &[(usize, f64, f64)],
+    seed: u64,
+) -> Result<Scores, DiagnoseError> {
+    let Projected { r, columns: all, cost } = projected(plans, system, trials, at_bound, priors)?;
+    let mut scores = Vec::new();
+    let mut columns: Vec<DVector<f64>> = Vec::new();
+    for (t, (trial, left)) in trials.iter().zip(all).enumerate() {
+        let Some(left) = left else { continue };
         let norm = left.norm();
-        if plain_norm.min(norm) < VISIBLE * size {
-            continue;
-        }
-        let z = -left.dot(r) / norm;
-        let plain_z = -plain.dot(&r_plain) / plain_norm;
+        let z = -left.dot(&r) / norm;
         let sign = trial.instance.effect.info().params[0].sign;
         // A gain or an exponent may go either way from its null; a strength with a sign only up.
         let two_sided = sign == Sign::Any || trial.instance.effect.info().params[0].default != 0.0;
@@ -120,8 +133,8 @@ pub fn score(
             Score {
                 trial: t,
                 z: gain(z),
-                drop: 0.5 * gain(plain_z).powi(2) / cost.max(f64::MIN_POSITIVE),
-                strength: plain_z / plain_norm,
+                drop: 0.5 * gain(z).powi(2) / cost.max(f64::MIN_POSITIVE),
+                strength: z / norm,
                 p_value: 1.0,
                 visible: norm,
             },
@@ -131,6 +144,9 @@ pub fn score(
     }
     let null = null_distribution(&columns, &scores.iter().map(|s| s.1).collect::<Vec<_>>(), seed);
     let level = null.get(null.len() * 99 / 100).copied().unwrap_or(0.0);
+    let weighed = scores.iter().zip(&columns);
+    let weighed: Vec<Column> = weighed.map(|((s, both), g)| Column { g, two_sided: *both, candidate: trials[s.trial].candidate }).collect();
+    let selected = select(&r, &weighed, level);
     let mut scores: Vec<Score> = scores
         .into_iter()
         .map(|(mut s, _)| {
@@ -142,7 +158,7 @@ pub fn score(
         })
         .collect();
     scores.sort_by(|a, b| b.drop.total_cmp(&a.drop));
-    Ok(scores)
+    Ok(Scores { list: scores, selected })
 }
 
 /// Orthonormal basis of the columns, leaving out what is numerically dependent.

@@ -92,28 +92,42 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
             c
         });
     }
-    // What an element that stays stuck keeps of the loading path depends on the parameters too: the path is marched with sensitivities.
-    let path = if z.ns > 0 {
-        let mut state = ramp(model, bound, loads, rise, columns)?;
-        for _ in 0..cycles.clamp(1, PATH_CYCLES) {
-            for k in 1..=steps {
-                march.step(k, &mut state, columns)?;
-            }
-        }
-        Some(state)
-    } else {
-        None
-    };
+    let path = Path { model, bound, loads, rise, cycles: cycles.clamp(1, PATH_CYCLES), columns };
+    // Repetition costs a march of the columns for every cycle that they take to settle, as many as the values took; the monodromy matrix
+    // one march of its own columns beside them.
     let mut cycle = None;
-    if z.len() == 0 || 2 * columns < z.len() {
-        cycle = by_repetition(&mut march, &start, path.as_ref(), &z, steps, probes, columns)?;
+    if z.len() == 0 || cycles * columns < columns + z.len() {
+        cycle = by_repetition(&mut march, &start, &path, &z, steps, probes, cycles)?;
     }
     let mut cycle = match cycle {
         Some(cycle) => cycle,
-        None => by_monodromy(&mut march, &start, path.as_ref(), &z, steps, probes, columns)?,
+        None => by_monodromy(&mut march, &start, &path, &z, steps, probes)?,
     };
     cycle.cycles = cycles;
     Ok(cycle)
+}
+
+/// The way to the steady cycle, to be marched with sensitivities where something stays stuck: what it keeps of the loading path depends
+/// on the parameters too.
+struct Path<'a> {
+    model: &'a Model,
+    bound: &'a Bound,
+    loads: &'a Loads,
+    rise: usize,
+    cycles: usize,
+    columns: usize,
+}
+
+impl Path<'_> {
+    fn march(&self, march: &mut March, steps: usize) -> Result<State, EngineError> {
+        let mut state = ramp(self.model, self.bound, self.loads, self.rise, self.columns)?;
+        for _ in 0..self.cycles {
+            for k in 1..=steps {
+                march.step(k, &mut state, self.columns)?;
+            }
+        }
+        Ok(state)
+    }
 }
 
 /// Cycles of a large system, values and sensitivities together, until both repeat; what is left then is below [`REPEATS`].
@@ -174,7 +188,7 @@ fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize, columns: usiz
         prescribed: loads
             .prescribed
             .iter()
-            .map(|(d, p)| (*d, (0..=steps).map(|k| rise(k)).map(|(s, v, a)| [p[0][0] * s, p[0][0] * v, p[0][0] * a]).collect()))
+            .map(|(d, p)| (*d, (0..=steps).map(&rise).map(|(s, v, a)| [p[0][0] * s, p[0][0] * v, p[0][0] * a]).collect()))
             .collect(),
         // Loads that stay come on with the drive.
         forces: (loads.forces.iter().map(|(d, f)| (*d, f[0])))
@@ -249,16 +263,17 @@ fn record_with(
 fn by_repetition(
     march: &mut March,
     start: &State,
-    path: Option<&State>,
+    path: &Path<'_>,
     z: &Shooting,
     steps: usize,
     probes: &[Probe],
-    columns: usize,
+    cycles: usize,
 ) -> Result<Option<Cycle>, EngineError> {
-    let mut state = with_columns(march, start, path, columns);
-    const LIMIT: usize = 3;
+    let columns = path.columns;
+    let path = if z.remembers(march, start, steps)? { Some(path.march(march, steps)?) } else { None };
+    let mut state = with_columns(march, start, path.as_ref(), columns);
     let mut before = z.pack_columns(&state, columns);
-    for _ in 0..LIMIT {
+    for _ in 0..=cycles {
         let cycle = record_with(march, &mut state, steps, probes, columns, None)?;
         let after = z.pack_columns(&state, columns);
         let settled = (0..columns).all(|c| {
@@ -292,12 +307,12 @@ fn with_columns(march: &March, start: &State, from: Option<&State>, columns: usi
 fn by_monodromy(
     march: &mut March,
     start: &State,
-    path: Option<&State>,
+    path: &Path<'_>,
     z: &Shooting,
     steps: usize,
     probes: &[Probe],
-    columns: usize,
 ) -> Result<Cycle, EngineError> {
+    let columns = path.columns;
     let mut state = start.clone();
     let all = columns + z.len();
     march.set_columns(&mut state, all);
@@ -306,8 +321,8 @@ fn by_monodromy(
     let end = z.pack_columns(&state, all);
     let b = end.columns(0, columns).into_owned();
     let monodromy = end.columns(columns, z.len()).into_owned();
-    let path = path.map(|p| z.pack_columns(p, columns));
-    let s0 = solve_fixed_point(&monodromy, &b, path.as_ref())?;
+    let mut kept = || path.march(march, steps).map(|p| z.pack_columns(&p, columns));
+    let s0 = solve_fixed_point(&monodromy, &b, if z.ns > 0 { Some(&mut kept) } else { None })?;
     let slopes = cycle
         .slopes
         .iter()
@@ -326,8 +341,12 @@ fn by_monodromy(
 }
 
 /// Solves `(I - M) S = b`. With `L'(I - M) = 0 = (I - M) R` the directions `R` never decay and `L'S` is what a cycle conserves: it is that
-/// of `path`, or left out.
-fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>, path: Option<&DMatrix<f64>>) -> Result<DMatrix<f64>, EngineError> {
+/// of `path`, which is asked for where there are such directions, or left out.
+fn solve_fixed_point(
+    monodromy: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    path: Option<&mut dyn FnMut() -> Result<DMatrix<f64>, EngineError>>,
+) -> Result<DMatrix<f64>, EngineError> {
     if monodromy.iter().chain(b.iter()).any(|v| !v.is_finite()) {
         return Err(EngineError::NotFinite { step: 0 });
     }
@@ -337,6 +356,7 @@ fn solve_fixed_point(monodromy: &DMatrix<f64>, b: &DMatrix<f64>, path: Option<&D
     let mut s = svd.solve(b, cut).unwrap_or_else(|_| DMatrix::zeros(n, b.ncols()));
     let lasting: Vec<usize> = (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] <= cut).collect();
     if let (Some(path), Some(u), Some(v_t), false) = (path, &svd.u, &svd.v_t, lasting.is_empty()) {
+        let path = path()?;
         let (l, r) = (u.select_columns(&lasting), v_t.select_rows(&lasting).transpose());
         if let Some(share) = l.tr_mul(&r).lu().solve(&l.tr_mul(&(path - &s))) {
             s += r * share;
@@ -397,6 +417,22 @@ impl Shooting {
     }
     fn change(&self, before: &State, after: &State) -> f64 {
         if self.len() == 0 { 0.0 } else { (self.pack(before) - self.pack(after)).amax() }
+    }
+    /// Whether a change of an element's state at the start of the cycle lives on at its end: something stays stuck, or decays slowly.
+    fn remembers(&self, march: &mut March, start: &State, steps: usize) -> Result<bool, EngineError> {
+        if self.ns == 0 {
+            return Ok(false);
+        }
+        let mut state = start.clone();
+        march.set_columns(&mut state, self.ns);
+        for (i, scale) in self.state_scale.iter().enumerate() {
+            state.ds[i * self.ns + i] = *scale;
+        }
+        march.by_parameter = false;
+        let marched = (1..=steps).try_for_each(|k| march.step(k, &mut state, self.ns));
+        march.by_parameter = true;
+        marched?;
+        Ok(self.pack_columns(&state, self.ns).amax() > 1e-6)
     }
     /// Unit perturbations of the scaled start in the columns from `first` on.
     fn seed(&self, state: &mut State, first: usize) {

@@ -41,7 +41,7 @@ pub(super) fn tensioner(tau: f64) -> System {
         let effect = find(name).unwrap();
         let params = effect.info().params.iter().map(|p| ParamValue::free(value, p.sign)).collect();
         let site = Site::Places(model.places_at(&at).unwrap());
-        instances.push(Instance { effect, at, site, params, target: None, follower: false });
+        instances.push(Instance::new(effect, at, site, params));
     };
     for (group, ky, psi) in [("1-3", 3.6e9, 1.49), ("4-18", 4.2e9, 1.96), ("19-21", 3.0e9, 1.49)] {
         let k = [3e10, ky, 9e10, 1000.0 / DEGREE, 2.5 / DEGREE, psi / DEGREE];

@@ -40,7 +40,7 @@ fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
     let params = effect.info().params.iter().enumerate();
     let params = params.map(|(k, p)| ParamValue::free(values.get(k).copied().unwrap_or(p.default), p.sign)).collect();
     let places = at.split(',').flat_map(|a| model.places_at(a).unwrap()).collect();
-    Instance { effect, at: at.into(), site: Site::Places(places), params, target: None, follower: false }
+    Instance::new(effect, at, Site::Places(places), params)
 }
 
 /// Springs on all six axes of c<first> ... c<last>.

@@ -32,7 +32,7 @@ fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
         .enumerate()
         .map(|(k, p)| ParamValue::free(values.get(k).copied().unwrap_or(p.default), p.sign))
         .collect();
-    Instance { effect, at: at.into(), site: Site::Places(model.places_at(at).unwrap()), params, target: None, follower: false }
+    Instance::new(effect, at, Site::Places(model.places_at(at).unwrap()), params)
 }
 
 fn bind(system: &System) -> Bound {

@@ -6,10 +6,11 @@
 //! | before | [`gate()`]: does every parameter move the residual, can the data be reached |
 //! |---|---|
 //! | the fit | [`fit()`]: constrained Levenberg-Marquardt ([`lm`]) under a [`Monitor`]; [`multi_start`] runs several |
-//! | after | [`uncertainty()`]: covariance, named null space; [`profile()`]: interval of one parameter by refitting |
+//! | after | [`uncertainty()`]: covariance, named null space; [`profile()`]: interval of one parameter by refitting; [`bootstrap()`]: scatter of refits to resampled residuals |
 //!
 //! [`nist`] scores the solver against certified answers.
 
+mod bootstrap;
 mod constraints;
 mod ending;
 mod error;
@@ -29,6 +30,7 @@ mod step;
 mod tests;
 mod uncertainty;
 
+pub use bootstrap::{Replicate, bootstrap, quantile};
 pub use constraints::{Constraints, LinearRow, Order};
 pub use ending::{Convergence, Event, LogEntry, Termination, Tolerances};
 pub use error::{EvalError, IdentifyError};
@@ -38,4 +40,5 @@ pub use monitor::{Checkpoint, CheckpointFile, Monitor, Progress, interrupt_flag}
 pub use multi_start::{StartResult, latin_hypercube, multi_start};
 pub use problem::{LeastSquares, Loss, LossBlock, Prior};
 pub use profile::{Profile, profile};
+pub(crate) use qp::Program;
 pub use uncertainty::{NullCombination, ParameterUncertainty, Uncertainty, UncertaintyOptions, uncertainty};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::effect::{Channel, Effect};
 
-use super::{ChannelSite, Element, FreeParam, Level, ModelError, Site, System};
+use super::{ChannelSite, Element, FreeParam, Instance, Level, ModelError, Site, System};
 
 /// Chain of derivatives: indices of free parameters with the derivative of a number with respect to each.
 pub type Chain = Vec<(usize, f64)>;
@@ -65,9 +65,13 @@ impl Bound {
             let slope = if f.log { values[f.instance][f.param] } else { 1.0 };
             chains[f.instance][f.param].push((k, slope));
         }
+        every_condition_has_values(system, conditions)?;
         let mut elements: BTreeMap<usize, Element> = BTreeMap::new();
         let mut channels = Vec::new();
         for (i, instance) in system.instances.iter().enumerate() {
+            if instance.only.as_ref().is_some_and(|only| !only.holds(conditions)) {
+                continue;
+            }
             match (instance.effect, &instance.site) {
                 (Effect::Channel(law), Site::Channel(site)) => {
                     if site.test == "*" || site.test == test {
@@ -103,13 +107,34 @@ impl Bound {
     }
 }
 
+/// An effect whose values are given per value of a condition has some at this test's.
+fn every_condition_has_values(system: &System, conditions: &BTreeMap<String, f64>) -> Result<(), ModelError> {
+    for instance in &system.instances {
+        let Some(only) = &instance.only else { continue };
+        let mut siblings = system.instances.iter().filter(|i| i.at == instance.at && i.name() == instance.name()).filter_map(|i| {
+            let other = i.only.as_ref()?;
+            (other.name == only.name).then_some(other)
+        });
+        if !siblings.any(|o| o.holds(conditions)) {
+            let stated = conditions.get(&only.name).map_or("that the test does not state".to_string(), |v| format!("= {v} [SI]"));
+            return Err(ModelError::invalid(
+                format!("{}.{}", instance.at, instance.name()),
+                format!("its values are given per value of `{}`, and none for {} {stated}", only.name, only.name),
+                "a value the effect is given for, or a law over the condition such as interference_law",
+            ));
+        }
+    }
+    Ok(())
+}
+
 impl System {
     /// What acts at each place in a test with the given conditions [SI], connectors that are absent there left out.
     pub fn acting(&self, test: &str, conditions: &BTreeMap<String, f64>) -> Result<Vec<Acting>, ModelError> {
         let values: Vec<Vec<f64>> = self.instances.iter().map(|i| i.params.iter().map(|p| p.value).collect()).collect();
         let none: Vec<Vec<Chain>> = self.instances.iter().map(|i| vec![Chain::new(); i.params.len()]).collect();
         let mut all = Vec::new();
-        for (i, instance) in self.instances.iter().enumerate() {
+        let acts = |i: &Instance| i.only.as_ref().is_none_or(|only| only.holds(conditions));
+        for (i, instance) in self.instances.iter().enumerate().filter(|(_, i)| acts(i)) {
             let (Site::Places(places), false) = (&instance.site, matches!(instance.effect, Effect::Coefficient(_))) else { continue };
             for &place in places.iter().filter(|p| self.model.present(self.model.places[**p].connector, test)) {
                 let (mut p, mut chain) = (values[i].clone(), none[i].clone());

@@ -14,7 +14,7 @@ pub use bound::{Acting, Bound, BoundLoad, ChannelPiece};
 pub use element::{Element, ElementScratch, Sensed};
 pub use error::ModelError;
 pub use graph::{Axis, Body, Connector, Dof, Level, Load, Model, Place};
-pub use system::{ChannelSite, FreeParam, Instance, ParamValue, Site, System, Target};
+pub use system::{AtCondition, ChannelSite, FreeParam, Instance, ParamValue, Site, System, Target};
 
 #[cfg(test)]
 mod tests;

@@ -76,6 +76,24 @@ pub enum Site {
     Channel(ChannelSite),
 }
 
+/// The value of a condition that an instance's values are for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AtCondition {
+    /// Name of the condition.
+    pub name: String,
+    /// Its value [SI].
+    pub value: f64,
+    /// As the dataset prints it, such as "0.3 mm".
+    pub printed: String,
+}
+
+impl AtCondition {
+    /// Whether a test with these conditions is one of those meant.
+    pub fn holds(&self, conditions: &BTreeMap<String, f64>) -> bool {
+        conditions.get(&self.name).is_some_and(|c| (c - self.value).abs() <= 1e-9 * c.abs().max(self.value.abs()))
+    }
+}
+
 /// One effect with its values, at one or more places.
 #[derive(Clone, Debug)]
 pub struct Instance {
@@ -89,12 +107,18 @@ pub struct Instance {
     pub params: Vec<ParamValue>,
     /// For coefficients.
     pub target: Option<Target>,
+    /// Its values are those at one value of a condition: it acts in no other test. Another instance has them at the next value.
+    pub only: Option<AtCondition>,
     /// A candidate of the score test: strength at its null value and the only free parameter; its states follow the motion without
     /// acting on it.
     pub follower: bool,
 }
 
 impl Instance {
+    /// An effect of the model that acts in every test, on no other effect's parameter.
+    pub fn new(effect: &'static Effect, at: impl Into<String>, site: Site, params: Vec<ParamValue>) -> Self {
+        Instance { effect, at: at.into(), site, params, target: None, only: None, follower: false }
+    }
     /// Name of the effect.
     pub fn name(&self) -> &'static str {
         self.effect.info().name
@@ -108,7 +132,7 @@ pub struct FreeParam {
     pub instance: usize,
     /// Index of the parameter.
     pub param: usize,
-    /// `at.effect.parameter`.
+    /// `at.effect.parameter`; `at.effect[i=0.3 mm].parameter` where a condition has its own value.
     pub name: String,
     /// Whether the fit moves its logarithm (positive shapes).
     pub log: bool,
@@ -137,6 +161,7 @@ impl System {
                 }
                 None => format!("{}.{}", instance.at, info.name),
             };
+            let stem = instance.only.as_ref().map_or(stem.clone(), |only| format!("{stem}[{}={}]", only.name, only.printed));
             let count = seen.entry(stem.clone()).or_insert(0);
             *count += 1;
             let stem = if *count > 1 { format!("{stem}#{count}") } else { stem };

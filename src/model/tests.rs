@@ -16,7 +16,7 @@ fn one_place(effects: &[(&str, &[f64])]) -> System {
         .map(|(name, p)| {
             let effect = find(name).unwrap();
             let params = effect.info().params.iter().zip(*p).map(|(i, v)| ParamValue::free(*v, i.sign)).collect();
-            Instance { effect, at: "c1.x".into(), site: Site::Places(vec![0]), params, target: None, follower: false }
+            Instance::new(effect, "c1.x", Site::Places(vec![0]), params)
         })
         .collect();
     System { model, instances }

@@ -1,6 +1,6 @@
 //! Rungs, candidates and findings: why the program says what it says.
 
-use crate::diagnose::results::{Candidate, EffectAt, Finding, SplitName};
+use crate::diagnose::results::{Candidate, EffectAt, Finding, SecondOpinion, SplitName};
 
 use super::ReportInput;
 use super::chart::Charts;
@@ -73,10 +73,12 @@ pub fn candidates(input: &ReportInput) -> String {
         for (k, rung) in ladder.rungs.iter().enumerate().filter(|(_, r)| !r.candidates.is_empty()) {
             let added = rung.added.as_ref().map(|e| format!(": {} was added", effect_at(&e.effect, &e.at))).unwrap_or_default();
             out += &candidate_table(&format!("For rung {k}{added}"), &rung.candidates);
+            out += &second(&rung.second_opinion);
         }
     }
     if let Some(d) = input.diagnosis.filter(|d| !d.candidates.is_empty()) {
         out += &candidate_table(if input.ladder.is_some() { "In the diagnosis of the study as it stands" } else { "" }, &d.candidates);
+        out += &second(&d.second_opinion);
     }
     if let Some(d) = input.diagnosis.filter(|d| !d.would_have_been_seen.is_empty()) {
         let items: String = d.would_have_been_seen.iter().map(|s| format!("<li>{}</li>", esc(s))).collect();
@@ -94,14 +96,28 @@ pub fn candidates(input: &ReportInput) -> String {
     };
     let reading = format!(
         "<p class=\"soft\">Predicted drop: the part of the cost that the score test expects to fall. p-value: how often the best of all \
-         candidates shows as much where nothing is missing. Only the best few are refitted; an effect is accepted {accepted}.</p>"
+         candidates shows as much where nothing is missing. Part of all at once: its part in a sparse nonnegative combination of all. Only the best few are refitted; an effect is accepted {accepted}.</p>"
     );
     format!("{reading}{out}")
 }
 
+/// A word where a sparse combination of all candidates says otherwise.
+fn second(opinion: &SecondOpinion) -> String {
+    opinion.remark.as_ref().map_or(String::new(), |r| format!("<p>Second opinion: {}.</p>", esc(r)))
+}
+
 fn candidate_table(caption: &str, all: &[Candidate]) -> String {
-    let header =
-        ["Effect and place", "Predicted drop", "Error before", "Error after refit", "p-value", "Accepted", "Cannot be told from", "Remark"];
+    let header = [
+        "Effect and place",
+        "Predicted drop",
+        "Error before",
+        "Error after refit",
+        "p-value",
+        "Part of all at once",
+        "Accepted",
+        "Cannot be told from",
+        "Remark",
+    ];
     let row = |c: &Candidate| {
         let tied: Vec<String> = c.tied_with.iter().map(|t| esc(t)).collect();
         let of = c.of.as_ref().map(|p| format!(" (of {})", esc(p))).unwrap_or_default();
@@ -111,6 +127,7 @@ fn candidate_table(caption: &str, all: &[Candidate]) -> String {
             percent(c.error_before),
             c.error_after.map_or("not refitted".into(), percent),
             probability(c.p_value),
+            c.selected.map_or("-".into(), percent),
             if c.accepted { "<span class=\"yes\">yes</span>" } else { "no" }.into(),
             list(&tied),
             esc(&c.remark),
@@ -118,7 +135,7 @@ fn candidate_table(caption: &str, all: &[Candidate]) -> String {
     };
     let rows: Vec<Vec<String>> = all.iter().map(row).collect();
     let (shown, rest) = rows.split_at(rows.len().min(SHOWN));
-    let right = [1, 2, 3, 4];
+    let right = [1, 2, 3, 4, 5];
     let more = if rest.is_empty() {
         String::new()
     } else {

@@ -19,6 +19,7 @@ mod stage;
 mod summary;
 mod text;
 mod tolerance;
+mod unexplained;
 #[cfg(test)]
 mod modes_tests;
 #[cfg(test)]
@@ -65,6 +66,7 @@ pub fn html_with(input: &ReportInput, tolerance: Option<&Outcome>) -> Result<Str
     page.section("", "", summary::section(input, &stages, &mut charts));
     page.section("tests", "Every test against the model", overview::tests(input, &stages, &mut charts));
     page.section("rungs", "The rungs of the ladder", evidence::rungs(input, &stages, &mut charts));
+    page.section("unexplained", "What no effect explains", unexplained::section(input, &mut charts));
     page.section("candidates", "Effects that were weighed", evidence::candidates(input));
     page.section("findings", "What the residuals show", evidence::findings(input));
     page.section("tolerance", "Tolerance cases", tolerance.map_or(String::new(), |t| tolerance::section(t, &mut charts)));

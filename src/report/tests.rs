@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::diagnose::results::*;
+use crate::diagnose::{Missed, Unexplained};
 use crate::response::BlockKind;
 use crate::study::Study;
 
@@ -195,6 +196,7 @@ fn parameters() -> Vec<ParameterResult> {
 
 fn candidate(effect: &str, place: &str, drop: f64, accepted: bool) -> Candidate {
     Candidate {
+        selected: None,
         effect: effect.into(),
         at: place.into(),
         of: None,
@@ -233,6 +235,8 @@ fn ladder(n: usize) -> LadderResult {
         parameters: parameters(),
         effects: vec![at("linear_stiffness", "c1.x"), at("viscous", "c1.x")],
         candidates,
+        second_opinion: SecondOpinion::default(),
+        effort: Effort::default(),
         termination: "converged".into(),
         cost,
     };
@@ -254,6 +258,10 @@ fn ladder(n: usize) -> LadderResult {
     second.removed.push(at("viscous", "c1.x"));
     let third = rung(Some(at("film", "c2.x")), tests(n, 2.0, 0.0301, true), 610.0, vec![candidate("film", "c2.x", 0.4, true)]);
     LadderResult {
+        unexplained_remainder: false,
+        unexplained: None,
+        whitened_rms: Some(1.0),
+        would_have_been_seen: vec![],
         study: "rod".into(),
         rungs: vec![rung(None, tests(n, 0.0, 0.1, true), 81234.0, vec![]), second, third],
         verdict: Verdict::Missing,
@@ -262,10 +270,14 @@ fn ladder(n: usize) -> LadderResult {
         findings: vec![finding()],
         next_test: Some(NextTest {
             describe: "drive c1.x at 0.2 Hz, 0.1 mm".into(),
+            test: "loop-1".into(),
+            kind: "cycle".into(),
             frequency: 0.2,
             amplitude: 1e-4,
+            mean: 0.0,
             unit: "m".into(),
             separation: 7.3,
+            breaks: true,
         }),
         ended: "nothing earns its place".into(),
         interrupted: false,
@@ -283,10 +295,36 @@ fn diagnosis(verdict: Verdict) -> Diagnosis {
     Diagnosis {
         findings: vec![finding()],
         candidates: vec![candidate("coulomb", "c3<.x", 0.9, verdict == Verdict::Missing)],
+        second_opinion: SecondOpinion {
+            remark: Some("all candidates at once give <b> the largest part".into()),
+            ..SecondOpinion::default()
+        },
         verdict,
         missing,
         next_test: None,
+        unexplained: (verdict == Verdict::Unexplained).then(missed),
         would_have_been_seen: if verdict == Verdict::NothingMissing { vec!["coulomb at c1.x: 0.02 N".into()] } else { vec![] },
+    }
+}
+
+fn missed() -> Unexplained {
+    let phase: Vec<f64> = (0..40).map(|k| TAU * f64::from(k) / 40.0).collect();
+    let of = |f: &dyn Fn(f64) -> f64| phase.iter().map(|p| f(*p)).collect::<Vec<f64>>();
+    Unexplained {
+        at: "c3<.x".into(),
+        expression: "f1*((x/X)^2)".into(),
+        formula: "[[effect]]\nat = \"c3<.x\"\n".into(),
+        explains: 0.8,
+        error_before: 0.1,
+        error_after: 0.02,
+        picture: vec![Missed {
+            test: HOSTILE.into(),
+            x: of(&f64::sin),
+            v: of(&f64::cos),
+            force: of(&|p| p.sin().powi(2) + 0.1),
+            formula: of(&|p| p.sin().powi(2)),
+            phase: phase.clone(),
+        }],
     }
 }
 

@@ -54,13 +54,13 @@ impl<'a> Problem<'a> {
     }
 
     fn whitened(&self, computed: &[Computed]) -> DVector<f64> {
-        DVector::from_iterator(
-            self.n_residuals(),
-            self.plans
-                .iter()
-                .zip(computed)
-                .flat_map(|(plan, c)| c.values.iter().zip(&plan.measured).zip(&plan.sigma).map(|((y, m), s)| (y - m) / s)),
-        )
+        let mut r = DVector::zeros(self.n_residuals());
+        let mut row = 0;
+        for (plan, c) in self.plans.iter().zip(computed) {
+            r.rows_mut(row, plan.len()).copy_from(&plan.whitened(&c.values));
+            row += plan.len();
+        }
+        r
     }
 }
 
@@ -92,6 +92,7 @@ impl LeastSquares for Problem<'_> {
                 }
                 row += 1;
             }
+            plan.whiten_shared(j.rows_mut(row - plan.len(), plan.len()));
         }
         Ok((self.whitened(&computed), j))
     }

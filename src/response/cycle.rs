@@ -11,6 +11,7 @@ use crate::model::{Bound, Model};
 use crate::units::Unit;
 
 use super::settling::Beginning;
+use super::variation::{CycleDrive, Variation};
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel, site};
 
 /// Steps per cycle at least, before [`Plan::refined`] looks whether they are enough.
@@ -175,36 +176,33 @@ impl CyclePlan {
         self.loads.dt * (self.points * self.stride) as f64
     }
 
-    /// Unit the drive was recorded in.
-    pub(super) fn drive_unit(&self) -> &Unit {
-        &self.drive.unit
-    }
-
-    pub(super) fn varied(&self, frequency: f64, amplitude: f64) -> (Self, f64, f64) {
+    /// Another drive of the same shape.
+    pub(super) fn varied(&self, by: &Variation) -> Self {
         let mut plan = self.clone();
-        plan.loads.dt /= frequency;
-        let steps = (self.points * self.stride) as f64;
-        let mut reach = 0.0;
-        let mut swing = |values: &[f64]| {
-            let mean = values.iter().sum::<f64>() / values.len() as f64;
-            reach = values.iter().fold(reach, |m: f64, v| m.max(amplitude * (v - mean).abs()));
-            mean
-        };
+        plan.loads.dt /= by.frequency;
+        let (f, a) = (by.frequency, by.amplitude);
         for (_, path) in &mut plan.loads.prescribed {
-            let mean = swing(&path.iter().map(|s| s[0]).collect::<Vec<_>>());
-            for s in path {
-                *s = [mean + amplitude * (s[0] - mean), amplitude * frequency * s[1], amplitude * frequency * frequency * s[2]];
-            }
+            let (mean, half) = middle(path.iter().map(|s| s[0]));
+            let shifted = mean + by.mean * a * half;
+            path.iter_mut().for_each(|s| *s = [shifted + a * (s[0] - mean), a * f * s[1], a * f * f * s[2]]);
         }
         for (_, path) in &mut plan.loads.forces {
-            let mean = swing(path);
-            path.iter_mut().for_each(|f| *f = mean + amplitude * (*f - mean));
+            let (mean, half) = middle(path.iter().copied());
+            let shifted = mean + by.mean * a * half;
+            path.iter_mut().for_each(|s| *s = shifted + a * (*s - mean));
         }
         for m in &mut plan.moments {
-            *m = Moment { acceleration: m.acceleration * amplitude * frequency * frequency, time: m.time / frequency };
+            *m = Moment { acceleration: m.acceleration * a * f * f, time: m.time / f };
         }
-        let f = 1.0 / (plan.loads.dt * steps);
-        (plan, f, reach)
+        plan
+    }
+
+    /// Frequency, half range and mean of the drive, from its samples.
+    pub(super) fn drive(&self) -> CycleDrive {
+        let prescribed = self.loads.prescribed.iter().map(|(_, path)| middle(path.iter().map(|s| s[0])));
+        let all = prescribed.chain(self.loads.forces.iter().map(|(_, path)| middle(path.iter().copied())));
+        let (mean, amplitude) = all.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
+        CycleDrive { frequency: 1.0 / self.period(), amplitude, mean: mean * self.drive.sign, unit: self.drive.unit.clone() }
     }
 
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
@@ -232,6 +230,12 @@ impl CyclePlan {
     pub(super) fn amplitudes(&self, model: &Model, bound: &Bound) -> Result<Vec<Amplitude>, EngineError> {
         place_amplitudes(model, bound, &self.loads)
     }
+}
+
+/// Middle and half of the range.
+fn middle(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    (0.5 * (low + high), 0.5 * (high - low))
 }
 
 /// Amplitudes at every place over the steady cycle of `loads`.

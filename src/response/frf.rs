@@ -11,6 +11,7 @@ use crate::engine::harmonic;
 use crate::model::{Bound, Model};
 
 use super::site::{Seat, seat};
+use super::variation::Variation;
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError};
 
 /// An FRF made ready. Compared in the measured quantity.
@@ -56,6 +57,16 @@ impl FrfPlan {
         plan.add_block(block, measured.collect(), sigma.collect());
         plan.notes.extend(frf.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
         Ok(FrfPlan { omega, input, output, quantity, excitation: frf.excitation })
+    }
+
+    /// The given lines at other frequencies or under another excitation.
+    pub(super) fn varied(&self, by: &Variation, lines: &[usize]) -> Self {
+        let omega = lines.iter().map(|k| self.omega[*k] * by.frequency).collect();
+        FrfPlan { omega, excitation: by.excitation.or(self.excitation), ..self.clone() }
+    }
+    /// Peak of the exciting force.
+    pub(super) fn excitation(&self) -> Option<f64> {
+        self.excitation
     }
 
     pub(super) fn periods(&self) -> (f64, f64) {

@@ -4,6 +4,7 @@
 //! the engine for the present parameters.
 
 mod channel;
+mod correlated;
 mod cycle;
 mod energy;
 mod error;
@@ -13,13 +14,17 @@ mod modal;
 mod settling;
 mod site;
 mod transient;
+mod variation;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::{DMatrixViewMut, DVector};
 
 use crate::data::{Record, Test, TestKind, Unsettled};
 use crate::model::{Bound, FreeParam, Model, System};
-use crate::units::Unit;
 
+pub use correlated::{CALIBRATION, Correlated, DELAY, GAIN, OFFSET};
 pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
@@ -28,6 +33,7 @@ pub use frf::FrfPlan;
 pub use modal::{ModalPlan, TableModes};
 pub use settling::Transient;
 pub use transient::TransientPlan;
+pub use variation::{CycleDrive, Variation};
 
 /// Integration error that is allowed, in units of sigma: its square is a hundredth of the noise's.
 const STEP_ERROR: f64 = 0.1;
@@ -90,6 +96,8 @@ pub struct Plan {
     pub left_out: Vec<usize>,
     /// Channels of a cycle test whose kept cycles still change.
     pub unsettled: Vec<Unsettled>,
+    /// What the errors of instruments within tolerance add to the covariance; none: sigma is all there is.
+    pub correlated: Option<Arc<Correlated>>,
     work: Work,
 }
 
@@ -145,6 +153,7 @@ impl Plan {
             notes: vec![],
             left_out: vec![],
             unsettled: vec![],
+            correlated: None,
             work: Work::Energy(EnergyPlan::default()),
         };
         plan.work = match &test.record {
@@ -185,6 +194,33 @@ impl Plan {
     /// Whether nothing was measured.
     pub fn is_empty(&self) -> bool {
         self.measured.is_empty()
+    }
+
+    /// The same test, whose channels may have a gain, an offset and a delay within the tolerance of good instruments, and whose jumps lie
+    /// anywhere between two samples. `signal`: what they read, computed.
+    pub fn with_instruments(&self, signal: &[f64]) -> Plan {
+        let mut plan = self.clone();
+        for block in plan.blocks.iter().filter(|b| b.kind == BlockKind::Loop) {
+            let wider = correlated::sampled(&self.measured[block.range.clone()], &self.sigma[block.range.clone()]);
+            plan.sigma[block.range.clone()].copy_from_slice(&wider);
+        }
+        plan.correlated = Some(Arc::new(Correlated::new(&plan, signal)));
+        plan
+    }
+
+    /// Whitened residuals, computed minus measured.
+    pub fn whitened(&self, computed: &[f64]) -> DVector<f64> {
+        let rows = computed.iter().zip(&self.measured).zip(&self.sigma).map(|((y, m), s)| (y - m) / s);
+        let mut r = DVector::from_iterator(self.len(), rows);
+        self.whiten_shared(DMatrixViewMut::from_slice(r.as_mut_slice(), self.len(), 1));
+        r
+    }
+
+    /// Takes what the channels' errors may do out of rows that are whitened by sigma.
+    pub fn whiten_shared(&self, rows: DMatrixViewMut<f64>) {
+        if let Some(correlated) = &self.correlated {
+            correlated.whiten(rows);
+        }
     }
 
     fn add_block(&mut self, block: Block, measured: Vec<f64>, sigma: Vec<f64>) {
@@ -241,28 +277,12 @@ impl Plan {
         }
     }
 
-    /// The same test with its drive at `frequency` times the frequency and `amplitude` times the amplitude, with that frequency [Hz] and
-    /// half range of the drive [SI]; `None` for tests that are not cycles. What was measured loses its meaning.
-    pub fn varied(&self, frequency: f64, amplitude: f64) -> Option<(Plan, f64, f64)> {
-        let Work::Cycle(cycle) = &self.work else { return None };
-        let (cycle, f, a) = cycle.varied(frequency, amplitude);
-        Some((Plan { work: Work::Cycle(cycle), ..self.clone() }, f, a))
-    }
-
     /// What is left of the model's own transient in the kept cycles of a cycle test; none where it is long gone, or the test no cycle.
     /// `enough`: what may be left, in units of sigma.
     pub fn transient(&self, system: &System, enough: f64) -> Result<Option<Transient>, ResponseError> {
         let Work::Cycle(cycle) = &self.work else { return Ok(None) };
         let named = |source| ResponseError::Engine { test: self.id.clone(), source };
         settling::transient(cycle, &system.model, &self.bind(system, &[])?, self, enough).map_err(named)
-    }
-
-    /// Unit in which the drive of a cycle test was recorded, for printing.
-    pub fn drive_unit(&self) -> Option<&Unit> {
-        match &self.work {
-            Work::Cycle(cycle) => Some(cycle.drive_unit()),
-            _ => None,
-        }
     }
 
     /// The plan with as many steps as its noise asks for at the system's present values: they are doubled until the computed response

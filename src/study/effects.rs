@@ -4,13 +4,13 @@ use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView};
 use crate::data::{Conditions, Dataset, Record, Test};
 use crate::effect::{Effect, Info, Kind, Param, Role, Sign};
 use crate::explain::Explain;
-use crate::model::{Instance, Model, ModelError, ParamValue, Site, Target};
+use crate::model::{AtCondition, Instance, Model, ModelError, ParamValue, Site, Target};
 use crate::units::{Dimension, Unit};
 
 use super::engineering::dimension;
 use super::error::at as located;
 use super::settings::{effect, unknown};
-use super::{StudyError, TestProblem, engineering, formula, site};
+use super::{StudyError, TestProblem, engineering, formula, levels, site};
 
 /// What a coefficient made by a program acts on; see [`super::Study::instance`].
 #[derive(Clone, Debug, PartialEq)]
@@ -23,22 +23,34 @@ pub struct CoefficientOf {
     pub reference: f64,
 }
 
+#[derive(Clone)]
 struct Head<'a> {
     table: TableView<'a>,
     effect: &'static Effect,
     at: String,
     site: Site,
+    only: Option<AtCondition>,
 }
 
 /// Reads every `[[effect]]`.
 pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Result<Vec<Instance>, StudyError> {
     let tables = root.tables("effect")?;
-    let heads = tables.iter().map(|t| head(t, model, dataset)).collect::<Result<Vec<_>, _>>()?;
+    let mut heads: Vec<Head<'_>> = Vec::with_capacity(tables.len());
+    for table in &tables {
+        let head = head(table, model, dataset)?;
+        let label = format!("{}.{}", head.at, head.effect.info().name);
+        match levels::read(table, dataset, &label)? {
+            levels::Levels::Any => heads.push(head),
+            levels::Levels::Of(list) => heads.extend(list.into_iter().map(|only| Head { only: Some(only), ..head.clone() })),
+        }
+    }
     let sites: Vec<(&'static Effect, &Site)> = heads.iter().map(|h| (h.effect, &h.site)).collect();
+    let at_levels: Vec<bool> = heads.iter().map(|h| h.only.is_some()).collect();
     let mut instances = Vec::with_capacity(heads.len());
     for head in &heads {
         let info = head.effect.info();
         let mut keys = vec!["effect", "at"];
+        keys.extend(levels::KEYS);
         keys.extend(info.params.iter().map(|p| p.name));
         if info.role == Role::Coefficient {
             keys.extend(["of", "condition", "reference"]);
@@ -48,13 +60,14 @@ pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Re
         }
         head.table.only(&keys)?;
         let (target, unit) = match info.role {
-            Role::Coefficient => target(head, model, dataset, &sites).map(|(t, u)| (Some(t), u))?,
+            Role::Coefficient => target(head, model, dataset, &sites, &at_levels).map(|(t, u)| (Some(t), u))?,
             _ => (None, Unit::si(Dimension::DIMENSIONLESS)),
         };
         let (rotational, channel) = site::nature(model, dataset, &head.site);
         let value = |p: &Param| param(&head.table, info, p, dimension(p.dim, rotational, channel, unit.dimension));
         let params = info.params.iter().map(value).collect::<Result<Vec<_>, _>>()?;
-        instances.push(Instance { effect: head.effect, at: head.at.clone(), site: head.site.clone(), params, target, follower: false });
+        let only = head.only.clone();
+        instances.push(Instance { target, only, ..Instance::new(head.effect, head.at.clone(), head.site.clone(), params) });
     }
     for (head, instance) in heads.iter().zip(&instances) {
         series_has_company(model, instance, &instances)
@@ -76,7 +89,7 @@ fn head<'a>(table: &TableView<'a>, model: &Model, dataset: &Dataset) -> Result<H
         Effect::Formula(_) => formula::read(table, site::nature(model, dataset, &site).0)?,
         _ => effect,
     };
-    Ok(Head { table: table.clone(), effect, at: names.join(","), site })
+    Ok(Head { table: table.clone(), effect, at: names.join(","), site, only: None })
 }
 
 /// Whether the law stands in the study file.
@@ -100,24 +113,29 @@ pub(super) fn series_has_company(model: &Model, instance: &Instance, all: &[Inst
     }
 }
 
-fn target(head: &Head<'_>, model: &Model, dataset: &Dataset, sites: &[(&'static Effect, &Site)]) -> Result<(Target, Unit), StudyError> {
+fn target(
+    head: &Head<'_>,
+    model: &Model,
+    dataset: &Dataset,
+    sites: &[(&'static Effect, &Site)],
+    at_levels: &[bool],
+) -> Result<(Target, Unit), StudyError> {
     let table = &head.table;
     let of = table.optional("of", |v| v.string())?;
     let (instance, param) = target_of(model, sites, &head.site, of).map_err(|e| match table.get("of").or(table.get("at")) {
         Some(v) => located(&v, &e),
         None => table.refuse(e.to_string(), e.accepted()),
     })?;
+    if at_levels[instance] {
+        let message = "it acts on an effect whose values are given per value of a condition";
+        return Err(table.refuse(message, "either `per` on the effect, or a law over the condition").into());
+    }
     let value = table.require("condition", "the name of a condition that every test states, such as \"i\"")?;
     let name = value.string()?;
     let label = format!("{}.{}", head.at, head.effect.info().name);
     let unit = match condition(dataset, name, &label)? {
         Some(unit) => unit,
-        None => {
-            let mut names: Vec<&str> = dataset.tests.iter().flat_map(|t| t.conditions.keys()).map(String::as_str).collect();
-            names.sort_unstable();
-            names.dedup();
-            return Err(unknown(&value, "condition", name, names.into_iter()).into());
-        }
+        None => return Err(no_condition(&value, dataset, name).into()),
     };
     let accepted = format!("the {name} at which the factor is 1 ({})", unit.dimension.examples());
     let reference = table.require("reference", &accepted)?.quantity(unit.dimension)?.value;
@@ -178,15 +196,27 @@ pub(super) fn of_name(model: &Model, instances: &[Instance], at: &Site, target: 
     name((1..=instances.len()).find(meant).unwrap_or(1))
 }
 
+/// That no test states a condition of this name.
+pub(super) fn no_condition(value: &ValueView<'_>, dataset: &Dataset, name: &str) -> TomlError {
+    let mut names: Vec<&str> = dataset.tests.iter().flat_map(|t| conditions_of(t)).flat_map(Conditions::keys).map(String::as_str).collect();
+    names.sort_unstable();
+    names.dedup();
+    unknown(value, "condition", name, names.into_iter())
+}
+
+/// The conditions of a test: those of every row where a table states them by row.
+pub(super) fn conditions_of(test: &Test) -> Vec<&Conditions> {
+    match &test.record {
+        Record::Energy(table) => table.rows.iter().map(|r| &r.conditions).collect(),
+        _ => vec![&test.conditions],
+    }
+}
+
 /// The unit of a condition, which every test must state in one dimension; none when no test states it.
-fn condition(dataset: &Dataset, name: &str, needed_by: &str) -> Result<Option<Unit>, StudyError> {
+pub(super) fn condition(dataset: &Dataset, name: &str, needed_by: &str) -> Result<Option<Unit>, StudyError> {
     let Some(unit) = engineering::condition(dataset, name) else { return Ok(None) };
     for test in &dataset.tests {
-        let rows: Vec<&Conditions> = match &test.record {
-            Record::Energy(table) => table.rows.iter().map(|r| &r.conditions).collect(),
-            _ => vec![&test.conditions],
-        };
-        for conditions in rows {
+        for conditions in conditions_of(test) {
             match conditions.get(name) {
                 None => {
                     let message = format!("it does not state the condition `{name}`, which `{needed_by}` needs");

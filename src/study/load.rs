@@ -175,7 +175,7 @@ impl Study {
             ParamValue::of(p, value)
         };
         let at = at.split(',').map(str::trim).collect::<Vec<_>>().join(",");
-        let mut instance = Instance { effect: law, at, site, params: info.params.iter().map(param).collect(), target, follower: false };
+        let mut instance = Instance { target, ..Instance::new(law, at, site, info.params.iter().map(param).collect()) };
         effects::series_has_company(&self.system.model, &instance, &self.system.instances)?;
         for p in 0..instance.params.len() {
             let unit = super::unit_of(&self.system, &self.dataset, &instance, p);

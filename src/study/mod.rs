@@ -21,6 +21,7 @@
 //! | parameter | `"20 N/mm"` or `{ start, min, max, prior = { mean, sigma }, fixed = true }`; settings: `free = true` to fit them |
 //! | formula | `expression`, `states = { z = "rate" }`, `active`; every other key is a parameter ([`crate::effect::formula`]) |
 //! | coefficient effects | `of = "viscous.c"` (`viscous#2.c` for the second there), `condition`, `reference` |
+//! | `per = "i"` in an effect | values of its own at every value of the condition, `monotone = "rising"` or `"falling"` their order; `only = { i = "0.3 mm" }`: the values at one |
 //! | `[[order]]` | `order = [names of free parameters, rising]`, `gap` |
 //! | `[[prediction]]` | `case`, `quantity` and its keys ([`Predicted`]), `conditions`, `reference` |
 //! | `[tolerance]` | the cases of an energy test of another `dataset`: `test`, `reference`, `interference = [{ name, area, resolution }]`, `housing`, `cycle`, `condition`, `range`, `quantities`, `terms`, `permutations`, `surface` ([`ToleranceSpec`]) |
@@ -44,6 +45,7 @@ mod engineering;
 mod error;
 mod formula;
 mod graph;
+mod levels;
 mod load;
 mod mechanism;
 mod orders;

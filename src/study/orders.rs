@@ -7,6 +7,7 @@ use crate::identify::{Constraints, IdentifyError, Prior};
 use crate::model::{FreeParam, System};
 
 use super::engineering::{dimension_of, unit_of};
+use super::levels;
 use super::settings::unknown;
 
 /// below + gap <= above.
@@ -25,7 +26,7 @@ pub struct OrderSpec {
 /// Reads every `[[order]]` and refuses what no point satisfies.
 pub(super) fn read(root: &TableView<'_>, system: &System, dataset: &Dataset) -> Result<Vec<OrderSpec>, TomlError> {
     let free = system.free();
-    let mut orders: Vec<OrderSpec> = Vec::new();
+    let mut orders: Vec<OrderSpec> = levels::orders(root, system)?;
     for table in root.tables("order")? {
         table.only(&["order", "gap"])?;
         let list = table.require("order", "[\"c1.x.viscous.c\", \"c2.x.viscous.c\"], in rising order")?;

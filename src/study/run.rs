@@ -51,6 +51,7 @@ impl Case {
                 places: study.search.places.clone(),
                 max_added: study.search.max_added,
             },
+            coarse: false,
         })
     }
 }

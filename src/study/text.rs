@@ -56,6 +56,9 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
             text.push_str("active = true\n");
         }
     }
+    if let Some(only) = &instance.only {
+        let _ = writeln!(text, "only = {{ {} = {} }}", only.name, quoted(&only.printed));
+    }
     if let Some(target) = &instance.target {
         let of = effects::of_name(&system.model, &system.instances, &instance.site, target);
         let unit = engineering::condition(dataset, &target.condition).unwrap_or_else(|| Unit::si(Dimension::DIMENSIONLESS));

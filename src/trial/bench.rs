@@ -2,6 +2,8 @@
 
 use num_complex::Complex64;
 
+use crate::response::{CALIBRATION, DELAY, GAIN, OFFSET};
+
 use super::law::Law;
 use super::{chain, connector};
 
@@ -71,8 +73,10 @@ pub struct Test {
 /// The drive.
 #[derive(Clone, Debug)]
 pub enum Drive {
-    /// Sine of displacement (connector, m) or of force on the last body (chain, N).
-    Loop { frequency: f64, amplitude: f64, discard: usize, bodies: Vec<usize> },
+    /// Sine of displacement (connector, m) or of force on the last body (chain, N) about a mean.
+    Loop { frequency: f64, amplitude: f64, mean: f64, discard: usize, bodies: Vec<usize> },
+    /// A half sine of force on the last body at rest, then its ringing: length [s], peak [N], time between samples [s], their number.
+    Hit { length: f64, force: f64, dt: f64, samples: usize, bodies: Vec<usize> },
     /// Small force on the last body, acceleration of body `respond` over it at these frequencies [Hz].
     Frf { respond: usize, lines: Vec<f64> },
 }
@@ -104,6 +108,7 @@ impl Bench {
     fn highest(tests: &[Test]) -> f64 {
         let top = |t: &Test| match &t.drive {
             Drive::Loop { frequency, .. } => *frequency,
+            Drive::Hit { length, .. } => 0.5 / length,
             Drive::Frf { lines, .. } => lines.last().copied().unwrap_or(0.0),
         };
         tests.iter().map(top).fold(0.0, f64::max)
@@ -114,19 +119,28 @@ impl Bench {
         let highest = Self::highest(tests);
         let here = |f: &&Flaw, role: &str| (f.test == "*" || f.test == test.id) && f.role == role;
         match &test.drive {
-            Drive::Loop { frequency, amplitude, discard, bodies } => {
+            Drive::Loop { frequency, amplitude, mean, discard, bodies } => {
                 let cycles = discard + KEPT;
                 let u = test.condition.as_ref().map_or(0.0, |c| c.1);
                 let (mut channels, role) = if self.bodies == 0 {
-                    (vec![connector::march(self, params, planted, *frequency, *amplitude, cycles, u)], "force")
+                    (vec![connector::march(self, params, planted, (*frequency, *amplitude, *mean), cycles, u)], "force")
                 } else {
-                    (chain::march(self, params, planted, *frequency, *amplitude, cycles, bodies), "displacement")
+                    (chain::march(self, params, planted, (*frequency, *amplitude, *mean), cycles, bodies), "displacement")
                 };
                 let sigma = channels.iter().map(|c| vec![test.noise * rms(&c[c.len() - SAMPLES..]); c.len()]).collect();
                 for flaw in flaws.iter().filter(|f| here(f, role)) {
                     // A mass of the load cell: its share of the spring's force at the highest drive.
                     let inertia = -flaw.size * self.params[0] * amplitude * (frequency / highest).powi(2);
                     channels.iter_mut().for_each(|c| spoil(c, flaw, frequency / highest, inertia));
+                }
+                Response { channels, sigma }
+            }
+            Drive::Hit { length, force, dt, samples, bodies } => {
+                let hit = |t: f64| if t < *length { force * (std::f64::consts::PI * t / length).sin() } else { 0.0 };
+                let mut channels = chain::ring(self, params, planted, &hit, *dt, *samples, bodies);
+                let sigma = channels.iter().map(|c| vec![test.noise * rms(c); c.len()]).collect();
+                for flaw in flaws.iter().filter(|f| here(f, "displacement")) {
+                    channels.iter_mut().for_each(|c| spoil(c, flaw, 0.0, 0.0));
                 }
                 Response { channels, sigma }
             }
@@ -149,25 +163,75 @@ impl Bench {
         }
     }
 
+    /// What errors of instruments within tolerance add to what is seen, one column for one standard deviation of each: gain, offset and
+    /// delay of every channel.
+    pub fn tolerances(&self, tests: &[Test], read: &[Response]) -> Vec<Vec<f64>> {
+        let total: usize = tests.iter().zip(read).map(|(t, r)| r.channels.iter().map(|c| shown(t, c).len()).sum::<usize>()).sum();
+        let (mut columns, mut row) = (Vec::new(), 0);
+        for (test, r) in tests.iter().zip(read) {
+            let averaged = averaged(test);
+            let mut add = |row: usize, changes: &[(&[f64], &[f64])]| {
+                let mut column = vec![0.0; total];
+                let rows = changes.iter().flat_map(|(c, s)| shown(test, c).iter().zip(shown(test, s)).map(|(c, s)| c * averaged / s));
+                column[row..].iter_mut().zip(rows).for_each(|(a, b)| *a = b);
+                columns.push(column);
+            };
+            match &test.drive {
+                Drive::Loop { .. } | Drive::Hit { .. } => {
+                    let errors = [("gain", GAIN), ("offset", OFFSET), ("delay", DELAY)];
+                    // A record has no period that a delay would be a part of.
+                    let errors = if matches!(test.drive, Drive::Hit { .. }) { &errors[..2] } else { &errors[..] };
+                    for (c, s) in r.channels.iter().zip(&r.sigma) {
+                        for &(effect, size) in errors {
+                            let mut changed = c.clone();
+                            // In parts of the test's own period.
+                            spoil(&mut changed, &Flaw { effect, test: "*".into(), role: "", size }, 1.0, 0.0);
+                            changed.iter_mut().zip(c).for_each(|(a, b)| *a -= b);
+                            add(row, &[(&changed, s)]);
+                        }
+                        row += shown(test, c).len();
+                    }
+                }
+                Drive::Frf { lines, .. } => {
+                    let [re, im] = r.channels.as_slice() else { continue };
+                    let scaled = |c: &[f64], by: &dyn Fn(usize) -> f64| c.iter().enumerate().map(|(k, c)| c * by(k)).collect::<Vec<f64>>();
+                    let turn = |k: usize| -std::f64::consts::TAU * DELAY * lines[k] / lines[lines.len() - 1];
+                    add(row, &[(&scaled(re, &|_| CALIBRATION), &r.sigma[0]), (&scaled(im, &|_| CALIBRATION), &r.sigma[1])]);
+                    add(row, &[(&scaled(im, &|k| -turn(k)), &r.sigma[0]), (&scaled(re, &turn), &r.sigma[1])]);
+                    row += 2 * lines.len();
+                }
+            }
+        }
+        columns
+    }
+
     /// The part of a response that the analysis sees, whitened: the last cycle of a loop at the noise of the mean of the cycles.
     pub fn seen(&self, params: &[f64], planted: &[Planted], flaws: &[Flaw], tests: &[Test], sigma: &[Response]) -> Vec<f64> {
         let mut all = Vec::new();
         for (test, reference) in tests.iter().zip(sigma) {
             let r = self.read(params, planted, flaws, tests, test);
-            let averaged = if matches!(test.drive, Drive::Loop { .. }) { (KEPT as f64).sqrt() } else { 1.0 };
             for (c, s) in r.channels.iter().zip(&reference.sigma) {
-                let from = if averaged > 1.0 { c.len() - SAMPLES } else { 0 };
-                all.extend(c[from..].iter().zip(&s[from..]).map(|(c, s)| c * averaged / s));
+                all.extend(shown(test, c).iter().zip(shown(test, s)).map(|(c, s)| c * averaged(test) / s));
             }
         }
         all
     }
 }
 
+/// The last cycle of a loop; every line of a frequency response.
+fn shown<'a>(test: &Test, c: &'a [f64]) -> &'a [f64] {
+    if matches!(test.drive, Drive::Loop { .. }) { &c[c.len() - SAMPLES..] } else { c }
+}
+
+/// By how much the noise of what is seen is less than that of a sample.
+fn averaged(test: &Test) -> f64 {
+    if matches!(test.drive, Drive::Loop { .. }) { (KEPT as f64).sqrt() } else { 1.0 }
+}
+
 /// What a flaw does to a record from phase 0; `share` is the drive over the highest one.
 fn spoil(c: &mut [f64], flaw: &Flaw, share: f64, inertia: f64) {
     let n = c.len();
-    let last = &c[n - SAMPLES..];
+    let last = &c[n.saturating_sub(SAMPLES)..];
     let amplitude = 0.5 * (last.iter().fold(f64::MIN, |a, b| a.max(*b)) - last.iter().fold(f64::MAX, |a, b| a.min(*b)));
     match flaw.effect {
         "gain" => c.iter_mut().for_each(|c| *c *= 1.0 + flaw.size),
@@ -177,13 +241,14 @@ fn spoil(c: &mut [f64], flaw: &Flaw, share: f64, inertia: f64) {
             c.iter_mut().enumerate().for_each(|(k, c)| *c += inertia * (std::f64::consts::TAU * k as f64 / SAMPLES as f64).sin());
         }
         _ => {
-            // The record is periodic at its end and starts at rest: linear between samples, the first held.
+            // The record starts at rest and is periodic at its end: linear between samples, the first held, the last cycle repeated.
             let shift = flaw.size * share * SAMPLES as f64;
             let old = c.to_vec();
+            let value = |j: usize| if j < n { old[j] } else { old[n - SAMPLES + (j - n) % SAMPLES] };
             for (k, c) in c.iter_mut().enumerate() {
-                let at = (k as f64 - shift).clamp(0.0, (n - 1) as f64);
+                let at = (k as f64 - shift).max(0.0);
                 let (low, part) = (at.floor() as usize, at.fract());
-                *c = old[low] + part * (old[(low + 1).min(n - 1)] - old[low]);
+                *c = value(low) + part * (value(low + 1) - value(low));
             }
         }
     }

@@ -13,14 +13,32 @@ const FINE: f64 = 12.0;
 /// Cycles over which the drive grows.
 const RAMP: f64 = 2.0;
 
-/// Displacement of the given bodies (from 1) at every sample, under a force on the last.
+/// Displacement of the given bodies (from 1) at every sample, under a sine of force on the last: frequency, amplitude, mean. The drive
+/// grows over [`RAMP`] cycles.
 pub fn march(
     b: &Bench,
     params: &[f64],
     planted: &[Planted],
-    frequency: f64,
-    amplitude: f64,
+    (frequency, amplitude, mean): (f64, f64, f64),
     cycles: usize,
+    bodies: &[usize],
+) -> Vec<Vec<f64>> {
+    let drive = |time: f64| {
+        let t = time * frequency;
+        let grown = if t < RAMP { 0.5 - 0.5 * (0.5 * TAU * t / RAMP).cos() } else { 1.0 };
+        (mean + amplitude * (TAU * t).sin()) * grown
+    };
+    ring(b, params, planted, &drive, 1.0 / (frequency * SAMPLES as f64), cycles * SAMPLES, bodies)
+}
+
+/// The same under any force from rest, at `samples` samples `between` apart [s].
+pub fn ring(
+    b: &Bench,
+    params: &[f64],
+    planted: &[Planted],
+    drive: &dyn Fn(f64) -> f64,
+    between: f64,
+    samples: usize,
     bodies: &[usize],
 ) -> Vec<Vec<f64>> {
     let n = b.bodies;
@@ -35,12 +53,12 @@ pub fn march(
     // Friction that sticks stiffens its connector.
     let stiff = laws.iter().filter_map(|l| l.1.small(0.0)).map(|z| b.force * z.norm()).sum::<f64>() + k.max(k_base);
     let fastest = 2.0 * (stiff / b.mass).sqrt();
-    let per_sample = (FINE * fastest / (frequency * SAMPLES as f64)).ceil().max(1.0) as usize;
-    let dt = 1.0 / (frequency * (SAMPLES * per_sample) as f64);
+    let per_sample = (FINE * fastest * between).ceil().max(1.0) as usize;
+    let dt = between / per_sample as f64;
     let (mut x, mut v, mut old) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let mut force = vec![0.0; n + 1];
-    let mut out = vec![Vec::with_capacity(cycles * SAMPLES); bodies.len()];
-    for j in 0..cycles * SAMPLES * per_sample {
+    let mut out = vec![Vec::with_capacity(samples); bodies.len()];
+    for j in 0..samples * per_sample {
         if j % per_sample == 0 {
             bodies.iter().zip(&mut out).for_each(|(b, out)| out.push(x[*b - 1]));
         }
@@ -60,12 +78,11 @@ pub fn march(
         for (m, (place, law, size, memory)) in motions.iter().zip(&mut laws) {
             force[*place] += *size * law.force(*m, dt, memory);
         }
-        let t = j as f64 * dt * frequency;
-        let grown = if t < RAMP { 0.5 - 0.5 * (0.5 * TAU * t / RAMP).cos() } else { 1.0 };
+        let force_now = drive(j as f64 * dt);
         old.copy_from_slice(&v);
         for i in 0..n {
-            let drive = if i + 1 == n { amplitude * grown * (TAU * t).sin() } else { 0.0 };
-            v[i] += dt * (drive - force[i] + force[i + 1]) / b.mass;
+            let load = if i + 1 == n { force_now } else { 0.0 };
+            v[i] += dt * (load - force[i] + force[i + 1]) / b.mass;
         }
         x.iter_mut().zip(&v).for_each(|(x, v)| *x += dt * v);
     }

@@ -10,8 +10,9 @@ use super::law::{Memory, Motion};
 /// Steps between two samples.
 const FINE: usize = 32;
 
-/// Force at every sample. `u` is the place of the test condition in its span.
-pub fn march(b: &Bench, params: &[f64], planted: &[Planted], frequency: f64, amplitude: f64, cycles: usize, u: f64) -> Vec<f64> {
+/// Force at every sample under a sine of this frequency, amplitude and mean. `u` is the place of the test condition in its span.
+pub fn march(b: &Bench, params: &[f64], planted: &[Planted], drive: (f64, f64, f64), cycles: usize, u: f64) -> Vec<f64> {
+    let (frequency, amplitude, mean) = drive;
     let w = TAU * frequency;
     let (mut k, c) = (params[0], params.get(1).copied().unwrap_or(0.0));
     let (mut gap, mut soft) = (0.0, 0.0);
@@ -32,13 +33,15 @@ pub fn march(b: &Bench, params: &[f64], planted: &[Planted], frequency: f64, amp
     }
     let own = k + Complex64::i() * w * c + closed;
     let z = amplitude * own / (1.0 + soft * own);
+    // What has a closed form carries nothing at rest but the spring.
+    let still = mean * k / (1.0 + soft * k);
     let dt = 1.0 / (frequency * (SAMPLES * FINE) as f64);
     let mut slack = Slack { y: 0.0, k, c, half: 0.5 * gap };
     let mut out = Vec::with_capacity(cycles * SAMPLES);
     for j in 0..cycles * SAMPLES * FINE {
         let (sin, cos) = (TAU * (j % (SAMPLES * FINE)) as f64 / (SAMPLES * FINE) as f64).sin_cos();
-        let motion = Motion { x: amplitude * sin, v: amplitude * w * cos, a: -amplitude * w * w * sin };
-        let linear = if gap > 0.0 { slack.step(motion.x, dt) } else { z.re * sin + z.im * cos };
+        let motion = Motion { x: mean + amplitude * sin, v: amplitude * w * cos, a: -amplitude * w * w * sin };
+        let linear = if gap > 0.0 { slack.step(motion.x, dt) } else { still + z.re * sin + z.im * cos };
         let hidden: f64 = marched.iter_mut().map(|(law, size, memory)| *size * law.force(motion, dt, memory)).sum();
         if j % FINE == 0 {
             out.push(linear + hidden);

@@ -15,6 +15,9 @@ pub const NONCENTRALITY: f64 = 25.0;
 const GROWTH: f64 = 1.6;
 const GROWTHS: usize = 10;
 const LARGEST: f64 = 1.0;
+/// Samples of a hit in a period of the first mode, and periods recorded.
+const HIT_SAMPLES: usize = 400;
+const HIT_PERIODS: usize = 6;
 /// Draws of what is hidden before a structure is given up.
 const DRAWS: u64 = 40;
 
@@ -75,6 +78,8 @@ pub struct Generated {
     pub starts: Vec<f64>,
     /// The draws that are left, for the noise.
     pub draw: Draw,
+    /// What the search is restricted to, as a line of study.toml.
+    pub search: Option<String>,
 }
 
 /// Case `index`: always the same for the same options and seed.
@@ -146,7 +151,7 @@ fn on_connector(kind: Kind, mut draw: Draw) -> Generated {
     let tests = corners.iter().chain(&between).zip(splits).enumerate().map(|(j, ((frequency, part), split))| {
         let u = draw.between(-0.5, 0.5);
         let value = if load { format!("{:.3} N", 100.0 + 80.0 * u) } else { format!("{:.4} mm", 0.4 + 0.4 * u) };
-        let drive = Drive::Loop { frequency: round(*frequency), amplitude: travel * part, discard: 2, bodies: vec![] };
+        let drive = Drive::Loop { frequency: round(*frequency), amplitude: travel * part, mean: 0.0, discard: 2, bodies: vec![] };
         Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: conditioned.then_some((value, u)) }
     });
     let tests: Vec<Test> = tests.collect();
@@ -177,14 +182,15 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
     let first = (k / mass).sqrt() * TAU / (4.0 * (2.0 * bodies as f64 + 1.0)) * 2.0;
     let c = 2.0 * draw.between(0.02, 0.05) * k / first;
     let bench_force = draw.log(20.0, 100.0);
-    let (loops, frfs) = [(true, false), (false, true), (true, true)][draw.below(3)];
+    let (loops, frfs, hits) =
+        [(true, false, false), (false, true, false), (true, true, false), (false, false, true), (false, true, true)][draw.below(5)];
     let f1 = first / TAU;
     let (low, high) = (f1 * draw.log(0.03, 0.06), f1 * draw.between(0.2, 0.4));
     let travel = 1.3 * bench_force / k;
-    let band = if loops { (TAU * low, TAU * high) } else { (first * 0.3, first * 6.0) };
+    let band = if loops || hits { (TAU * low, TAU * high) } else { (first * 0.3, first * 6.0) };
     let sizes = Sizes { x: travel, w: band };
     let count = if kind == Kind::Two { 2 } else { usize::from(kind == Kind::One) };
-    let pool: &[&str] = if loops { &IN_CHAIN } else { &IN_FRF };
+    let pool: &[&str] = if loops || hits { &IN_CHAIN } else { &IN_FRF };
     let mut planted: Vec<Planted> = Vec::new();
     while planted.len() < count {
         let Some(name) = draw.pick(pool) else { break };
@@ -214,13 +220,28 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
     // Transients have died away to a few parts in ten thousand.
     let settle = |f: f64| 2 + (8.0 * f * TAU / (first * first * c / (2.0 * k) * TAU)).ceil().max(1.0) as usize;
     let mut tests = Vec::new();
-    if loops || kind == Kind::Outside {
+    if loops || (kind == Kind::Outside && !hits) {
         let middle = (low * high).sqrt();
         let drives = [(low, 1.0, "fit"), (high, 0.6, "fit"), (middle, 0.4, "fit"), (middle, 0.8, "select"), (high, 1.0, "held_out")];
         for (j, (f, part, split)) in drives.into_iter().enumerate() {
             let f = round(f);
-            let drive = Drive::Loop { frequency: f, amplitude: bench_force * part, discard: settle(f), bodies: all.clone() };
+            let drive = Drive::Loop { frequency: f, amplitude: bench_force * part, mean: 0.0, discard: settle(f), bodies: all.clone() };
             tests.push(Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: None });
+        }
+    }
+    if hits {
+        // Half a period of the first mode long, so that the fast modes are hardly struck.
+        let period = 1.0 / f1;
+        let two = vec![bodies, 1 + bodies / 2];
+        for (j, (part, split)) in [(1.0, "fit"), (0.3, "fit"), (0.6, "select"), (0.8, "held_out")].into_iter().enumerate() {
+            let drive = Drive::Hit {
+                length: 0.5 * period,
+                force: 0.5 * bench_force * part,
+                dt: period / HIT_SAMPLES as f64,
+                samples: HIT_PERIODS * HIT_SAMPLES,
+                bodies: two.clone(),
+            };
+            tests.push(Test { id: format!("hit-{}", j + 1), drive, noise, split, condition: None });
         }
     }
     // Only laws with a limit at small motion have a frequency response.
@@ -239,13 +260,13 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
         }
     }
     let (mut nuisances, mut instrument) = (Vec::new(), None);
-    let role = if loops { "displacement" } else { "response" };
+    let role = if loops || hits { "displacement" } else { "response" };
     if draw.chance(0.5) {
         nuisances.push(Flaw { effect: "gain", test: "*".into(), role, size: 0.002 * draw.normal() });
     }
     if kind == Kind::Instrument {
         let test = draw.pick(&[0usize, 1]).and_then(|j| tests.get(j)).map_or("*".into(), |t| t.id.clone());
-        let effect = if draw.chance(0.5) { "gain" } else { "delay" };
+        let effect = if draw.chance(0.5) || hits { "gain" } else { "delay" };
         instrument =
             Some(Flaw { effect, test, role, size: draw.log(0.015, 0.1) * draw.sign() * if effect == "delay" { 0.2 } else { 1.0 } });
     }
@@ -286,11 +307,11 @@ fn finish(
             flaw.size *= GROWTH;
         }
     }
-    Generated { bench, tests, condition, planted, instrument, nuisances, noncentrality, starts, draw }
+    Generated { bench, tests, condition, planted, instrument, nuisances, noncentrality, starts, draw, search: None }
 }
 
 /// For each hidden effect (or the instrument's) the squared length of what it adds to the whitened fit tests, beyond what the free
-/// parameters of the model and the other hidden effect can imitate.
+/// parameters of the model, the other hidden effect and instruments within tolerance can imitate; the last as columns with a prior.
 fn noncentralities(bench: &Bench, planted: &[Planted], instrument: Option<&Flaw>, tests: &[Test]) -> Vec<f64> {
     let flaws: Vec<Flaw> = instrument.into_iter().cloned().collect();
     if planted.is_empty() && flaws.is_empty() {
@@ -314,14 +335,25 @@ fn noncentralities(bench: &Bench, planted: &[Planted], instrument: Option<&Flaw>
     if !flaws.is_empty() {
         own.push(differs(bench.seen(&bench.params, planted, &[], tests, &reference)));
     }
+    let tolerances = bench.tolerances(tests, &reference);
+    // Below the data stand the rows of the priors, one for each error of an instrument.
+    let (n, errors) = (whole.len(), tolerances.len());
+    let below = |c: &DVector<f64>| c.clone().resize_vertically(n + errors, 0.0);
     let left = |j: usize| -> f64 {
-        let all: Vec<_> = columns.iter().chain(own.iter().enumerate().filter(|(i, _)| *i != j).map(|(_, c)| c)).cloned().collect();
+        let others = own.iter().enumerate().filter(|(i, _)| *i != j).map(|(_, c)| c);
+        let mut all: Vec<DVector<f64>> = columns.iter().chain(others).map(below).collect();
+        all.extend(tolerances.iter().enumerate().map(|(k, c)| {
+            let mut c = below(&DVector::from_column_slice(c));
+            c[n + k] = 1.0;
+            c
+        }));
         let scaled: Vec<_> = all.into_iter().filter(|c| c.norm() > 0.0).map(|c| c.normalize()).collect();
         if scaled.is_empty() {
             return own[j].norm_squared();
         }
         let q = DMatrix::from_columns(&scaled).qr().q();
-        (&own[j] - &q * q.tr_mul(&own[j])).norm_squared()
+        let own = below(&own[j]);
+        (&own - &q * q.tr_mul(&own)).norm_squared()
     };
     (0..own.len()).map(left).filter(|n| !n.is_nan()).collect()
 }

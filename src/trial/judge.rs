@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnose::DiagnoseError;
-use crate::diagnose::results::{Candidate, LadderResult, Missing, SplitName, Verdict};
+use crate::diagnose::results::{Candidate, LadderResult, Missing, Verdict};
 use crate::effect::{Role, find};
 
 use super::Kind;
-use super::bench::Flaw;
+use super::bench::{Drive, Flaw};
 use super::generate::Generated;
 
 /// Root mean square of whitened residuals up to which a model is at the floor.
@@ -24,8 +24,8 @@ pub struct CaseResult {
     pub kind: Kind,
     /// Bodies; 0: one connector.
     pub bodies: usize,
-    /// Tests, by kind: loops and frequency responses.
-    pub tests: (usize, usize),
+    /// Tests, by kind: loops, records of a hit, and frequency responses.
+    pub tests: (usize, usize, usize),
     /// `effect at place` of what was hidden.
     pub truth: Vec<String>,
     /// Least noncentrality of it.
@@ -50,10 +50,14 @@ pub struct CaseResult {
     pub false_alarm: bool,
     /// Effects named beyond the truth.
     pub extra: usize,
-    /// Root mean square of the whitened residuals of the fitted tests at the end.
+    /// Root mean square of the whitened residuals of the fit and select tests at the end, instruments within tolerance granted.
     pub whitened_rms: Option<f64>,
     /// Held-out error over floor at the end.
     pub held_out: Option<f64>,
+    /// Whether each step refitted what was hidden and not yet found: the score test can lose it only where it did not.
+    pub weighed: bool,
+    /// Where the truth was tied: whether the proposed next test, run on the bench, tells it from what it was tied with.
+    pub tie_broken: Option<bool>,
     /// What the first step said of the truth and of the best: for the reader of a failure.
     pub evidence: Vec<String>,
     /// Wall time [s].
@@ -85,12 +89,13 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
     let flaw_name = |f: &Flaw| format!("{} at {}.{}", f.effect, f.test, f.role);
     let mut truth: Vec<String> = made.planted.iter().map(|p| format!("{} at {}", p.effect, made.place(p))).collect();
     truth.extend(made.instrument.as_ref().map(flaw_name));
-    let loops = made.tests.iter().filter(|t| matches!(t.drive, super::bench::Drive::Loop { .. })).count();
+    let count = |is: fn(&Drive) -> bool| made.tests.iter().filter(|t| is(&t.drive)).count();
+    let (loops, hits) = (count(|d| matches!(d, Drive::Loop { .. })), count(|d| matches!(d, Drive::Hit { .. })));
     let mut r = CaseResult {
         index,
         kind,
         bodies: made.bench.bodies,
-        tests: (loops, made.tests.len() - loops),
+        tests: (loops, hits, made.tests.len() - loops - hits),
         truth,
         noncentrality: made.noncentrality,
         nuisances: made.nuisances.iter().map(flaw_name).collect(),
@@ -105,6 +110,8 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
         extra: 0,
         whitened_rms: None,
         held_out: None,
+        weighed: false,
+        tie_broken: None,
         evidence: vec![],
         wall_s,
     };
@@ -127,11 +134,7 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
         r.tied.push(m.tied_with.clone());
     }
     let physics: Vec<bool> = named.map(|m| !is_instrument(&m.effect)).collect();
-    r.whitened_rms = ladder.rungs.last().map(|rung| {
-        let fit = rung.tests.iter().filter(|t| t.split == SplitName::Fit);
-        let (sum, n) = fit.fold((0.0, 0.0), |(s, n), t| (s + t.whitened_rms.powi(2) * t.n as f64, n + t.n as f64));
-        (sum / f64::max(n, 1.0)).sqrt()
-    });
+    r.whitened_rms = ladder.whitened_rms;
     r.held_out = ladder.held_out.after.zip(ladder.held_out.floor).map(|(a, f)| a / f);
     let same = |k: usize, truth: &str| r.said.get(k).is_some_and(|s| s == truth);
     let tied = |k: usize, truth: &str| r.tied.get(k).is_some_and(|t| t.iter().any(|t| t == truth));
@@ -162,12 +165,13 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
         }
         Kind::Outside => {
             // The ladder says that something is left, or it has matched the data.
-            let left = verdict == Verdict::Unexplained || r.ended.contains("above the noise") || r.ended.contains("earned its place");
-            let ok = if r.said.is_empty() { verdict == Verdict::Unexplained } else { left || at_floor };
+            let left = verdict == Verdict::Unexplained || ladder.unexplained_remainder;
+            let ok = if r.said.is_empty() { left } else { left || at_floor };
             (ok, ok)
         }
     };
     (r.strict, r.with_ties) = (strict, with_ties);
+    r.weighed = weighed(ladder, &r.truth);
     r.missed = kind != Kind::None && r.said.is_empty() && verdict == Verdict::NothingMissing && !with_ties;
     r.false_alarm = match kind {
         Kind::None => !with_ties,
@@ -179,6 +183,14 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
         r.evidence = evidence(ladder, &r.truth);
     }
     r
+}
+
+/// Whether everything hidden was refitted on some rung.
+fn weighed(ladder: &LadderResult, truth: &[String]) -> bool {
+    let refitted = |t: &String| {
+        ladder.rungs.iter().flat_map(|r| &r.candidates).any(|c| c.error_after.is_some() && format!("{} at {}", c.effect, c.at) == *t)
+    };
+    truth.iter().all(refitted)
 }
 
 /// What each step said of the truth and of the one it took.
@@ -219,6 +231,12 @@ pub struct Counts {
     pub with_extra: usize,
     /// Cases in which the ladder ended in an error.
     pub failed: usize,
+    /// Cases in which everything hidden was refitted at some step.
+    pub weighed: usize,
+    /// Cases with a tie of the truth and a proposed test that could be run; those in which it broke the tie for the truth.
+    pub next_tests: usize,
+    /// The ties that it broke.
+    pub ties_broken: usize,
 }
 
 /// How often one truth was said to be what.
@@ -246,6 +264,15 @@ pub struct Table {
     pub held_out_over_floor: Option<f64>,
 }
 
+/// Whether the ladder after the next test names the truth first and ties it with nothing it was tied with before.
+pub fn broken(after: &LadderResult, truth: &str, rivals: &[String]) -> bool {
+    after
+        .missing
+        .iter()
+        .find(|m| !is_instrument(&m.effect))
+        .is_some_and(|m| format!("{} at {}", m.effect, m.at) == truth && !m.tied_with.iter().any(|t| rivals.contains(t)))
+}
+
 /// Sums up.
 pub fn table(results: &[CaseResult]) -> Table {
     let mut all = Counts::default();
@@ -262,6 +289,9 @@ pub fn table(results: &[CaseResult]) -> Table {
             c.false_alarms += usize::from(r.false_alarm);
             c.with_extra += usize::from(r.extra > 0);
             c.failed += usize::from(r.verdict == "failed");
+            c.weighed += usize::from(r.weighed);
+            c.next_tests += usize::from(r.tie_broken.is_some());
+            c.ties_broken += usize::from(r.tie_broken == Some(true));
         }
         *confusion.entry((told(&r.truth, &[]), said(r))).or_default() += 1;
     }

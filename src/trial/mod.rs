@@ -22,12 +22,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde::{Deserialize, Serialize};
 
+use crate::diagnose::results::LadderResult;
 use crate::diagnose::{self, Case};
 use crate::identify::Monitor;
 use crate::study::Study;
 
-use bench::Planted;
+use bench::{Drive, Hidden, Planted, Test};
 use generate::{Generated, generate};
+use law::Law;
 
 pub use error::TrialError;
 pub use generate::NONCENTRALITY;
@@ -105,6 +107,12 @@ impl Generated {
         }
     }
 
+    /// Whether its laws have a response about this mean: those in closed form over frequency alone have none at rest.
+    fn runs_about(&self, mean: f64) -> bool {
+        let creeps = |p: &Planted| matches!(&p.hidden, Hidden::Force(Law::Hysteretic { .. } | Law::Fractional { .. }));
+        mean == 0.0 || !self.planted.iter().any(creeps)
+    }
+
     fn title(&self, options: &Options, index: usize) -> String {
         let what = if self.bench.bodies == 0 { "one connector".into() } else { format!("chain of {} bodies", self.bench.bodies) };
         format!("Trial {index} of seed {}: {what}", options.seed)
@@ -132,7 +140,46 @@ pub fn run_case(options: &Options, index: usize, monitor: &Monitor) -> Result<Op
     if climbed.as_ref().is_ok_and(|l| l.interrupted) {
         return Ok(None);
     }
-    Ok(Some(judge::judge(options.kind(index), index, &made, climbed.as_ref(), started.elapsed().as_secs_f64())))
+    let mut result = judge::judge(options.kind(index), index, &made, climbed.as_ref(), started.elapsed().as_secs_f64());
+    if let Ok(ladder) = &climbed {
+        result.tie_broken = next_test(options, index, ladder, &result, monitor)?;
+    }
+    Ok(Some(result))
+}
+
+/// Runs the proposed next test on the bench where one hidden effect was found in a tie, and climbs again among what was tied. `None`:
+/// there is no tie or no cycle that the bench can run.
+fn next_test(
+    options: &Options,
+    index: usize,
+    ladder: &LadderResult,
+    result: &CaseResult,
+    monitor: &Monitor,
+) -> Result<Option<bool>, TrialError> {
+    let (Kind::One, true, Some(next), Some(first), [truth]) =
+        (options.kind(index), result.with_ties, &ladder.next_test, ladder.missing.first(), result.truth.as_slice())
+    else {
+        return Ok(None);
+    };
+    let mut names = first.tied_with.clone();
+    names.push(format!("{} at {}", first.effect, first.at));
+    let mut made = generate(options, index);
+    if !names.contains(truth) || next.kind != "cycle" || !made.runs_about(next.mean) {
+        return Ok(None);
+    }
+    let Some(base) = made.tests.iter().find(|t| t.id == next.test).cloned() else { return Ok(None) };
+    let Drive::Loop { discard, bodies, .. } = base.drive.clone() else { return Ok(None) };
+    let drive = Drive::Loop { frequency: next.frequency, amplitude: next.amplitude, mean: next.mean, discard, bodies };
+    made.tests.push(Test { id: "next".into(), drive, split: "fit", ..base });
+    let effects: Vec<String> = names.iter().map(|n| format!("\"{}\"", n.split(" at ").next().unwrap_or(n))).collect();
+    made.search = Some(format!("search = {{ effects = [{}] }}\n", effects.join(", ")));
+    let folder = tempfile::tempdir().map_err(|e| TrialError::Write { path: std::env::temp_dir(), reason: e.to_string() })?;
+    let title = made.title(options, index);
+    write::write(&mut made, &title, folder.path())?;
+    let study = Study::load(folder.path(), None)?;
+    let again = Case::from_study(&study, options.seed).and_then(|case| diagnose::ladder(&case, &monitor.quiet(), &|_| {}));
+    let rivals: Vec<String> = names.into_iter().filter(|n| n != truth).collect();
+    Ok(again.ok().filter(|(l, _)| !l.interrupted).map(|(l, _)| judge::broken(&l, truth, &rivals)))
 }
 
 /// Runs the cases of `0..cases` that are not in `done`, as many at a time as there are threads, and hands each to `each` as it ends. Stops

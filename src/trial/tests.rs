@@ -28,7 +28,7 @@ fn losses_per_cycle_are_those_of_the_closed_forms() {
     let b = one();
     let (f, a) = (2.0, 1e-3);
     let own = PI * 30.0 * TAU * f * a * a;
-    let loss = |law: Law| work(&connector::march(&b, &b.params, &[planted(law, 0.3)], f, a, 4, 0.0), a) - own;
+    let loss = |law: Law| work(&connector::march(&b, &b.params, &[planted(law, 0.3)], (f, a, 0.0), 4, 0.0), a) - own;
     let size: f64 = 6.0;
     // Coulomb: 4 F X. A slider behind a spring: 4 F (X - d). Sliders of uniform density, all slipping: 4 F (X - 2d/3).
     assert_relative_eq!(loss(Law::Dry), 4.0 * size * a, max_relative = 0.01);
@@ -43,7 +43,7 @@ fn losses_per_cycle_are_those_of_the_closed_forms() {
     // Hard free play of a plain spring: k (X - g/2) at the top, no loss.
     let stiff = Bench { params: vec![2e4], ..one() };
     let gap = Planted { effect: String::new(), hidden: Hidden::Gap, size: 0.4, place: 0 };
-    let force = connector::march(&stiff, &stiff.params, &[gap], f, a, 4, 0.0);
+    let force = connector::march(&stiff, &stiff.params, &[gap], (f, a, 0.0), 4, 0.0);
     let top = force.iter().fold(0.0, |t: f64, f| t.max(*f));
     assert_relative_eq!(top, 2e4 * (a - 2e-4), max_relative = 1e-6);
     assert!(work(&force, a).abs() < 1e-3 * 2e4 * a * a);
@@ -71,7 +71,7 @@ fn the_chain_marches_to_its_frequency_response() {
     let slack = planted(Law::Relaxing { tau: 3e-3, x1: b.travel }, 0.5);
     let slack = Planted { place: 2, ..slack };
     let (f, a) = (20.0, 50.0);
-    let x = &chain::march(&b, &b.params, std::slice::from_ref(&slack), f, a, 30, &[3])[0];
+    let x = &chain::march(&b, &b.params, std::slice::from_ref(&slack), (f, a, 0.0), 30, &[3])[0];
     let last = &x[x.len() - SAMPLES..];
     let h: Complex64 = chain::accelerance(&b, &b.params, std::slice::from_ref(&slack), 3, f) / -(TAU * f).powi(2);
     let got: Complex64 = last
@@ -135,4 +135,25 @@ fn a_trial_cut_short_goes_on_and_a_bad_line_is_named() {
     assert_eq!(std::fs::read_to_string(&path).unwrap(), whole, "the half line is gone");
     std::fs::write(&path, format!("{whole}nonsense\n")).unwrap();
     assert!(matches!(Kept::resume(folder.path()), Err(TrialError::Resume { line: Some(3), .. })));
+}
+
+/// A hit of a chain of one body: the ringing of an oscillator, from the convolution in closed form.
+#[test]
+fn a_hit_rings_as_the_closed_form_says() {
+    let (k, m) = (2e5, 0.1);
+    let b = Bench { bodies: 1, mass: m, params: vec![k, 0.0, k, 0.0], force: 50.0, travel: 4e-4 };
+    let w = f64::sqrt(k / m);
+    let (length, peak, dt) = (0.5 * TAU / w * 0.8, 30.0, TAU / w / 400.0);
+    let hit = |t: f64| if t < length { peak * (PI * t / length).sin() } else { 0.0 };
+    let x = &chain::ring(&b, &b.params, &[], &hit, dt, 1200, &[1])[0];
+    // x = (P/m) / (W^2 - w^2) (W/w sin w t - sin W t) while it lasts, twice that shifted by its length after.
+    let drive = PI / length;
+    let during = |t: f64| peak / m / (drive * drive - w * w) * (drive / w * (w * t).sin() - (drive * t).sin());
+    let after = |t: f64| peak / m / (drive * drive - w * w) * drive / w * ((w * t).sin() + (w * (t - length)).sin());
+    let size = x.iter().fold(0.0f64, |s, x| s.max(x.abs()));
+    for (j, x) in x.iter().enumerate().step_by(37) {
+        let t = j as f64 * dt;
+        let want = if t < length { during(t) } else { after(t) };
+        assert!((x - want).abs() < 5e-3 * size, "{t}: {x} {want}");
+    }
 }

@@ -39,12 +39,24 @@ fn records(case: &mut Generated, test: &Test) -> String {
     let mut text = String::new();
     // Writing to a string does not fail.
     match &test.drive {
-        Drive::Loop { frequency, amplitude, discard, bodies } => {
+        Drive::Loop { frequency, amplitude, mean, discard, bodies } => {
             let names: Vec<String> = if bodies.is_empty() { vec!["F".into()] } else { bodies.iter().map(|b| format!("x{b}")).collect() };
             let _ = writeln!(text, "t,u,{}", names.join(","));
             for j in 0..(discard + KEPT) * SAMPLES {
                 let t = j as f64 / (frequency * SAMPLES as f64);
-                let _ = write!(text, "{t:.9e},{:.7e}", driven(*amplitude, j, !bodies.is_empty()));
+                let _ = write!(text, "{t:.9e},{:.7e}", driven((*amplitude, *mean), j, !bodies.is_empty()));
+                noisy.iter().for_each(|c| {
+                    let _ = write!(text, ",{:.6e}", c[j]);
+                });
+                text.push('\n');
+            }
+        }
+        Drive::Hit { length, force, dt, samples, bodies } => {
+            let _ = writeln!(text, "t,u,{}", bodies.iter().map(|b| format!("x{b}")).collect::<Vec<_>>().join(","));
+            for j in 0..*samples {
+                let t = j as f64 * dt;
+                let load = if t < *length { force * (std::f64::consts::PI * t / length).sin() } else { 0.0 };
+                let _ = write!(text, "{t:.9e},{load:.7e}");
                 noisy.iter().for_each(|c| {
                     let _ = write!(text, ",{:.6e}", c[j]);
                 });
@@ -64,17 +76,17 @@ fn records(case: &mut Generated, test: &Test) -> String {
 }
 
 /// The controlled quantity at sample `j`.
-fn driven(amplitude: f64, j: usize, ramped: bool) -> f64 {
+fn driven((amplitude, mean): (f64, f64), j: usize, ramped: bool) -> f64 {
     let t = j as f64 / SAMPLES as f64;
     let grown = if ramped && t < 2.0 { 0.5 - 0.5 * (std::f64::consts::PI * t / 2.0).cos() } else { 1.0 };
-    amplitude * grown * (std::f64::consts::TAU * t).sin()
+    (mean + amplitude * (std::f64::consts::TAU * t).sin()) * grown
 }
 
 fn declared(case: &Generated, test: &Test) -> String {
     let n = case.bench.bodies;
     let mut text = format!("\n[[test]]\nid = \"{0}\"\nfile = \"{0}.csv\"\n", test.id);
     match &test.drive {
-        Drive::Loop { frequency, amplitude, discard, bodies } => {
+        Drive::Loop { frequency, amplitude, discard, bodies, .. } => {
             let mut conditions = format!("frequency = \"{frequency} Hz\"");
             if let (Some((name, _)), Some((value, _))) = (case.condition, &test.condition) {
                 let _ = write!(conditions, ", {name} = \"{value}\"");
@@ -95,6 +107,15 @@ fn declared(case: &Generated, test: &Test) -> String {
             }
             text += "]\n";
         }
+        Drive::Hit { bodies, .. } => {
+            text += "kind = \"transient\"\ncontrol = \"force\"\n";
+            text += "channels = [\n { role=\"time\", column=\"t\", unit=\"s\" },\n";
+            let _ = writeln!(text, " {{ role=\"force\", at=\"m{n}.x\", column=\"u\", unit=\"N\" }},");
+            for b in bodies {
+                let _ = writeln!(text, " {{ role=\"displacement\", at=\"m{b}.x\", column=\"x{b}\", unit=\"m\" }},");
+            }
+            text += "]\n";
+        }
         Drive::Frf { respond, .. } => {
             let _ = writeln!(text, "kind = \"frf\"\nexcite = \"m{n}.x\"\nrespond = \"m{respond}.x\"\nquantity = \"accelerance\"");
             text += "channels = [\n { role=\"frequency\", column=\"f\", unit=\"Hz\" },\n { role=\"real\", column=\"re\", unit=\"m/s2/N\" },\n \
@@ -110,9 +131,10 @@ fn study(case: &Generated, title: &str) -> String {
         case.tests.iter().filter(|t| t.split == split).map(|t| format!("\"{}\"", t.id)).collect::<Vec<_>>().join(", ")
     };
     let mut text = format!(
-        "schema = 1\ntitle = \"{title}\"\ndataset = \"data\"\nsplit = {{ select = [{}], held_out = [{}] }}\n",
+        "schema = 1\ntitle = \"{title}\"\ndataset = \"data\"\nsplit = {{ select = [{}], held_out = [{}] }}\n{}",
         ids("select"),
-        ids("held_out")
+        ids("held_out"),
+        case.search.as_deref().unwrap_or_default()
     );
     let b = &case.bench;
     let mut effect = |name: &str, at: &str, param: &str, j: usize, unit: &str| {

@@ -5,6 +5,7 @@ mod committed;
 mod damage;
 mod formula;
 mod house;
+mod missing;
 mod new;
 mod rig;
 mod round_trip;

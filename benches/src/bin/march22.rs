@@ -42,7 +42,7 @@ fn tensioner(friction: bool) -> Result<System, Box<dyn Error>> {
         let effect = find(name)?;
         let params = effect.info().params.iter().zip(values).map(|(p, v)| ParamValue::of(p, *v)).collect();
         let site = Site::Places(model.places_at(&at)?);
-        instances.push(Instance { effect, at, site, params, target: None, follower: false });
+        instances.push(Instance::new(effect, at, site, params));
         Ok(())
     };
     for (group, ky, psi) in [("1-3", 3.6e9, 1.49), ("4-18", 4.2e9, 1.96), ("19-21", 3.0e9, 1.49)] {

@@ -55,7 +55,7 @@ fn parameters(info: &Info, force: f64, other: f64) -> Vec<f64> {
 
 fn instance(effect: &'static Effect, values: &[f64]) -> Instance {
     let params = values.iter().map(|v| ParamValue::fixed(*v)).collect();
-    Instance { effect, at: "c1.x".into(), site: Site::Places(vec![0]), params, target: None, follower: false }
+    Instance::new(effect, "c1.x", Site::Places(vec![0]), params)
 }
 
 fn named(name: &str, values: &[f64]) -> Option<Instance> {

@@ -1,7 +1,9 @@
 //! Energies of a settled loop, with their deviations.
 //!
 //! Displacement and force as truncated Fourier series over the phase, x = sum c_m cos m p + d_m sin m p, F = sum a_m cos m p + b_m sin m p, give
-//! W_D = loop integral of F dx = pi sum_m m (a_m d_m - b_m c_m), without the error of a polygon. The coefficients of n points with deviation s
+//! W_D = loop integral of F dx = pi sum_m m (a_m d_m - b_m c_m), without the error of a polygon.
+//! To it comes what the series leave out, averages and cut-off harmonics: the mean area of the recorded cycles, sample by sample, less the
+//! same polygon of the series, W_m sin(2 pi m / N) / (2 pi m / N). The coefficients of n points with deviation s
 //! and correlation rho_l between points l apart have the variance 2 s^2 / n (1 + 2 sum_l rho_l cos(2 pi m l / n)); first-order propagation gives the rest.
 
 use super::{LoopChannel, SettledLoop};
@@ -49,12 +51,14 @@ const MIDDLE: f64 = 0.6;
 /// Fourier coefficients of a channel that stand out of its noise: (harmonic, cos, sin, variance of each).
 pub(super) fn series(l: &SettledLoop, c: &LoopChannel) -> (f64, Vec<[f64; 4]>) {
     let fit = FourierInput::fit(&l.phase, &c.mean, c.sigma_mean, TAU * l.frequency);
-    let variance = |m: usize| {
-        let tail: f64 = c.correlation.iter().enumerate().skip(1).map(|(k, r)| r * (TAU * (m * k) as f64 / l.n as f64).cos()).sum();
-        2.0 * c.sigma_mean.powi(2) / l.n as f64 * (1.0 + 2.0 * tail).max(0.0)
-    };
     let kept = fit.cos.iter().zip(&fit.sin).enumerate().filter(|(_, (a, b))| **a != 0.0 || **b != 0.0);
-    (fit.mean, kept.map(|(k, (a, b))| [(k + 1) as f64, *a, *b, variance(k + 1)]).collect())
+    (fit.mean, kept.map(|(k, (a, b))| [(k + 1) as f64, *a, *b, variance(l, c, k + 1)]).collect())
+}
+
+/// Variance of each coefficient of harmonic m.
+fn variance(l: &SettledLoop, c: &LoopChannel, m: usize) -> f64 {
+    let tail: f64 = c.correlation.iter().enumerate().skip(1).map(|(k, r)| r * (TAU * (m * k) as f64 / l.n as f64).cos()).sum();
+    2.0 * c.sigma_mean.powi(2) / l.n as f64 * (1.0 + 2.0 * tail).max(0.0)
 }
 
 /// cos and sin of the phases of the grid; a harmonic steps through them.
@@ -82,8 +86,19 @@ impl Waves {
     }
 }
 
+/// (harmonic, its part of W_D).
+fn parts(x: &[[f64; 4]], f: &[[f64; 4]]) -> impl Iterator<Item = (f64, f64)> {
+    x.iter().flat_map(|x| f.iter().filter(|f| f[0] == x[0]).map(|f| (x[0], PI * x[0] * (f[1] * x[2] - f[2] * x[1]))))
+}
+
 fn dissipated(x: &[[f64; 4]], f: &[[f64; 4]]) -> f64 {
-    x.iter().flat_map(|x| f.iter().filter(|f| f[0] == x[0]).map(|f| PI * x[0] * (f[1] * x[2] - f[2] * x[1]))).sum()
+    parts(x, f).map(|p| p.1).sum()
+}
+
+/// The same as a polygon of so many points per cycle.
+fn polygon(x: &[[f64; 4]], f: &[[f64; 4]], samples: f64) -> f64 {
+    let sinc = |u: f64| if u == 0.0 { 1.0 } else { u.sin() / u };
+    parts(x, f).map(|(m, w)| w * sinc(TAU * m / samples)).sum()
 }
 
 /// Range of values, and the places of its ends.
@@ -136,9 +151,11 @@ impl SettledLoop {
         let (x, f) = (series(self, channel(Role::Displacement)?).1, series(self, channel(Role::Force)?).1);
         let waves = Waves::new();
         let (xs, fs) = (waves.sample(&x), waves.sample(&f));
-        let base = all(dissipated(&x, &f), &xs, &fs);
+        let recorded = self.recorded.iter().find(|r| r.at == at);
+        let area = dissipated(&x, &f) + recorded.map_or(0.0, |r| r.area - polygon(&x, &f, r.samples));
+        let base = all(area, &xs, &fs);
         // Slopes by central differences over each coefficient, one deviation to each side.
-        let mut variance = [0.0f64; 6];
+        let mut variances = [0.0f64; 6];
         for (which, series) in [&x, &f].into_iter().enumerate() {
             for [m, _, _, v] in series.iter().copied() {
                 for (a, b) in [(v.sqrt(), 0.0), (0.0, v.sqrt())] {
@@ -148,9 +165,9 @@ impl SettledLoop {
                         waves.add(if which == 0 { &mut xs } else { &mut fs }, m, sign * a, sign * b);
                         // W_D is linear in either channel.
                         let w = if which == 0 { dissipated(&change, &f) } else { dissipated(&x, &change) };
-                        all(dissipated(&x, &f) + w, &xs, &fs)
+                        all(area + w, &xs, &fs)
                     };
-                    for (v, (a, b)) in variance.iter_mut().zip(moved(1.0).iter().zip(&moved(-1.0))) {
+                    for (v, (a, b)) in variances.iter_mut().zip(moved(1.0).iter().zip(&moved(-1.0))) {
                         if let (Some(a), Some(b)) = (a, b) {
                             *v += (0.5 * (a - b)).powi(2);
                         }
@@ -158,7 +175,22 @@ impl SettledLoop {
                 }
             }
         }
-        let get = |k: usize| base[k].map(|value| Estimate { value, sigma: variance[k].sqrt() });
+        if let (Some(r), Some(cx), Some(cf)) = (recorded, channel(Role::Displacement), channel(Role::Force)) {
+            // The recorded cycles have the noise of one channel on every harmonic of the other, also where its own series has none.
+            let on = |noisy: &LoopChannel, own: &[[f64; 4]], other: &[[f64; 4]]| -> f64 {
+                let bare = other.iter().filter(|o| own.iter().all(|h| h[0] != o[0]));
+                bare.map(|[m, a, b, _]| (PI * m).powi(2) * (a * a + b * b) * variance(self, noisy, *m as usize)).sum()
+            };
+            // White noise is averaged over every sample, of which the points of the loop are a part.
+            let white = cx.correlation.len() + cf.correlation.len() == 2;
+            let finer = if white { (self.n as f64 / r.samples).min(1.0) } else { 1.0 };
+            // Noise on noise, in every cycle: N / 2 s_x^2 s_F^2.
+            let both = 0.5 * r.samples / self.cycles as f64 * (cx.sigma_sample * cf.sigma_sample).powi(2);
+            let more = finer * (on(cx, &x, &f) + on(cf, &f, &x)) + both;
+            variances[0] = finer * variances[0] + more;
+            variances[3] += more * (base[3].unwrap_or(0.0) / area).powi(2);
+        }
+        let get = |k: usize| base[k].map(|value| Estimate { value, sigma: variances[k].sqrt() });
         let travel = get(4).filter(|t| t.value > 0.0)?;
         Some(LoopEnergy {
             dissipated: get(0)?,

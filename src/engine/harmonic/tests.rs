@@ -29,7 +29,7 @@ fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
     let effect = find(name).unwrap();
     let values = effect.info().params.iter().enumerate().map(|(k, p)| (values.get(k).copied().unwrap_or(p.default), p.sign));
     let params = values.map(|(v, sign)| ParamValue::free(v, sign)).collect();
-    Instance { effect, at: at.into(), site: Site::Places(model.places_at(at).unwrap()), params, target: None, follower: false }
+    Instance::new(effect, at, Site::Places(model.places_at(at).unwrap()), params)
 }
 
 fn system(masses: &[f64], effects: &[(&str, &str, &[f64])]) -> System {

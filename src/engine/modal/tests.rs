@@ -30,7 +30,7 @@ fn system(model: Model, effects: &[(&str, &str, &[f64])]) -> System {
         let all = effect.info().params.iter().enumerate().map(|(k, p)| (values.get(k).copied().unwrap_or(p.default), p.sign));
         let params = all.map(|(v, sign)| ParamValue::free(v, sign)).collect();
         let site = Site::Places(model.places_at(at).unwrap());
-        Instance { effect, at: (*at).into(), site, params, target: None, follower: false }
+        Instance::new(effect, *at, site, params)
     };
     let instances = effects.iter().map(instance).collect();
     System { model, instances }

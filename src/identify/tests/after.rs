@@ -206,3 +206,41 @@ fn a_prior_is_one_more_measurement() {
     o.priors[0].sigma = 0.0;
     assert!(matches!(fit(&problem, &[0.0], &o, &Monitor::default()), Err(IdentifyError::NotFinite { .. })));
 }
+
+/// A line through 300 points: the bootstrap's deviations are those of ordinary regression with the scatter that is there, twice the stated one.
+#[test]
+fn the_bootstrap_of_a_line_has_the_deviations_of_regression() {
+    use rand::{Rng, SeedableRng};
+    let n = 300;
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+    let noise: Vec<f64> = (0..n).map(|_| (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0).collect();
+    let x = |i: usize| i as f64 / n as f64;
+    let problem = Linear {
+        a: DMatrix::from_fn(n, 2, |i, j| if j == 0 { 1.0 } else { x(i) }),
+        b: DVector::from_fn(n, |i, _| 3.0 + 2.0 * x(i) + 2.0 * noise[i]),
+    };
+    let o = FitOptions::new(["a", "b"]);
+    let found = fit(&problem, &[0.0, 0.0], &o, &Monitor::default()).unwrap();
+    let indices: Vec<usize> = (0..400).collect();
+    let seen = std::sync::atomic::AtomicUsize::new(0);
+    let count = |_: &Replicate| {
+        seen.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    };
+    let all = bootstrap(&problem, &found, &o, &[0..n], (&indices, 11), &Monitor::default(), &count).unwrap();
+    assert_eq!((all.len(), seen.into_inner()), (400, 400));
+    let inverse = (problem.a.transpose() * &problem.a).try_inverse().unwrap();
+    let scatter = (2.0 * found.cost / (n - 2) as f64).sqrt();
+    assert!((scatter - 2.0).abs() < 0.2, "{scatter}");
+    for k in 0..2 {
+        let values: Vec<f64> = all.iter().map(|r| r.p.as_ref().unwrap()[k]).collect();
+        let mean = values.iter().sum::<f64>() / 400.0;
+        let std = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 399.0).sqrt();
+        // 400 draws and blocks of 8 of 300 points: a fifth.
+        approx::assert_relative_eq!(std, scatter * inverse[(k, k)].sqrt(), max_relative = 0.2);
+        assert!((mean - found.p[k]).abs() < 4.0 * std / 20.0, "{mean} {}", found.p[k]);
+    }
+    // Replicate 7 alone is replicate 7 among all.
+    let again = bootstrap(&problem, &found, &o, &[0..n], (&[7], 11), &Monitor::default(), &|_| {}).unwrap();
+    assert_eq!(again[0], all[7]);
+    assert_eq!(quantile(&[1.0, 2.0, 4.0], 0.75), 3.0);
+}

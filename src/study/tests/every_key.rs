@@ -296,6 +296,20 @@ pub const OPTIONAL: &[&str] = &[
 ];
 
 /// Tables of a chain of parts stand in space.rs, keys that a CSV file has no use for in the tests of the other readers
-/// (src/data/dataset/files_tests.rs); and the second spelling of a licence.
-pub const ELSEWHERE: &[&str] =
-    &["tolerance", "arc", "joint", "load", "part", "point", "estimate", "header_units", "load_cell_mass", "record", "license"];
+/// (src/data/dataset/files_tests.rs), values per condition in levels.rs; and the second spelling of a licence.
+pub const ELSEWHERE: &[&str] = &[
+    "tolerance",
+    "arc",
+    "joint",
+    "load",
+    "part",
+    "point",
+    "estimate",
+    "header_units",
+    "load_cell_mass",
+    "record",
+    "license",
+    "per",
+    "only",
+    "monotone",
+];

@@ -12,6 +12,7 @@ use super::{Study, StudyError};
 mod formula;
 mod every_field;
 mod every_key;
+mod levels;
 mod property;
 mod read;
 mod refuse;
@@ -151,7 +152,7 @@ pub fn essence(study: &Study) -> String {
         .iter()
         .map(|i| {
             let params: Vec<_> = i.params.iter().map(|p| (p.value, p.min, p.max, p.free, p.prior)).collect();
-            format!("{} {} {:?} {params:?} {:?}\n", i.name(), i.at, i.site, i.target)
+            format!("{} {} {:?} {params:?} {:?} {:?}\n", i.name(), i.at, i.site, i.target, i.only)
         })
         .collect();
     let orders: Vec<_> = study.orders.iter().map(|o| (&o.below, &o.above, o.gap)).collect();

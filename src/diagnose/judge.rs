@@ -1,0 +1,80 @@
+//! Whether a refitted candidate has earned its place.
+
+use crate::identify::Monitor;
+use crate::model::Site;
+
+use super::Case;
+use super::accept::{STANDARD_ERRORS, earns_its_place, improvement};
+use super::refit::{Proof, Whitened, cost, cross_validated};
+use super::results::SplitName;
+
+/// Fall of the cost per free parameter that chance buys on the tests that are fitted, where other tests decide.
+const BY_CHANCE: f64 = 2.0;
+/// Fall of the cost beyond Schwarz's that is asked for where the fitted tests alone decide.
+const BEYOND: f64 = 2.0;
+/// Part of the cost that an effect must take away where the one test that is fitted decides.
+const WORTH_ALONE: f64 = 0.1;
+/// Part of what a test shows beyond the noise that an error of its own instrument must explain.
+const OWN_PART: f64 = 0.5;
+
+/// What candidates are judged against.
+pub struct Judge<'a> {
+    case: &'a Case,
+    before: &'a Proof,
+    /// The model without a candidate on tests it was not fitted to, where there are no select tests.
+    folds: Option<Whitened>,
+    monitor: &'a Monitor<'a>,
+}
+
+impl<'a> Judge<'a> {
+    /// `before`: the model without a candidate.
+    pub fn new(case: &'a Case, before: &'a Proof, monitor: &'a Monitor<'a>) -> Judge<'a> {
+        let several = before.select.is_empty() && before.fit.len() > 1;
+        let folds = if several { cross_validated(case, &before.fitted.system, monitor).ok() } else { None };
+        Judge { case, before, folds, monitor }
+    }
+
+    /// Whether the candidate that `proof` added last has earned its place, and what was weighed beside the improvement.
+    ///
+    /// The cost on the fit tests must fall by more than its parameters buy by chance; on select the pairs decide. Without select tests
+    /// each fit test in turn stands for them; with one test alone the fall must be worth the name. An error of the instrument of one
+    /// fitted test shows nowhere else: there the cost must fall by more than Schwarz's price and the select tests must not object.
+    pub fn earned(&self, proof: &Proof) -> (bool, String) {
+        let gain = cost(&self.before.fit) - cost(&proof.fit);
+        let added = (proof.fitted.free.len() - self.before.fitted.free.len()) as f64;
+        let n: usize = self.before.fit.iter().map(Vec::len).sum();
+        let priced = 0.5 * added * (n.max(1) as f64).ln() + BEYOND;
+        if let Some(test) = self.own_test(proof) {
+            return self.earned_on(test, gain > priced, proof);
+        }
+        if !self.before.select.is_empty() {
+            return (gain > BY_CHANCE * added && earns_its_place(&self.before.select, &proof.select), String::new());
+        }
+        if gain <= priced {
+            return (false, "; less than its parameters gain by chance".into());
+        }
+        let Some(before) = &self.folds else { return (gain > WORTH_ALONE * cost(&self.before.fit), String::new()) };
+        match cross_validated(self.case, &proof.fitted.system, self.monitor) {
+            Ok(after) => {
+                let (mean, error) = improvement(before, &after);
+                (earns_its_place(before, &after), format!("; on tests it was not fitted to by {mean:.3} +- {error:.3}"))
+            }
+            Err(reason) => (false, format!("; it could not be cross-validated: {reason}")),
+        }
+    }
+
+    /// The fit test whose channel the candidate is about, if it is about one alone.
+    fn own_test(&self, proof: &Proof) -> Option<usize> {
+        let Site::Channel(site) = &proof.fitted.system.instances.last()?.site else { return None };
+        self.case.plans_of(SplitName::Fit).iter().position(|p| p.id == site.test)
+    }
+
+    fn earned_on(&self, test: usize, worth: bool, proof: &Proof) -> (bool, String) {
+        let square = |w: &[f64]| w.iter().map(|r| r * r).sum::<f64>() / w.len().max(1) as f64;
+        let (before, after) = (square(&self.before.fit[test]), square(&proof.fit[test]));
+        let explained = before - after > OWN_PART * (before - 1.0);
+        let (mean, error) = improvement(&self.before.select, &proof.select);
+        let borne = proof.select.is_empty() || mean >= -STANDARD_ERRORS * error;
+        (worth && explained && borne, format!("; its own test from {before:.3} to {after:.3}"))
+    }
+}

@@ -1,0 +1,91 @@
+//! A law that ends at the edge of its shapes says that a simpler one does its work: a power law of velocity whose exponent falls to its
+//! bound is Coulomb friction. The simpler law takes its place where that costs less than the parameters it saves are worth.
+
+use crate::effect::{Effect, Kind, LIBRARY, Role};
+use crate::identify::Monitor;
+use crate::response::Plan;
+
+use super::candidates::{Scene, candidates};
+use super::case::{Case, Fitted};
+use super::refit::{Bench, best_per_candidate, cost, whitened};
+use super::results::{EffectAt, Missing, SplitName};
+use super::score::score;
+use super::{DiagnoseError, Search};
+
+/// Simpler laws that are refitted for each that ends at a bound.
+const REFITS: usize = 3;
+
+/// What took the place of what.
+pub struct Swap {
+    /// The simpler law.
+    pub added: EffectAt,
+    /// The law that ended at a bound of its shape.
+    pub removed: EffectAt,
+}
+
+/// Looks at the effects from index `base` on, which the search has added; the first that a simpler law replaces at a rise of the cost
+/// below `worth` per parameter saved is replaced.
+pub fn simplify(
+    case: &Case,
+    fitted: &mut Fitted,
+    base: usize,
+    missing: &mut [Missing],
+    worth: f64,
+    monitor: &Monitor,
+    watch: &(dyn Fn(&str) + Sync),
+) -> Result<Option<Swap>, DiagnoseError> {
+    let fits = case.plans_of(SplitName::Fit);
+    let all: Vec<&Plan> = fits.iter().copied().chain(case.plans_of(SplitName::Select)).collect();
+    let Ok(now) = whitened(&all, &fitted.system).map(|w| cost(&w)) else { return Ok(None) };
+    let bound = fitted.options.constraints.at_bound(&fitted.outcome.p);
+    for k in base..fitted.system.instances.len() {
+        let old = &fitted.system.instances[k];
+        let info = old.effect.info();
+        let shape_at_bound = bound.iter().any(|(i, _)| {
+            let f = &fitted.free[*i];
+            f.instance == k && info.params[f.param].kind == Kind::Shape
+        });
+        let targeted = fitted.system.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instance >= k));
+        if info.role != Role::Force || !shape_at_bound || targeted {
+            continue;
+        }
+        let fitted_params = |e: &Effect| e.info().params.iter().filter(|p| p.kind != Kind::Setting).count();
+        let size = old.params.iter().filter(|p| p.free).count();
+        let simpler = LIBRARY.iter().filter(|e| e.info().role == Role::Force && fitted_params(e) < size);
+        let search = Search {
+            effects: Some(simpler.map(|e| e.info().name.to_string()).collect()),
+            places: Some(vec![old.at.clone()]),
+            max_added: None,
+        };
+        let narrow = Case { search, ..case.clone() };
+        let mut without = fitted.system.clone();
+        without.instances.remove(k);
+        let scene = Scene::new(&fits, &without);
+        let (names, trials) = candidates(&narrow, &without, &fits, &scene);
+        let free = without.free().len();
+        let scores = score(&fits, &without, &trials, &vec![false; free], &[], case.seed)?.list;
+        let picked: Vec<_> = best_per_candidate(&scores, &trials).into_iter().take(REFITS).collect();
+        let bench = Bench { case: &narrow, base: &without, names: &names, trials: &trials, monitor };
+        let refits = bench.refit_all(&picked, &scores, watch);
+        let rise = |r: &super::refit::Refit| r.result.as_ref().map_or(f64::INFINITY, |p| cost(&p.fit) + cost(&p.select) - now);
+        let Some(best) = refits.into_iter().min_by(|a, b| rise(a).total_cmp(&rise(b))) else { continue };
+        let (rise, name) = (rise(&best), &names[best.candidate]);
+        let Ok(proof) = best.result else { continue };
+        if rise >= worth * (size - (proof.fitted.free.len() - free)) as f64 {
+            continue;
+        }
+        let swap = Swap {
+            added: EffectAt { effect: name.effect.into(), at: name.at.clone() },
+            removed: EffectAt { effect: info.name.into(), at: old.at.clone() },
+        };
+        watch(&format!("{} at {} takes the place of {}, which ended at a bound", swap.added.effect, swap.added.at, swap.removed.effect));
+        for m in missing.iter_mut().filter(|m| m.effect == swap.removed.effect && m.at == swap.removed.at) {
+            m.effect = swap.added.effect.clone();
+            // What the old law was tied with was weighed before the effects that came after it.
+            m.tied_with = vec![format!("{} at {}", swap.removed.effect, swap.removed.at)];
+        }
+        *fitted = proof.fitted;
+        return Ok(Some(swap));
+    }
+    Ok(None)
+}

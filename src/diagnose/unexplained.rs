@@ -1,0 +1,304 @@
+//! What no candidate explains: the force over displacement, velocity and phase that would, and a formula fitted to it.
+//!
+//! At every place a list of terms in `u = x/X` and `w = v/V` (X, V the largest motion that the tests show there) stands in the model as
+//! formulas of strength 0; one evaluation gives their columns, as for the candidates of the library. Terms are added one after the other,
+//! each time the one that takes most off the projected cost, a loss only with the sign that makes it one; the place where the least is
+//! left is taken, and the formula of its terms is refitted in full.
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use crate::effect::formula::{Definition, compile};
+use crate::effect::{Inputs, Sign};
+use crate::identify::Monitor;
+use crate::model::{Instance, ParamValue, Site, System};
+use crate::response::{BlockKind, Plan};
+use crate::units::Dimension;
+
+use super::Case;
+use super::candidates::{Scene, Trial, sites};
+use super::case::Fitted;
+use super::refit::{cost, proof, prove};
+use super::results::SplitName;
+use super::score::{Projected, projected};
+
+/// A term in u and w; whether it is a loss, of which only one sign is passive.
+const TERMS: [(&str, bool); 23] = [
+    ("u^2", false),
+    ("u^3", false),
+    ("u*abs(u)", false),
+    ("max(u - 0.2, 0)", false),
+    ("max(u - 0.5, 0)", false),
+    ("max(-u - 0.2, 0)", false),
+    ("max(-u - 0.5, 0)", false),
+    ("max(abs(u) - 0.3, 0)*sign(u)", false),
+    ("max(abs(u) - 0.6, 0)*sign(u)", false),
+    ("sin(6*u)", false),
+    ("sin(10*u)", false),
+    ("sin(16*u)", false),
+    ("sin(24*u)", false),
+    ("tanh(100*w)", true),
+    ("tanh(10*w)", true),
+    ("w*abs(w)", true),
+    ("w*u^2", true),
+    ("max(tanh(100*w), 0)", true),
+    ("min(tanh(100*w), 0)", true),
+    ("abs(u)*tanh(100*w)", true),
+    ("max(abs(u) - 0.3, 0)*tanh(100*w)", true),
+    ("max(u, 0)*tanh(100*w)", true),
+    ("max(-u, 0)*tanh(100*w)", true),
+];
+/// Terms of a formula at most, and the part of the cost that a further one must take away.
+const MOST: usize = 4;
+const WORTH: f64 = 0.03;
+/// Points of the picture for each loop at most.
+const POINTS: usize = 200;
+
+/// What would explain the rest.
+#[derive(Clone, Debug, Serialize)]
+pub struct Unexplained {
+    /// Place.
+    pub at: String,
+    /// The force in u and w as it was fitted.
+    pub expression: String,
+    /// The `[[effect]]` to be pasted into study.toml.
+    pub formula: String,
+    /// Part of the cost on the fit tests that it takes away.
+    pub explains: f64,
+    /// Pooled error before, on the select tests; on the fit tests where there are none.
+    pub error_before: f64,
+    /// The same with it.
+    pub error_after: f64,
+    /// The force that is missing, test by test.
+    pub picture: Vec<Missed>,
+}
+
+/// The missing force along one cycle [SI].
+#[derive(Clone, Debug, Serialize)]
+pub struct Missed {
+    /// Test; empty for the formula over a made-up cycle of the largest motion, where no test drives the place itself.
+    pub test: String,
+    /// Phase [rad].
+    pub phase: Vec<f64>,
+    /// Relative displacement.
+    pub x: Vec<f64>,
+    /// Relative velocity.
+    pub v: Vec<f64>,
+    /// Measured less computed; empty where nobody measured it.
+    pub force: Vec<f64>,
+    /// The formula.
+    pub formula: Vec<f64>,
+}
+
+/// The terms chosen at a place.
+struct Choice {
+    site: usize,
+    terms: Vec<(usize, f64)>,
+    left: f64,
+}
+
+/// A formula for what the fitted model leaves; none where no test has cycles or a record, or no term is worth it.
+pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unexplained> {
+    let all = case.plans_of(SplitName::Fit);
+    // The terms have no meaning at small motion about rest, where an FRF lives.
+    let plans: Vec<&Plan> =
+        all.into_iter().filter(|p| p.blocks.iter().any(|b| matches!(b.kind, BlockKind::Loop | BlockKind::Record))).collect();
+    if plans.is_empty() {
+        return None;
+    }
+    let timed = Case {
+        plans: std::sync::Arc::new(
+            case.plans.iter().filter(|(p, s)| *s != SplitName::Fit || plans.iter().any(|q| q.id == p.id)).cloned().collect(),
+        ),
+        ..case.clone()
+    };
+    let scene = Scene::new(&plans, &base.system);
+    let sites: Vec<(String, Vec<usize>)> = sites(&base.system).into_iter().filter(|(_, places)| places.len() == 1).collect();
+    let mut trials: Vec<Trial> = Vec::new();
+    let mut kept: Vec<(usize, usize)> = Vec::new();
+    for (s, (at, places)) in sites.iter().enumerate() {
+        let scales = scene.at(places);
+        if !(scales.x > 0.0 && scales.v > 0.0) {
+            continue;
+        }
+        for t in 0..TERMS.len() {
+            let rotational = base.system.model.places[places[0]].axis.rotational();
+            let mut instance = instance(&[(t, 1.0)], at, places, (scales.x, scales.v), rotational)?;
+            instance.follower = true;
+            trials.push(Trial { instance, candidate: trials.len() });
+            kept.push((s, t));
+        }
+    }
+    let p = projected(&plans, &base.system, &trials, &at_bound(base), &[]).ok()?;
+    let rows: usize = plans.iter().map(|p| p.len()).sum();
+    let whole = 0.5 * p.r.norm_squared();
+    let choices = (0..sites.len()).filter_map(|site| {
+        let own: Vec<usize> = (0..trials.len()).filter(|k| kept[*k].0 == site).collect();
+        choose(&p, &own, |k| TERMS[kept[k].1].1, rows, whole).map(|(list, left)| Choice {
+            site,
+            terms: list.into_iter().map(|(k, c)| (kept[k].1, c)).collect(),
+            left,
+        })
+    });
+    let best = choices.min_by(|a, b| a.left.total_cmp(&b.left))?;
+    let (at, places) = &sites[best.site];
+    let scales = scene.at(places);
+    let rotational = base.system.model.places[places[0]].axis.rotational();
+    let formula = instance(&best.terms, at, places, (scales.x, scales.v), rotational)?;
+    let mut system = base.system.clone();
+    system.instances.push(formula);
+    let before = proof(&timed, base.clone()).ok()?;
+    let after = prove(&timed, &system, monitor).ok()?;
+    let (was, is) = (cost(&before.fit), cost(&after.fit));
+    if is >= (1.0 - WORTH) * was {
+        return None;
+    }
+    let fitted = after.fitted.system.instances.last()?;
+    Some(Unexplained {
+        at: at.clone(),
+        expression: expression(&best.terms),
+        formula: told(fitted, &best.terms, rotational),
+        explains: 1.0 - is / was,
+        error_before: before.error,
+        error_after: after.error,
+        picture: picture(&plans, &base.system, fitted, places[0], (scales.x, scales.v)),
+    })
+}
+
+fn at_bound(base: &Fitted) -> Vec<bool> {
+    let bound = base.options.constraints.at_bound(&base.outcome.p);
+    (0..base.free.len()).map(|k| bound.iter().any(|(i, _)| *i == k)).collect()
+}
+
+/// Terms among `own` with their strengths, and what they leave of the cost.
+fn choose(p: &Projected, own: &[usize], is_loss: impl Fn(usize) -> bool, rows: usize, whole: f64) -> Option<(Vec<(usize, f64)>, f64)> {
+    let mut chosen: Vec<usize> = Vec::new();
+    let mut state: (Vec<f64>, f64) = (vec![], whole);
+    while chosen.len() < MOST {
+        let next = own.iter().filter(|k| !chosen.contains(k)).filter_map(|k| {
+            let mut with = chosen.clone();
+            with.push(*k);
+            let columns: Vec<&DVector<f64>> = with.iter().map(|k| p.columns[*k].as_ref()).collect::<Option<_>>()?;
+            let g = DMatrix::from_columns(&columns.into_iter().cloned().collect::<Vec<_>>());
+            let strengths = g.clone().svd(true, true).solve(&-&p.r, 1e-10).ok()?;
+            let passive = with.iter().zip(strengths.iter()).all(|(k, c)| !is_loss(*k) || *c >= 0.0);
+            passive.then(|| (*k, strengths.as_slice().to_vec(), 0.5 * (&p.r + &g * &strengths).norm_squared()))
+        });
+        let Some((k, strengths, left)) = next.min_by(|a, b| a.2.total_cmp(&b.2)) else { break };
+        let fall = state.1 - left;
+        if fall < WORTH * whole || fall < 0.5 * (rows.max(1) as f64).ln() + 2.0 {
+            break;
+        }
+        chosen.push(k);
+        state = (strengths, left);
+    }
+    (!chosen.is_empty()).then(|| (chosen.into_iter().zip(state.0).collect(), state.1))
+}
+
+/// The formula of terms in x and v.
+fn expression(terms: &[(usize, f64)]) -> String {
+    let term = |(k, (t, _)): (usize, &(usize, f64))| {
+        let text = TERMS[*t].0.replace('u', "(x/X)").replace('w', "(v/V)");
+        format!("f{}*({text})", k + 1)
+    };
+    terms.iter().enumerate().map(term).collect::<Vec<_>>().join(" + ")
+}
+
+/// Terms as one effect of the model; none where the formula is refused.
+fn instance(terms: &[(usize, f64)], at: &str, places: &[usize], scales: (f64, f64), rotational: bool) -> Option<Instance> {
+    let expression = expression(terms);
+    let (force, length) = if rotational { (Dimension::MOMENT, Dimension::ANGLE) } else { (Dimension::FORCE, Dimension::LENGTH) };
+    let mut parameters: Vec<(String, Dimension)> = (0..terms.len()).map(|k| (format!("f{}", k + 1), force)).collect();
+    let mut params: Vec<ParamValue> = terms
+        .iter()
+        .map(|(t, c)| {
+            let (least, most) = (if TERMS[*t].1 { 0.0 } else { -20.0 * c.abs() }, 20.0 * c.abs());
+            ParamValue { min: least, max: most, ..ParamValue::free(*c, Sign::Any) }
+        })
+        .collect();
+    for (name, dimension, value) in [("X", length, scales.0), ("V", length.over(Dimension::TIME), scales.1)] {
+        if expression.contains(name) {
+            parameters.push((name.into(), dimension));
+            params.push(ParamValue::fixed(value));
+        }
+    }
+    let effect = compile(&Definition { expression, states: vec![], parameters, active: false, rotational }).ok()?;
+    Some(Instance::new(effect, at, Site::Places(places.to_vec()), params))
+}
+
+/// The block for study.toml.
+fn told(instance: &Instance, terms: &[(usize, f64)], rotational: bool) -> String {
+    let (force, length) = if rotational { ("N m", "rad") } else { ("N", "m") };
+    let mut text = format!("[[effect]]\neffect = \"formula\"\nat = \"{}\"\nexpression = \"{}\"\n", instance.at, expression(terms));
+    for (p, value) in instance.effect.info().params.iter().zip(&instance.params) {
+        let v = value.value;
+        text += &match p.name {
+            "X" => format!("X = {{ start = \"{v:.4e} {length}\", fixed = true }}\n"),
+            "V" => format!("V = {{ start = \"{v:.4e} {length}/s\", fixed = true }}\n"),
+            name => format!(
+                "{name} = {{ start = \"{v:.4e} {force}\", min = \"{:.4e} {force}\", max = \"{:.4e} {force}\" }}\n",
+                value.min, value.max
+            ),
+        };
+    }
+    text
+}
+
+/// The missing force where a test drives the place itself and reads its force; else the formula over a cycle of the largest motion.
+fn picture(plans: &[&Plan], system: &System, fitted: &Instance, place: usize, scales: (f64, f64)) -> Vec<Missed> {
+    let crate::effect::Effect::Force(law) = fitted.effect else { return vec![] };
+    let p: Vec<f64> = fitted.params.iter().map(|p| p.value).collect();
+    let force = |x: f64, v: f64| law.value(&Inputs { x, v, a: 0.0, dx: 0.0 }, 1.0, &mut [], &p);
+    let name = format!("force at {}", system.model.place_name(place));
+    let mut list = Vec::new();
+    for plan in plans {
+        let Some(block) = plan.blocks.iter().find(|b| b.kind == BlockKind::Loop && b.label == name && b.x.len() == b.range.len()) else {
+            continue;
+        };
+        let Ok(computed) = plan.evaluate(system, &[], false) else { continue };
+        let step = block.range.len().div_ceil(POINTS).max(1);
+        let rows: Vec<usize> = (0..block.range.len()).step_by(step).collect();
+        let pick = |values: &[f64]| rows.iter().map(|k| values[*k]).collect::<Vec<f64>>();
+        let (x, v) = (pick(&block.x), pick(&block.v));
+        list.push(Missed {
+            test: plan.id.clone(),
+            phase: pick(&block.abscissa),
+            force: rows.iter().map(|k| block.range.start + k).map(|i| plan.measured[i] - computed.values[i]).collect(),
+            formula: x.iter().zip(&v).map(|(x, v)| force(*x, *v)).collect(),
+            x,
+            v,
+        });
+    }
+    if list.is_empty() {
+        let phase: Vec<f64> = (0..=POINTS).map(|k| std::f64::consts::TAU * k as f64 / POINTS as f64).collect();
+        let x: Vec<f64> = phase.iter().map(|p| scales.0 * p.sin()).collect();
+        let v: Vec<f64> = phase.iter().map(|p| scales.1 * p.cos()).collect();
+        let formula = x.iter().zip(&v).map(|(x, v)| force(*x, *v)).collect();
+        list.push(Missed { test: String::new(), phase, x, v, force: vec![], formula });
+    }
+    list
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every term is a formula of the right dimension, and keeps the energy it is given where it is a loss.
+    #[test]
+    fn every_term_is_a_passive_formula() {
+        let motion = crate::effect::formula::Motion { x: 2e-3, v: 0.1 };
+        for t in 0..TERMS.len() {
+            for rotational in [false, true] {
+                let made = instance(&[(t, 3.0)], "c1.x", &[0], (2e-3, 0.1), rotational);
+                let made = made.unwrap_or_else(|| panic!("{} is refused", TERMS[t].0));
+                let crate::effect::Effect::Force(law) = made.effect else { panic!("{made:?}") };
+                let p: Vec<f64> = made.params.iter().map(|p| p.value).collect();
+                law.formula().unwrap().examine(&p, &[motion]).unwrap();
+                let power = |x: f64, v: f64| law.value(&Inputs { x, v, a: 0.0, dx: 0.0 }, 1.0, &mut [], &p) * v;
+                let grid = (-4..=4).flat_map(|i| (-4..=4).map(move |j| (2e-3 * f64::from(i) / 4.0, 0.1 * f64::from(j) / 4.0)));
+                assert!(!TERMS[t].1 || grid.clone().all(|(x, v)| power(x, v) >= 0.0), "{}", TERMS[t].0);
+            }
+        }
+        assert_eq!(expression(&[(1, 1.0), (19, 2.0)]), "f1*((x/X)^3) + f2*(abs((x/X))*tanh(100*(v/V)))");
+    }
+}

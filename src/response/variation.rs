@@ -1,0 +1,100 @@
+//! A test that was not measured: an existing one with another drive.
+
+use crate::units::Unit;
+
+use super::{BlockKind, Plan, Work};
+
+/// What is changed of a test.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Variation {
+    /// Factor on the frequency of a cycle, or on all lines of an FRF.
+    pub frequency: f64,
+    /// Factor on the half range of the drive of a cycle.
+    pub amplitude: f64,
+    /// Shift of the mean of the drive of a cycle, in parts of its new half range.
+    pub mean: f64,
+    /// Peak of the exciting force of an FRF [N or N m]; none leaves it as it is.
+    pub excitation: Option<f64>,
+}
+
+impl Default for Variation {
+    fn default() -> Self {
+        Variation { frequency: 1.0, amplitude: 1.0, mean: 0.0, excitation: None }
+    }
+}
+
+/// The drive of a cycle test.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CycleDrive {
+    /// Frequency [Hz].
+    pub frequency: f64,
+    /// Half range [SI].
+    pub amplitude: f64,
+    /// Mean [SI].
+    pub mean: f64,
+    /// Unit it was recorded in.
+    pub unit: Unit,
+}
+
+/// Lines of a varied FRF at most.
+const LINES: usize = 80;
+
+impl Plan {
+    /// The same test with its drive changed; `None` for tests that are neither cycles nor FRFs. What was measured loses its meaning, and
+    /// with it what instruments add to the covariance; sigma grows with the range of a drive and shrinks with none.
+    pub fn varied(&self, by: &Variation) -> Option<Plan> {
+        let mut plan = Plan { correlated: None, ..self.clone() };
+        match &self.work {
+            Work::Cycle(cycle) => {
+                plan.work = Work::Cycle(cycle.varied(by));
+                plan.sigma.iter_mut().for_each(|s| *s *= by.amplitude.max(1.0));
+            }
+            Work::Frf(frf) => {
+                let [block] = plan.blocks.as_mut_slice() else { return None };
+                let stride = block.abscissa.len().div_ceil(LINES).max(1);
+                let kept: Vec<usize> = (0..block.abscissa.len()).step_by(stride).collect();
+                plan.work = Work::Frf(frf.varied(by, &kept));
+                let pick = |values: &[f64]| kept.iter().flat_map(|k| [values[2 * k], values[2 * k + 1]]).collect::<Vec<f64>>();
+                (plan.measured, plan.sigma) = (pick(&self.measured), pick(&self.sigma));
+                block.abscissa = kept.iter().map(|k| block.abscissa[*k] * by.frequency).collect();
+                block.range = 0..2 * kept.len();
+            }
+            _ => return None,
+        }
+        Some(plan)
+    }
+
+    /// The plan as if `computed` with noise of `deviates` times sigma had been measured, on instruments of the given tolerance.
+    pub fn measuring(mut self, computed: &[f64], deviates: impl Iterator<Item = f64>) -> Plan {
+        self.measured = computed.iter().zip(&self.sigma).zip(deviates).map(|((c, s), z)| c + s * z).collect();
+        self.with_instruments(computed)
+    }
+
+    /// Noise of an FRF at another place of its band in proportion to the response there, as it is where it was measured.
+    pub fn with_noise_of(&mut self, from: &Plan, computed: &[f64]) {
+        if self.blocks.first().is_none_or(|b| b.kind != BlockKind::Frf) {
+            return;
+        }
+        let size = |h: &[f64]| h.chunks(2).map(|c| c.iter().map(|v| v * v).sum::<f64>().sqrt()).collect::<Vec<f64>>();
+        let mut relative: Vec<f64> = size(&from.measured).iter().zip(from.sigma.chunks(2)).map(|(h, s)| s[0] / h).collect();
+        relative.sort_by(f64::total_cmp);
+        let Some(part) = relative.get(relative.len() / 2).copied().filter(|p| p.is_finite() && *p > 0.0) else { return };
+        self.sigma = size(computed).into_iter().flat_map(|h| [part * h; 2]).collect();
+    }
+
+    /// Frequency, half range and mean of the drive of a cycle test.
+    pub fn cycle_drive(&self) -> Option<CycleDrive> {
+        match &self.work {
+            Work::Cycle(cycle) => Some(cycle.drive()),
+            _ => None,
+        }
+    }
+
+    /// Peak of the exciting force of an FRF that declares one [N or N m].
+    pub fn excitation(&self) -> Option<f64> {
+        match &self.work {
+            Work::Frf(frf) => frf.excitation(),
+            _ => None,
+        }
+    }
+}
