@@ -30,9 +30,9 @@ impl OutOfFamily {
 
     /// In words.
     pub fn claim(&self) -> String {
-        let others: Vec<String> = self.others.iter().map(|(test, f)| format!("{f:.5} Hz in {test}")).collect();
+        let others: Vec<String> = self.others.iter().map(|(test, f)| format!("{f} Hz in {test}")).collect();
         format!(
-            "mode {}: {:.5} Hz is out of family with {}: {:+.1} % where its other modes differ by {:.2} %",
+            "mode {}: {} Hz is out of family with {}: {:+.1} % where its other modes differ by {:.2} %",
             self.mode,
             self.frequency,
             others.join(" and "),

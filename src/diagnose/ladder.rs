@@ -1,6 +1,8 @@
 //! The ladder: diagnose, add, refit, prune until nothing earns its place.
 
 use crate::effect::Dim;
+use rayon::prelude::*;
+
 use crate::identify::Monitor;
 use crate::model::System;
 use crate::response::Plan;
@@ -8,7 +10,7 @@ use crate::response::Plan;
 use super::candidates::Name;
 use super::case::{Case, Fitted, compare, effects, fit, parameters};
 use super::findings::{findings, unsettled};
-use super::refit::{Proof, cost, prove};
+use super::refit::{Proof, cost, prove, whitened};
 use super::results::*;
 use super::search::{LEVEL, SURE, Step, step};
 use super::simplify::simplify;
@@ -16,9 +18,11 @@ use super::unexplained::{Unexplained, unexplained};
 use super::{DiagnoseError, trace};
 
 /// Effects added at most where the study does not say.
-const MAX_ADDED: usize = 6;
+const MAX_ADDED: usize = 4;
 /// Fall of the cost that an effect must be worth, per parameter, to stay.
 const WORTH_KEEPING: f64 = 4.0;
+/// Root mean square of whitened residuals from which a model is far from the noise.
+const FAR: f64 = 5.0;
 /// Root mean square of whitened residuals up to which a model is at the floor, where chance does not already reach beyond it: so many
 /// standard deviations of a sum of squares.
 const AT_FLOOR: f64 = 1.1;
@@ -107,6 +111,13 @@ fn at_floor((rms, n): (f64, usize)) -> bool {
     rms * rms < (AT_FLOOR * AT_FLOOR).max(1.0 + CHANCE * (2.0 / n.max(1) as f64).sqrt())
 }
 
+/// Root mean square of the whitened residuals of a system on the fit and select tests, and their number.
+fn left_by(case: &Case, system: &System) -> (f64, usize) {
+    let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
+    let n: usize = plans.iter().map(|p| p.len()).sum();
+    whitened(&plans, system).map_or((f64::INFINITY, n), |w| ((2.0 * cost(&w) / n.max(1) as f64).sqrt(), n))
+}
+
 /// Whether what was added takes most of what the first model failed by.
 fn mostly(first: (f64, usize), last: (f64, usize)) -> bool {
     let excess = |(rms, _): (f64, usize)| (rms * rms - 1.0).max(0.0);
@@ -114,7 +125,6 @@ fn mostly(first: (f64, usize), last: (f64, usize)) -> bool {
 }
 
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
-    use rayon::prelude::*;
     let found = |(plan, _): &(Plan, SplitName)| -> Result<Vec<Finding>, DiagnoseError> {
         let mut list = findings(plan, &plan.evaluate(system, &[], false)?.values);
         list.extend(unsettled(plan, system));
@@ -161,8 +171,18 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         if stopped {
             break interrupted(&missing);
         }
-        if missing.len() >= limit {
-            break (format!("{limit} effects were added, which is the limit"), Verdict::Missing);
+        if missing.len() >= limit || rungs.len() > 2 * limit {
+            let searched = case.with_instruments(&fitted.system);
+            let after = left_by(&searched, &fitted.system);
+            (left, remainder) = (Some(after.0), !at_floor(after));
+            let verdict = match &first {
+                Some((before, given)) if remainder && !mostly(*before, after) => {
+                    formula = suggestion(&searched, given, monitor, watch);
+                    Verdict::Unexplained
+                }
+                _ => Verdict::Missing,
+            };
+            break (format!("{} effects were added, and {limit} is the limit", missing.len()), verdict);
         }
         watch(&format!("rung {now}"));
         let searched = case.with_instruments(&fitted.system);
@@ -212,25 +232,22 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             at: name.at.clone(),
             tied_with: ties.iter().map(|n| format!("{} at {}", n.effect, n.at)).collect(),
         });
+        // A model far from the noise is fitted no closer than that shows; near it the last digits count.
+        let n: usize = proof.fit.iter().map(Vec::len).sum();
+        let far = 2.0 * cost(&proof.fit) > FAR * FAR * n as f64;
+        let as_close_as_it_shows = |case: &Case| Case { coarse: far, ..case.clone() };
         let mut system = proof.fitted.system;
         let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
         // A new effect may ask for finer steps; what is reported takes the stated sigma at its word.
         case = case.refined(&system).unwrap_or(case);
-        fitted = case.fit_system(&system, case.plans_of(SplitName::Fit), monitor)?;
+        fitted = as_close_as_it_shows(&case).fit_system(&system, case.plans_of(SplitName::Fit), monitor)?;
         let tests = compare(&case, &fitted.system, &seen)?;
         let added = EffectAt { effect: name.effect.into(), at: name.at };
-        let undone = removed.contains(&added);
         rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
         if let Some(swap) = simplify(&searched, &mut fitted, base_instances, &mut missing, WORTH_KEEPING, monitor, watch)? {
-            fitted = case.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
+            fitted = as_close_as_it_shows(&case).fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
             let tests = compare(&case, &fitted.system, &seen)?;
             rungs.push(rung(&case, &fitted, Some(swap.added), vec![swap.removed], vec![], tests)?);
-        }
-        if undone {
-            break (
-                "the effect added last was pruned again".to_string(),
-                if missing.is_empty() { Verdict::Unexplained } else { Verdict::Missing },
-            );
         }
     };
     let before = compare(&case, &first_system, &[SplitName::HeldOut])?;
@@ -304,25 +321,26 @@ fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missin
     // The one added last has just been judged.
     while base + 1 < system.instances.len() {
         let Some(before) = now.or_else(|| prove(case, system, monitor).ok().map(|p| whole(&p))) else { break };
-        let mut best: Option<(usize, f64, Proof)> = None;
-        for k in base..system.instances.len() - 1 {
+        let without = |k: usize| -> Option<(usize, f64, Proof)> {
             let mut without = system.clone();
             let gone = without.instances.remove(k);
             if without.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instance >= k)) {
-                continue;
+                return None;
             }
             let params = gone.params.iter().filter(|p| p.free).count() as f64;
-            let Ok(proof) = prove(case, &without, monitor) else { continue };
+            let proof = prove(case, &without, monitor).ok()?;
             let rise = whole(&proof) - before;
-            if rise < WORTH_KEEPING * params && best.as_ref().is_none_or(|b| rise < b.1) {
-                best = Some((k, rise, proof));
-            }
-        }
-        let Some((k, _, proof)) = best else { break };
+            (rise < WORTH_KEEPING * params).then_some((k, rise, proof))
+        };
+        let superfluous = (base..system.instances.len() - 1).into_par_iter().filter_map(without);
+        let Some((k, _, proof)) = superfluous.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
         let gone = &system.instances[k];
         let gone = EffectAt { effect: gone.name().into(), at: gone.at.clone() };
         watch(&format!("pruned {} at {}", gone.effect, gone.at));
-        missing.retain(|m| m.effect != gone.effect || m.at != gone.at);
+        // One of the same name may just have been added: the older one goes.
+        if let Some(old) = missing.iter().position(|m| m.effect == gone.effect && m.at == gone.at) {
+            missing.remove(old);
+        }
         removed.push(gone);
         now = Some(whole(&proof));
         *system = proof.fitted.system;

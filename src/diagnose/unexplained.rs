@@ -1,7 +1,7 @@
 //! What no candidate explains: the force over displacement, velocity and phase that would, and a formula fitted to it.
 //!
-//! At every place a list of terms in `u = x/X` and `w = v/V` (X, V the largest motion that the tests show there) stands in the model as
-//! formulas of strength 0; one evaluation gives their columns, as for the candidates of the library. Terms are added one after the other,
+//! At every place a list of terms in `u = x/X`, `w = v/V` and `z = v/Vs` (X, V the largest motion that the tests show there, Vs the least
+//! velocity amplitude, against which a sign is smoothed) stands in the model as formulas of strength 0; one evaluation gives their columns, as for the candidates of the library. Terms are added one after the other,
 //! each time the one that takes most off the projected cost, a loss only with the sign that makes it one; the place where the least is
 //! left is taken, and the formula of its terms is refitted in full.
 
@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::effect::formula::{Definition, compile};
-use crate::effect::{Inputs, Sign};
+use crate::effect::{Inputs, Scales, Sign};
 use crate::identify::Monitor;
 use crate::model::{Instance, ParamValue, Site, System};
 use crate::response::{BlockKind, Plan};
@@ -22,7 +22,7 @@ use super::refit::{cost, proof, prove};
 use super::results::SplitName;
 use super::score::{Projected, projected};
 
-/// A term in u and w; whether it is a loss, of which only one sign is passive.
+/// A term in u, w and z; whether it is a loss, of which only one sign is passive.
 const TERMS: [(&str, bool); 23] = [
     ("u^2", false),
     ("u^3", false),
@@ -37,16 +37,16 @@ const TERMS: [(&str, bool); 23] = [
     ("sin(10*u)", false),
     ("sin(16*u)", false),
     ("sin(24*u)", false),
-    ("tanh(100*w)", true),
+    ("tanh(30*z)", true),
     ("tanh(10*w)", true),
     ("w*abs(w)", true),
     ("w*u^2", true),
-    ("max(tanh(100*w), 0)", true),
-    ("min(tanh(100*w), 0)", true),
-    ("abs(u)*tanh(100*w)", true),
-    ("max(abs(u) - 0.3, 0)*tanh(100*w)", true),
-    ("max(u, 0)*tanh(100*w)", true),
-    ("max(-u, 0)*tanh(100*w)", true),
+    ("max(tanh(30*z), 0)", true),
+    ("min(tanh(30*z), 0)", true),
+    ("abs(u)*tanh(30*z)", true),
+    ("max(abs(u) - 0.3, 0)*tanh(30*z)", true),
+    ("max(u, 0)*tanh(30*z)", true),
+    ("max(-u, 0)*tanh(30*z)", true),
 ];
 /// Terms of a formula at most, and the part of the cost that a further one must take away.
 const MOST: usize = 4;
@@ -59,7 +59,7 @@ const POINTS: usize = 200;
 pub struct Unexplained {
     /// Place.
     pub at: String,
-    /// The force in u and w as it was fitted.
+    /// The force as it was fitted.
     pub expression: String,
     /// The `[[effect]]` to be pasted into study.toml.
     pub formula: String,
@@ -123,7 +123,7 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
         }
         for t in 0..TERMS.len() {
             let rotational = base.system.model.places[places[0]].axis.rotational();
-            let mut instance = instance(&[(t, 1.0)], at, places, (scales.x, scales.v), rotational)?;
+            let mut instance = instance(&[(t, 1.0)], at, places, &scales, rotational)?;
             instance.follower = true;
             trials.push(Trial { instance, candidate: trials.len() });
             kept.push((s, t));
@@ -144,7 +144,7 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     let (at, places) = &sites[best.site];
     let scales = scene.at(places);
     let rotational = base.system.model.places[places[0]].axis.rotational();
-    let formula = instance(&best.terms, at, places, (scales.x, scales.v), rotational)?;
+    let formula = instance(&best.terms, at, places, &scales, rotational)?;
     let mut system = base.system.clone();
     system.instances.push(formula);
     let before = proof(&timed, base.clone()).ok()?;
@@ -161,7 +161,7 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
         explains: 1.0 - is / was,
         error_before: before.error,
         error_after: after.error,
-        picture: picture(&plans, &base.system, fitted, places[0], (scales.x, scales.v)),
+        picture: picture(&plans, &base.system, fitted, places[0], &scales),
     })
 }
 
@@ -198,14 +198,14 @@ fn choose(p: &Projected, own: &[usize], is_loss: impl Fn(usize) -> bool, rows: u
 /// The formula of terms in x and v.
 fn expression(terms: &[(usize, f64)]) -> String {
     let term = |(k, (t, _)): (usize, &(usize, f64))| {
-        let text = TERMS[*t].0.replace('u', "(x/X)").replace('w', "(v/V)");
+        let text = TERMS[*t].0.replace('u', "(x/X)").replace('w', "(v/V)").replace('z', "(v/Vs)");
         format!("f{}*({text})", k + 1)
     };
     terms.iter().enumerate().map(term).collect::<Vec<_>>().join(" + ")
 }
 
 /// Terms as one effect of the model; none where the formula is refused.
-fn instance(terms: &[(usize, f64)], at: &str, places: &[usize], scales: (f64, f64), rotational: bool) -> Option<Instance> {
+fn instance(terms: &[(usize, f64)], at: &str, places: &[usize], scales: &Scales, rotational: bool) -> Option<Instance> {
     let expression = expression(terms);
     let (force, length) = if rotational { (Dimension::MOMENT, Dimension::ANGLE) } else { (Dimension::FORCE, Dimension::LENGTH) };
     let mut parameters: Vec<(String, Dimension)> = (0..terms.len()).map(|k| (format!("f{}", k + 1), force)).collect();
@@ -216,8 +216,11 @@ fn instance(terms: &[(usize, f64)], at: &str, places: &[usize], scales: (f64, f6
             ParamValue { min: least, max: most, ..ParamValue::free(*c, Sign::Any) }
         })
         .collect();
-    for (name, dimension, value) in [("X", length, scales.0), ("V", length.over(Dimension::TIME), scales.1)] {
-        if expression.contains(name) {
+    let velocity = length.over(Dimension::TIME);
+    // Where no test moves slowly, the largest velocity is the least.
+    let slow = if scales.least_v.is_finite() { scales.least_v } else { scales.v };
+    for (name, dimension, value) in [("X", length, scales.x), ("V", velocity, scales.v), ("Vs", velocity, slow)] {
+        if expression.contains(&format!("/{name})")) {
             parameters.push((name.into(), dimension));
             params.push(ParamValue::fixed(value));
         }
@@ -234,7 +237,7 @@ fn told(instance: &Instance, terms: &[(usize, f64)], rotational: bool) -> String
         let v = value.value;
         text += &match p.name {
             "X" => format!("X = {{ start = \"{v:.4e} {length}\", fixed = true }}\n"),
-            "V" => format!("V = {{ start = \"{v:.4e} {length}/s\", fixed = true }}\n"),
+            "V" | "Vs" => format!("{} = {{ start = \"{v:.4e} {length}/s\", fixed = true }}\n", p.name),
             name => format!(
                 "{name} = {{ start = \"{v:.4e} {force}\", min = \"{:.4e} {force}\", max = \"{:.4e} {force}\" }}\n",
                 value.min, value.max
@@ -245,7 +248,7 @@ fn told(instance: &Instance, terms: &[(usize, f64)], rotational: bool) -> String
 }
 
 /// The missing force where a test drives the place itself and reads its force; else the formula over a cycle of the largest motion.
-fn picture(plans: &[&Plan], system: &System, fitted: &Instance, place: usize, scales: (f64, f64)) -> Vec<Missed> {
+fn picture(plans: &[&Plan], system: &System, fitted: &Instance, place: usize, scales: &Scales) -> Vec<Missed> {
     let crate::effect::Effect::Force(law) = fitted.effect else { return vec![] };
     let p: Vec<f64> = fitted.params.iter().map(|p| p.value).collect();
     let force = |x: f64, v: f64| law.value(&Inputs { x, v, a: 0.0, dx: 0.0 }, 1.0, &mut [], &p);
@@ -271,8 +274,8 @@ fn picture(plans: &[&Plan], system: &System, fitted: &Instance, place: usize, sc
     }
     if list.is_empty() {
         let phase: Vec<f64> = (0..=POINTS).map(|k| std::f64::consts::TAU * k as f64 / POINTS as f64).collect();
-        let x: Vec<f64> = phase.iter().map(|p| scales.0 * p.sin()).collect();
-        let v: Vec<f64> = phase.iter().map(|p| scales.1 * p.cos()).collect();
+        let x: Vec<f64> = phase.iter().map(|p| scales.x * p.sin()).collect();
+        let v: Vec<f64> = phase.iter().map(|p| scales.v * p.cos()).collect();
         let formula = x.iter().zip(&v).map(|(x, v)| force(*x, *v)).collect();
         list.push(Missed { test: String::new(), phase, x, v, force: vec![], formula });
     }
@@ -287,9 +290,10 @@ mod tests {
     #[test]
     fn every_term_is_a_passive_formula() {
         let motion = crate::effect::formula::Motion { x: 2e-3, v: 0.1 };
+        let scales = Scales { x: 2e-3, v: 0.1, least_v: 0.01, ..Scales::default() };
         for t in 0..TERMS.len() {
             for rotational in [false, true] {
-                let made = instance(&[(t, 3.0)], "c1.x", &[0], (2e-3, 0.1), rotational);
+                let made = instance(&[(t, 3.0)], "c1.x", &[0], &scales, rotational);
                 let made = made.unwrap_or_else(|| panic!("{} is refused", TERMS[t].0));
                 let crate::effect::Effect::Force(law) = made.effect else { panic!("{made:?}") };
                 let p: Vec<f64> = made.params.iter().map(|p| p.value).collect();
@@ -299,6 +303,6 @@ mod tests {
                 assert!(!TERMS[t].1 || grid.clone().all(|(x, v)| power(x, v) >= 0.0), "{}", TERMS[t].0);
             }
         }
-        assert_eq!(expression(&[(1, 1.0), (19, 2.0)]), "f1*((x/X)^3) + f2*(abs((x/X))*tanh(100*(v/V)))");
+        assert_eq!(expression(&[(1, 1.0), (19, 2.0)]), "f1*((x/X)^3) + f2*(abs((x/X))*tanh(30*(v/Vs)))");
     }
 }

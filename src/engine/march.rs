@@ -115,7 +115,7 @@ pub struct March<'a> {
     sensed: Vec<Sensed>,
     /// Derivatives of every element's force with respect to the coordinates of its connector, of a spatial model.
     rows: Vec<[f64; 12]>,
-    /// Elements that act; in an equilibrium those that are attached later do not.
+    /// Elements that act; those that are attached under load do not, they are for small motion about it.
     acts: Vec<bool>,
     n_states: usize,
     n_follower_states: usize,
@@ -183,7 +183,7 @@ impl<'a> March<'a> {
         let connectors =
             model.space.iter().flat_map(|space| (0..model.connectors.len()).map(|c| spatial::joint(model, space, c))).collect();
         let places = model.space.iter().flat_map(|_| model.places.iter().map(|p| (p.connector, p.axis as usize))).collect();
-        Ok(March {
+        let mut march = March {
             bound,
             loads,
             // The inertia of parts that turn depends on where they are.
@@ -218,7 +218,9 @@ impl<'a> March<'a> {
             forces: vec![0.0; bound.elements.len()],
             scale: 0.0,
             keep: false,
-        })
+        };
+        march.leave_out(&model.attached, model);
+        Ok(march)
     }
 
     fn rates(&self) -> Rates {

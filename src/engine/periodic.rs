@@ -30,8 +30,8 @@ pub struct Cycle {
 /// Change per cycle, relative to the largest value in the cycle, at which it counts as repeating.
 const TOLERANCE: f64 = 1e-10;
 /// The same of a large system, whose sensitivities repeat within [`SENSED`] or are taken as they are after [`ROUNDS`] cycles.
-const REPEATS: f64 = 1e-8;
-const SENSED: f64 = 1e-6;
+const REPEATS: f64 = 1e-7;
+const SENSED: f64 = 1e-5;
 const ROUNDS: usize = 12;
 /// Largest state for which the monodromy matrix is formed.
 const SHOOT: usize = 200;

@@ -15,9 +15,13 @@ use crate::effect::{EffectError, ForceLaw, Inputs, Series, Tangent};
 
 use super::Model;
 use super::bound::Chain;
+use super::recurrence::Recurrence;
+use super::sensed::Sensed;
 
 struct ForcePiece {
     law: &'static dyn ForceLaw,
+    /// Whether it has a [`Recurrence`].
+    recurs: bool,
     p: std::ops::Range<usize>,
     s: std::ops::Range<usize>,
 }
@@ -60,47 +64,24 @@ pub struct ElementScratch {
     row: Vec<f64>,
     params: Vec<f64>,
     slopes: Vec<f64>,
+    /// Of the laws that superpose, by place and number of the law there.
+    recurrences: Vec<Vec<Recurrence>>,
 }
 
-/// Derivatives of one element over a step: row 0 the force, then the states; columns `x, v, a, dx`, states, parameters.
-#[derive(Default)]
-pub struct Sensed {
-    /// General force.
-    pub f: f64,
-    n_states: usize,
-    n_params: usize,
-    d: Vec<f64>,
-}
-
-impl Sensed {
-    fn reset(&mut self, n_states: usize, n_params: usize) {
-        (self.f, self.n_states, self.n_params) = (0.0, n_states, n_params);
-        self.d.clear();
-        self.d.resize((1 + n_states) * self.stride(), 0.0);
-    }
-    fn stride(&self) -> usize {
-        INPUTS + self.n_states + self.n_params
-    }
-    fn row_mut(&mut self, row: usize) -> &mut [f64] {
-        let n = self.stride();
-        &mut self.d[row * n..(row + 1) * n]
-    }
-    /// All derivatives of a row.
-    pub fn row(&self, row: usize) -> &[f64] {
-        let n = self.stride();
-        &self.d[row * n..(row + 1) * n]
-    }
-    /// Derivatives of a row with respect to `x, v, a, dx`.
-    pub fn inputs(&self, row: usize) -> &[f64] {
-        &self.row(row)[..INPUTS]
-    }
-    /// Derivatives of a row with respect to the old states.
-    pub fn states(&self, row: usize) -> &[f64] {
-        &self.row(row)[INPUTS..INPUTS + self.n_states]
-    }
-    /// Derivatives of a row with respect to the parameters.
-    pub fn params(&self, row: usize) -> &[f64] {
-        &self.row(row)[INPUTS + self.n_states..]
+impl ElementScratch {
+    /// The recurrence of law `k` at a place.
+    fn recurrence(&mut self, place: usize, k: usize, law: &dyn ForceLaw, p: &[f64], dt: f64) -> &mut Recurrence {
+        if self.recurrences.len() <= place {
+            self.recurrences.resize(place + 1, vec![]);
+        }
+        let here = &mut self.recurrences[place];
+        if here.len() <= k {
+            here.resize(k + 1, Recurrence::default());
+        }
+        if !here[k].is_of(p, dt) {
+            here[k] = Recurrence::new(law, p, dt);
+        }
+        &mut here[k]
     }
 }
 
@@ -140,17 +121,17 @@ impl Element {
             // Forces are proportional to the strength: the derivative at 0 is the force at 1.
             p[0] = 1.0;
             let p = self.push_params(p, chains);
-            self.followers.push(ForcePiece { law, p, s: self.n_follower_states..self.n_follower_states + n });
+            self.followers.push(ForcePiece { law, recurs: false, p, s: self.n_follower_states..self.n_follower_states + n });
             self.n_follower_states += n;
         } else if law.linear() {
             let mut t = Tangent::default();
             law.tangent(&Inputs::default(), 1.0, &mut [], &p, &vec![false; p.len()], &mut t);
             self.linear_sum.iter_mut().zip(t.inputs(0)).for_each(|(sum, d)| *sum += d);
             let p = self.push_params(p, chains);
-            self.linear.push(ForcePiece { law, p, s: 0..0 });
+            self.linear.push(ForcePiece { law, recurs: false, p, s: 0..0 });
         } else {
             let p = self.push_params(p, chains);
-            self.forces.push(ForcePiece { law, p, s: self.n_states..self.n_states + n });
+            self.forces.push(ForcePiece { law, recurs: Recurrence::fits(law), p, s: self.n_states..self.n_states + n });
             self.n_states += n;
         }
     }
@@ -231,7 +212,15 @@ impl Element {
     /// General force at the end of the step; `s` leaves with the new states.
     pub fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], scratch: &mut ElementScratch) -> f64 {
         if !self.opening {
-            return self.parallel(u, dt, s);
+            let mut force = self.linear_force(u);
+            for (k, f) in self.forces.iter().enumerate() {
+                let (p, s) = (&self.p[f.p.clone()], &mut s[f.s.clone()]);
+                force += match f.recurs {
+                    true => p[0] * scratch.recurrence(self.place, k, f.law, p, dt).advance(u, s),
+                    false => f.law.value(u, dt, s, p),
+                };
+            }
+            return force;
         }
         let (e1, e2) = (s[0], s[1]);
         let e = self.solve_opening(u, dt, s, scratch);
@@ -269,8 +258,26 @@ impl Element {
             let row = out.row_mut(0);
             row[INPUTS + self.n_states + piece.p.start..].iter_mut().zip(scratch.piece.params(0)).for_each(|(o, d)| *o += d);
         }
-        for piece in &self.forces {
+        for (k, piece) in self.forces.iter().enumerate() {
             let (p, active) = (&self.p[piece.p.clone()], &self.active[piece.p.clone()]);
+            if piece.recurs && !(full && active[1..].contains(&true)) {
+                let r = scratch.recurrence(self.place, k, piece.law, p, dt);
+                let unit = r.advance(&inner, &mut s[piece.s.clone()]);
+                out.f += p[0] * unit;
+                let row = out.row_mut(0);
+                row[..INPUTS].iter_mut().zip(&r.force).for_each(|(o, d)| *o += p[0] * d);
+                row[INPUTS + piece.s.start..].iter_mut().zip(&r.by_state).for_each(|(o, d)| *o += p[0] * d);
+                if full && active[0] {
+                    row[INPUTS + self.n_states + piece.p.start] += unit;
+                }
+                for (j, input) in r.input.iter().enumerate() {
+                    out.row_mut(1 + piece.s.start + j)[..INPUTS].copy_from_slice(input);
+                }
+                for (j, c, v) in &r.entries {
+                    out.row_mut(1 + piece.s.start + j)[INPUTS + piece.s.start + c] = *v;
+                }
+                continue;
+            }
             let none = [false; 16];
             let active = if full { active } else { &none[..p.len()] };
             piece.law.tangent(&inner, dt, &mut s[piece.s.clone()], p, active, &mut scratch.piece);

@@ -131,7 +131,7 @@ pub struct Model {
     /// Connectors that are not there in some tests: index, and ids of tests (`loop-*` for all that begin so).
     pub absent: Vec<(usize, Vec<String>)>,
     /// Connectors that are attached when the loads that stay have come on, and carry none of them: unstrained in the equilibrium, they
-    /// take part in small motion about it.
+    /// take part in small motion about it, and in no march.
     pub attached: Vec<usize>,
 }
 

@@ -8,12 +8,15 @@ mod element;
 mod error;
 mod graph;
 pub mod space;
+mod recurrence;
+mod sensed;
 mod system;
 
 pub use bound::{Acting, Bound, BoundLoad, ChannelPiece};
-pub use element::{Element, ElementScratch, Sensed};
+pub use element::{Element, ElementScratch};
 pub use error::ModelError;
 pub use graph::{Axis, Body, Connector, Dof, Level, Load, Model, Place};
+pub use sensed::Sensed;
 pub use system::{AtCondition, ChannelSite, FreeParam, Instance, ParamValue, Site, System, Target};
 
 #[cfg(test)]

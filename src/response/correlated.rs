@@ -23,8 +23,9 @@ pub const OFFSET: f64 = 0.005;
 /// Standard deviation of a delay, in parts of the period of a cycle or of the shortest period of an FRF: a tenth of a degree.
 pub const DELAY: f64 = 3e-4;
 
-/// Standard deviation of the place of a jump between two samples, in parts of their distance: it may lie anywhere between them.
-const PLACE: f64 = 0.29;
+/// Standard deviation of a point beside a jump, in parts of the jump: it may lie on either side of it, or between where it is read while
+/// the force turns over.
+const BESIDE: f64 = 0.5;
 /// Second differences of a loop count as a jump beyond so many standard deviations of their noise.
 const JUMP: f64 = 5.0;
 
@@ -33,7 +34,7 @@ pub fn sampled(signal: &[f64], sigma: &[f64]) -> Vec<f64> {
     let n = signal.len();
     let second = |i: usize| signal[(i + 1) % n] - 2.0 * signal[i] + signal[(i + n - 1) % n];
     let noise = |i: usize| JUMP * 6f64.sqrt() * sigma[i];
-    (0..n).map(|i| sigma[i].hypot(PLACE * (second(i).abs() - noise(i)).max(0.0))).collect()
+    (0..n).map(|i| sigma[i].hypot(BESIDE * (second(i).abs() - noise(i)).max(0.0))).collect()
 }
 
 /// The covariance of a test beyond the noise of its points, block after block.

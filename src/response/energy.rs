@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use num_dual::Dual64;
+use rayon::prelude::*;
 
 use crate::data::{Control, EnergyTable, StoredEnergy, TableValue};
 use crate::effect::Num;
@@ -189,8 +190,8 @@ impl EnergyPlan {
         form: TableForm,
     ) -> Result<Computed, ResponseError> {
         let n_free = if sensitivities { free.len() } else { 0 };
-        let (mut wd, mut ws): (Vec<(f64, Vec<f64>)>, Vec<(f64, Vec<f64>)>) = (vec![], vec![]);
-        for row in &self.rows {
+        type Logged = (f64, Vec<f64>);
+        let one = |row: &Row| -> Result<(Option<Logged>, Option<Logged>), ResponseError> {
             let bound = Bound::new(system, free, &plan.id, &row.conditions)?;
             let cycle = self.cycle(row, &system.model, &bound, &plan.id, sensitivities)?;
             let driven: Vec<f64> = match (row.loads.prescribed.first(), row.loads.forces.first()) {
@@ -231,15 +232,11 @@ impl EnergyPlan {
                 }
                 TableForm::Logarithms => (logarithm(base.0.re, d_wd), logarithm(base.1.re, d_ws)),
             };
-            if row.dissipated {
-                wd.push(dissipated);
-            }
-            if row.stored {
-                ws.push(stored);
-            }
-        }
+            Ok((row.dissipated.then_some(dissipated), row.stored.then_some(stored)))
+        };
+        let (wd, ws): (Vec<_>, Vec<_>) = self.rows.par_iter().map(one).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
         let mut out = Computed::default();
-        for (value, slopes) in wd.into_iter().chain(ws) {
+        for (value, slopes) in wd.into_iter().chain(ws).flatten() {
             out.values.push(value);
             out.slopes.extend(slopes);
         }

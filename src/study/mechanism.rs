@@ -87,7 +87,7 @@ fn connected(model: &Model, instances: &[Instance]) -> Result<(), (usize, ModelE
 }
 
 /// What a spatial model and a dataset ask of each other: tests that `absent` names are there, and a part that is free along an axis has
-/// inertia along it where a test needs that; a connector attached under load is in no test that marches.
+/// inertia along it where a test needs that.
 pub(super) fn against(model: &Model, dataset: &Dataset) -> Result<(), ModelError> {
     if model.space.is_none() {
         return Ok(());
@@ -98,15 +98,6 @@ pub(super) fn against(model: &Model, dataset: &Dataset) -> Result<(), ModelError
     };
     if let Some(pattern) = model.absent.iter().flat_map(|a| &a.1).find(|p| !stands(p)) {
         return Err(ModelError::no_such("test", pattern, dataset.tests.iter().map(|t| t.id.clone())));
-    }
-    let marched = |t: &&Test| !matches!(t.record, Record::Modal(_) | Record::Frf(_));
-    for &c in &model.attached {
-        if let Some(test) = dataset.tests.iter().filter(marched).find(|t| model.present(c, &t.id)) {
-            let name = &model.connectors[c].name;
-            let message =
-                format!("connector `{name}` is attached under load, which is for modal and frf tests, and test `{}` is neither", test.id);
-            return Err(ModelError::invalid(name, message, format!("absent = [\"{}\"], or no `attached`", test.id)));
-        }
     }
     let dynamic = |t: &&Test| matches!(t.record, Record::Modal(_) | Record::Frf(_) | Record::Transient(_));
     let Some(test) = dataset.tests.iter().find(dynamic) else { return Ok(()) };

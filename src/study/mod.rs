@@ -37,7 +37,7 @@
 //! | `[[part]]` elsewhere | `name`, `at = ["x", "y", "z"]`, `mass`, `inertia`; `free = [...]` or `fixed = true` |
 //! | `[[joint]]` | to the ground: `part`, `free` axes that stay, `at` the point (`"start"` and `"end"` of the arcs), from then on the part's origin. `free = ["psi"]` is a pin |
 //! | `[[point]]` | `name`, `at`: a point to load and measure; its part (`part`, or the nearest) takes it as origin and its name |
-//! | `[[connector]]` | `name` and `chain = "part with count"` (`name1` ... at the interfaces), or `from`, `to`, `at` and `heading` of its y axis (fixed axes where it is left out); `absent = ["loop-*"]` tests it is not there in; `attached = "loaded"`: it is attached when the loads that stay have come on and carries none of them (modal and frf tests) |
+//! | `[[connector]]` | `name` and `chain = "part with count"` (`name1` ... at the interfaces), or `from`, `to`, `at` and `heading` of its y axis (fixed axes where it is left out); `absent = ["loop-*"]` tests it is not there in; `attached = "loaded"`: it is attached when the loads that stay have come on and carries none of them: it takes part in modal and frf tests alone |
 
 mod channels;
 mod effects;

@@ -71,6 +71,21 @@ pub enum Predicted {
         /// Number of the mode in both tables.
         mode: u32,
     },
+    /// Greatest minus least displacement in a sweep: a force `mean + amplitude sin(phase)` whose frequency rises linearly with time.
+    Sweep {
+        /// `name.axis` of the force.
+        at: String,
+        /// `name.axis` of the displacement.
+        respond: String,
+        /// Mean force [N]; what the loads that stay do not carry already.
+        mean: f64,
+        /// Amplitude of the force [N].
+        amplitude: f64,
+        /// Frequency at the start and at the end [Hz].
+        frequencies: (f64, f64),
+        /// Duration [s].
+        duration: f64,
+    },
     /// |H| at one frequency.
     Frf {
         /// What H is.
@@ -97,10 +112,11 @@ enum Word {
     Frequency,
     Damping,
     Shift,
+    Sweep,
     Frf(FrfQuantity),
 }
 
-const WORDS: [(&str, Word); 12] = [
+const WORDS: [(&str, Word); 13] = [
     ("W_D", Word::Dissipated),
     ("W_s", Word::Stored),
     ("D", Word::Ratio),
@@ -110,6 +126,7 @@ const WORDS: [(&str, Word); 12] = [
     ("natural_frequency", Word::Frequency),
     ("modal_damping", Word::Damping),
     ("frequency_shift", Word::Shift),
+    ("sweep_range", Word::Sweep),
     ("accelerance", Word::Frf(FrfQuantity::Accelerance)),
     ("mobility", Word::Frf(FrfQuantity::Mobility)),
     ("receptance", Word::Frf(FrfQuantity::Receptance)),
@@ -130,6 +147,7 @@ impl Predicted {
             Predicted::Frequency(_) => "natural_frequency",
             Predicted::Damping(_) => "modal_damping",
             Predicted::Shift { .. } => "frequency_shift",
+            Predicted::Sweep { .. } => "sweep_range",
             Predicted::Frf { quantity, .. } => FrfQuantity::WORDS.iter().find(|w| w.1 == *quantity).map_or("", |w| w.0),
         }
     }
@@ -146,6 +164,7 @@ impl Predicted {
                 CycleQuantity::ForceRange => force(at),
                 CycleQuantity::DisplacementRange => length(at),
             },
+            Predicted::Sweep { respond, .. } => length(respond),
             Predicted::Frequency(_) => Dimension::FREQUENCY,
             Predicted::Damping(_) | Predicted::Shift { .. } => Dimension::DIMENSIONLESS,
             Predicted::Frf { quantity, excite, respond, .. } => {
@@ -214,6 +233,28 @@ fn one(table: &TableView<'_>, system: &System, dataset: &Dataset) -> Result<Pred
     let case = table.string("case")?.to_string();
     let conditions = conditions(table, dataset)?;
     let quantity = match word {
+        Word::Sweep => {
+            let keys = ["at", "respond", "mean", "amplitude", "frequency_from", "frequency_to", "duration"];
+            table.only(&[&common[..], &keys].concat())?;
+            let dof = |key: &str| -> Result<String, TomlError> {
+                let value = table.require(key, "a body or part and axis, such as \"P.x\"")?;
+                let name = value.string()?;
+                let e = || ModelError::no_such("degree of freedom", name, (0..system.model.dofs.len()).map(|d| system.model.dof_name(d)));
+                system.model.dof(name).ok_or_else(|| value.refuse(e().to_string(), e().accepted()))?;
+                Ok(name.to_string())
+            };
+            let (at, respond) = (dof("at")?, dof("respond")?);
+            let force = along(&[Dimension::FORCE, Dimension::MOMENT], &at);
+            let of = |key: &str, dimension: Dimension| positive(&table.require(key, dimension.examples().as_str())?, dimension);
+            Predicted::Sweep {
+                mean: table.optional("mean", |v| v.quantity(force).map(|q| q.value))?.unwrap_or(0.0),
+                amplitude: of("amplitude", force)?,
+                frequencies: (of("frequency_from", Dimension::FREQUENCY)?, of("frequency_to", Dimension::FREQUENCY)?),
+                duration: of("duration", Dimension::TIME)?,
+                at,
+                respond,
+            }
+        }
         // Read by `shifts`.
         Word::Shift => return Err(table.refuse("a shift is read from its tables", "test, against and modes")),
         Word::Frequency | Word::Damping => {

@@ -232,6 +232,13 @@ fn prediction_text(text: &mut String, prediction: &PredictionSpec) {
         Predicted::Frequency(mode) | Predicted::Damping(mode) => {
             let _ = writeln!(text, "mode = {mode}");
         }
+        Predicted::Sweep { at, respond, mean, amplitude, frequencies, duration } => {
+            let force = super::site::along(&[Dimension::FORCE, Dimension::MOMENT], at);
+            let _ = writeln!(text, "at = {}\nrespond = {}", quoted(at), quoted(respond));
+            let _ = writeln!(text, "mean = {}\namplitude = {}", si(*mean, force), si(*amplitude, force));
+            let (from, to) = (si(frequencies.0, Dimension::FREQUENCY), si(frequencies.1, Dimension::FREQUENCY));
+            let _ = writeln!(text, "frequency_from = {from}\nfrequency_to = {to}\nduration = {}", si(*duration, Dimension::TIME));
+        }
         Predicted::Shift { test, against, mode } => {
             let _ = writeln!(text, "test = {}\nagainst = {}\nmodes = [{mode}]", quoted(test), quoted(against));
             return;

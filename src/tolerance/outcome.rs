@@ -92,8 +92,8 @@ fn findings(ask: &Question, constant: &Constant, leaf: (f64, f64), energies: &En
     let mm3 = 1e9;
     if !constant.holds() {
         let needs = |a: &(String, f64, f64)| match a.1 <= a.2 {
-            true => format!("that of {} lies in {:.2} to {:.2} mm3", a.0, a.1 * mm3, a.2 * mm3),
-            false => format!("that of {} would have to lie above {:.2} and below {:.2} mm3", a.0, a.1 * mm3, a.2 * mm3),
+            true => format!("that of {} lies in {:.3} to {:.3} mm3", a.0, a.1 * mm3, a.2 * mm3),
+            false => format!("that of {} would have to lie above {:.3} and below {:.3} mm3", a.0, a.1 * mm3, a.2 * mm3),
         };
         let each: Vec<String> = constant.allowed.iter().map(needs).collect();
         let claim = format!("interference times contact area is not one constant within the rounding of the table: {}", each.join(", "));

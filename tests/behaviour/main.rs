@@ -14,5 +14,6 @@ mod shapes;
 mod slopes;
 mod stopping;
 mod studies;
+mod tensioner;
 mod trial;
 mod verbs;

@@ -2,10 +2,15 @@
 //!
 //! Energies and FRF lines are computed by the plan of a test that asks for them, so a prediction and a measurement are one computation.
 
+use std::f64::consts::TAU;
+
 use nalgebra::DMatrix;
 use num_complex::Complex64;
 
-use crate::data::{EnergyRow, EnergyTable, Frf, FrfQuantity, ModalTable, ModeRow, Record, StoredEnergy, TableValue, Test};
+use crate::data::{
+    Channel, Control, EnergyRow, EnergyTable, Frf, FrfQuantity, ModalTable, ModeRow, Record, Role, StoredEnergy, TableValue, Test,
+    TimeRecord,
+};
 use crate::model::{FreeParam, Site, System};
 use crate::response::Plan;
 use crate::study::{CycleQuantity, Predicted, PredictionSpec, Study};
@@ -79,6 +84,14 @@ pub(super) fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, fr
             }
             Ok(Found::of(re, im, size, re.value / size, im.value / size))
         }
+        Predicted::Sweep { .. } => {
+            let (_, all) = sweep(spec, &system, free)?;
+            let by_value = |a: &&Found, b: &&Found| a.value.total_cmp(&b.value);
+            let (Some(low), Some(high)) = (all.iter().min_by(by_value), all.iter().max_by(by_value)) else {
+                return Err(refused(spec, "nothing was computed"));
+            };
+            Ok(Found::of(high, low, high.value - low.value, 1.0, -1.0))
+        }
         Predicted::Shift { test, against, mode } => {
             let (a, b) = (in_table(spec, study, test, *mode, &system, free)?, in_table(spec, study, against, *mode, &system, free)?);
             Ok(Found::of(&a, &b, a.value / b.value - 1.0, 1.0 / b.value, -a.value / b.value.powi(2)))
@@ -128,6 +141,40 @@ fn mode_of(spec: &PredictionSpec, mode: u32, damping: bool, system: &System, fre
     };
     let mut all = compute(spec, Record::Modal(ModalTable { rows: vec![row] }), system, free)?;
     all.pop().ok_or_else(|| refused(spec, "the mode was not computed"))
+}
+
+/// Samples of a sweep per period of its highest frequency.
+const SAMPLES: f64 = 40.0;
+/// Samples at most.
+const MOST: f64 = 1e6;
+
+/// Times of a sweep [s] and the displacement at each.
+pub(super) fn sweep(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<(Vec<f64>, Vec<Found>), Failure> {
+    let Predicted::Sweep { at, respond, mean, amplitude, frequencies: (from, to), duration } = &spec.quantity else {
+        return Err(refused(spec, "it is no sweep"));
+    };
+    let n = (duration * from.max(*to) * SAMPLES).ceil();
+    if n > MOST {
+        return Err(refused(spec, &format!("the sweep needs {n:.0} samples")));
+    }
+    let time: Vec<f64> = (0..=n as usize).map(|k| duration * k as f64 / n).collect();
+    // The force sets in at zero of its sine: the march starts at rest, or in the equilibrium under the loads that stay.
+    let phase = |t: f64| TAU * (from * t + 0.5 * (to - from) / duration * t * t);
+    let force: Vec<f64> = time.iter().map(|t| mean + amplitude * phase(*t).sin()).collect();
+    let channel = |role, at: &str, dimension, input, values| Channel {
+        role,
+        at: at.into(),
+        unit: Unit::si(dimension),
+        sigma: Some(1.0),
+        input,
+        values,
+    };
+    let channels = vec![
+        channel(Role::Force, at, Dimension::FORCE, true, force),
+        channel(Role::Displacement, respond, Dimension::LENGTH, false, vec![0.0; time.len()]),
+    ];
+    let record = TimeRecord::new(&spec.case, std::path::PathBuf::new(), Control::Force, None, time.clone(), channels);
+    Ok((time, compute(spec, Record::Transient(record), system, free)?))
 }
 
 /// Frequency of a mode as a modal test pairs it.

@@ -9,16 +9,15 @@ use super::{Loads, March, Stage, State};
 
 impl<'a> March<'a> {
     /// Prepares steps without inertia and velocity along a loading path: `loads` holds all that acts, those of the model that stay
-    /// included. Connectors that are attached under load do not act.
+    /// included.
     pub fn quasi_static(model: &Model, bound: &'a Bound, loads: &'a Loads) -> Result<Self, EngineError> {
         let mut march = March::loading(model, bound, loads, 1.0)?;
         march.alpha.still = true;
-        march.leave_out(&model.attached, model);
         Ok(march)
     }
 
     /// Takes what acts at these connectors away; the matrix keeps its form.
-    fn leave_out(&mut self, connectors: &[usize], model: &Model) {
+    pub(super) fn leave_out(&mut self, connectors: &[usize], model: &Model) {
         for (acts, element) in self.acts.iter_mut().zip(&self.bound.elements) {
             *acts &= !connectors.contains(&model.places[element.place].connector);
         }

@@ -17,6 +17,7 @@ mod property;
 mod read;
 mod refuse;
 mod space;
+mod tensioner;
 mod write;
 
 /// The contract's first example.

@@ -1,0 +1,45 @@
+//! Derivatives of an element's force and states.
+
+use crate::effect::dispatch::INPUTS;
+
+/// Derivatives of one element over a step: row 0 the force, then the states; columns `x, v, a, dx`, states, parameters.
+#[derive(Default)]
+pub struct Sensed {
+    /// General force.
+    pub f: f64,
+    n_states: usize,
+    n_params: usize,
+    d: Vec<f64>,
+}
+
+impl Sensed {
+    pub(super) fn reset(&mut self, n_states: usize, n_params: usize) {
+        (self.f, self.n_states, self.n_params) = (0.0, n_states, n_params);
+        self.d.clear();
+        self.d.resize((1 + n_states) * self.stride(), 0.0);
+    }
+    fn stride(&self) -> usize {
+        INPUTS + self.n_states + self.n_params
+    }
+    pub(super) fn row_mut(&mut self, row: usize) -> &mut [f64] {
+        let n = self.stride();
+        &mut self.d[row * n..(row + 1) * n]
+    }
+    /// All derivatives of a row.
+    pub fn row(&self, row: usize) -> &[f64] {
+        let n = self.stride();
+        &self.d[row * n..(row + 1) * n]
+    }
+    /// Derivatives of a row with respect to `x, v, a, dx`.
+    pub fn inputs(&self, row: usize) -> &[f64] {
+        &self.row(row)[..INPUTS]
+    }
+    /// Derivatives of a row with respect to the old states.
+    pub fn states(&self, row: usize) -> &[f64] {
+        &self.row(row)[INPUTS..INPUTS + self.n_states]
+    }
+    /// Derivatives of a row with respect to the parameters.
+    pub fn params(&self, row: usize) -> &[f64] {
+        &self.row(row)[INPUTS + self.n_states..]
+    }
+}
