@@ -85,7 +85,7 @@ fn frequencies(study: &Study, test: &str) -> Result<Vec<f64>, String> {
 #[test]
 fn a_device_attached_under_load_carries_none_of_it() {
     let load = |text: &str| {
-        let text = text.replace("via = [\"-138.3 N\"]\n", "");
+        let text = text.replace("via = [\"-138.3 N\"]\n", "").replace("400 N/mm", "4000 N/mm");
         frequencies(&Folder::new(&text, MODAL).load().unwrap(), "modal-80N").unwrap()
     };
     let unloaded = |text: &str| load(&text.replace("condition = \"load\"\nfactor = -1", "force = \"-0.001 N\""));
@@ -94,7 +94,7 @@ fn a_device_attached_under_load_carries_none_of_it() {
     // At no load there is no difference between the two.
     let (a, b) = (unloaded(&chain()), unloaded(&chain().replace("attached = \"loaded\"", "attached = \"unloaded\"")));
     assert!((a[0] / b[0] - 1.0).abs() < 1e-5, "{a:?} {b:?}");
-    assert!(attached.abs() > 2.0 * from_start.abs(), "{attached} {from_start}");
+    assert!(attached.abs() > 4.0 * from_start.abs(), "{attached} {from_start}");
     // A march has no time at which it would be attached.
     let energy = |text: &str| {
         let study = Folder::new(text, MODAL).load().unwrap();
