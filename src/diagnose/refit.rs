@@ -23,7 +23,7 @@ const FIRST_LOOK: u64 = 6;
 const HOPEFUL: f64 = 10.0;
 /// Iterations of a refit in full.
 const REFIT_ITERATIONS: u64 = 40;
-/// How often one that has not ended is gone on with, and the part of its cost that it must still lose each time.
+/// How often one that has not ended is gone on with, and the part of its cost that it must have lost the time before.
 const CONTINUED: usize = 3;
 const STILL_FALLING: f64 = 0.01;
 
@@ -140,33 +140,33 @@ impl Bench<'_> {
         }
         let looks: Vec<Result<Fitted, String>> = chosen.into_par_iter().map(|l| l.and_then(|f| self.go_on(f, FIRST_LOOK))).collect();
         let hopeful = threshold(looks.iter().flatten().map(|f| f.outcome.cost).collect(), HOPEFUL);
+        let mut before: Vec<f64> = looks.iter().map(cost_of).collect();
         let mut fitted: Vec<Result<Fitted, String>> = looks
             .into_par_iter()
             .map(|l| l.and_then(|f| if f.outcome.cost <= hopeful { self.go_on(f, REFIT_ITERATIONS) } else { Ok(f) }))
             .collect();
-        for _ in 0..CONTINUED {
-            let near = among_three(fitted.iter().flatten().map(|f| f.outcome.cost).collect());
+        for round in (1..=CONTINUED).rev() {
+            let now: Vec<f64> = fitted.iter().map(cost_of).collect();
+            let (best, near) = (now.iter().copied().fold(f64::INFINITY, f64::min), among_three(now.clone()));
             let expected = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop).fold(0.0, f64::max);
             let again: Vec<(usize, Result<Fitted, String>)> = fitted
                 .par_iter()
                 .enumerate()
                 .filter_map(|(k, f)| {
                     let f = f.as_ref().ok()?;
-                    let wanted = f.outcome.cost <= near || picked[k].drop >= expected;
+                    let wanted = now[k] <= near || picked[k].drop >= expected;
+                    // At its present rate, which only slackens, it must get to where the best stands; one left at its first look has none.
+                    let fall = before[k] - now[k];
+                    let falling = fall == 0.0 || (fall > STILL_FALLING * now[k] && now[k] - best <= round as f64 * fall);
                     let open = f.outcome.termination == Termination::MaxIterations;
-                    (wanted && open && !self.monitor.stops()).then(|| (k, self.go_on(f.clone(), REFIT_ITERATIONS)))
+                    (wanted && falling && open && !self.monitor.stops()).then(|| (k, self.go_on(f.clone(), REFIT_ITERATIONS)))
                 })
                 .collect();
-            let mut falling = false;
-            for (k, f) in again {
-                if let (Ok(new), Ok(old)) = (&f, &fitted[k]) {
-                    falling |= new.outcome.cost < (1.0 - STILL_FALLING) * old.outcome.cost;
-                    fitted[k] = f;
-                }
-            }
-            if !falling {
+            if again.is_empty() {
                 break;
             }
+            before = now;
+            again.into_iter().filter(|(_, f)| f.is_ok()).for_each(|(k, f)| fitted[k] = f);
         }
         let proved = picked.par_iter().zip(fitted).map(|(score, fitted)| {
             let candidate = self.trials[score.trial].candidate;
@@ -201,6 +201,10 @@ impl Bench<'_> {
         }
         Err(failed)
     }
+}
+
+fn cost_of(fitted: &Result<Fitted, String>) -> f64 {
+    fitted.as_ref().map_or(f64::INFINITY, |f| f.outcome.cost)
 }
 
 /// A cost that only the best three reach, and those within a factor of the best.

@@ -64,6 +64,8 @@ pub struct ConstrainedLm<'a> {
     /// D as it stood before this iteration, which is what a resumed fit starts from
     scale_before: Vec<f64>,
     pub(crate) last_drop: f64,
+    /// the last first trial was accepted, so the next one's Jacobian will most likely be wanted with its residual
+    trusting: bool,
     reducer: QrReducer,
     second_reducer: QrReducer,
     last_saved: Option<Instant>,
@@ -113,6 +115,7 @@ impl<'a> ConstrainedLm<'a> {
             first_iteration: 0,
             scale_before: vec![0.0; names.len()],
             last_drop: f64::INFINITY,
+            trusting: false,
             reducer: QrReducer::default(),
             second_reducer: QrReducer::default(),
             last_saved: None,
@@ -186,14 +189,15 @@ impl<'a> ConstrainedLm<'a> {
         self.growth *= 2.0;
     }
 
-    /// Tries steps with growing damping until one lowers the cost.
+    /// Tries steps with growing damping until one lowers the cost. Where the last step was taken at the first trial, the Jacobian is asked
+    /// for with the residual: it costs little more than the residual alone, and a rejection is rare there.
     fn advance<O>(&mut self, problem: &mut Problem<O>, at: &Point, step: &StepProblem, reduced: &Reduced, scale: &[f64], k: u64) -> Trial
     where
         O: Operator<Param = V, Output = V> + Jacobian<Param = V, Jacobian = (V, DMatrix<f64>)>,
     {
         let mut failure = None; // why no trial could be evaluated, as long as none could
         let mut evaluated = false;
-        for _ in 0..TRIALS {
+        for trial in 0..TRIALS {
             if self.monitor.stop().is_some() {
                 return Trial::Ended(Termination::Interrupted);
             }
@@ -223,8 +227,14 @@ impl<'a> ConstrainedLm<'a> {
             let d = &p - &at.p;
             // what the linear model promises: of the step on its constraints as taken, without the acceleration
             let predicted = predicted_drop(reduced, if found.active.is_empty() { &found.d } else { &d });
-            let r = match problem.problem("residual_count", |o| o.apply(&p)) {
-                Ok(r) => r,
+            let ahead = (trial == 0 && self.trusting).then(|| problem.problem("jacobian_count", |o| o.jacobian(&p)).ok()).flatten();
+            self.trusting = trial == 0;
+            let evaluation = match ahead {
+                Some((r, j)) => Ok((r, Some(j))),
+                None => problem.problem("residual_count", |o| o.apply(&p)).map(|r| (r, None)),
+            };
+            let (r, known) = match evaluation {
+                Ok(found) => found,
                 Err(why) => {
                     failure = Some(format!("the model fails at every step tried: {why}"));
                     self.reject(k, at.cost, format!("the model failed: {why}"), 10.0);
@@ -244,7 +254,7 @@ impl<'a> ConstrainedLm<'a> {
                 self.reject(k, at.cost, format!("cost {cost:e}, gain ratio {ratio:.3e}"), 0.0);
                 continue;
             }
-            let (r, j) = match problem.problem("jacobian_count", |o| o.jacobian(&p)) {
+            let (r, j) = match known.map_or_else(|| problem.problem("jacobian_count", |o| o.jacobian(&p)), |j| Ok((r, j))) {
                 Ok(pair) => pair,
                 Err(why) => {
                     self.reject(k, at.cost, format!("the sensitivities failed: {why}"), 10.0);
