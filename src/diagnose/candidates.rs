@@ -80,7 +80,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
         let info = effect.info();
         match info.role {
             Role::Force | Role::Series => {
-                for (at, places) in sites(system) {
+                for (at, places) in sites(system).into_iter().chain(bodies(case, system, info.family == "inertial")) {
                     if !allowed(&at) || already(system, info.name, &places, info.params.iter().any(|p| p.kind == Kind::Shape)) {
                         continue;
                     }
@@ -131,15 +131,12 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
     (names, trials)
 }
 
-/// Every place where something acts, and the groups that effects of the model share.
+/// Every place of a connector (of a spatial model those where something acts), and the groups that effects of the model share.
 pub fn sites(system: &System) -> Vec<(String, Vec<usize>)> {
-    let mut sites: Vec<(String, Vec<usize>)> = Vec::new();
-    for p in 0..system.model.places.len() {
-        let acted = system.instances.iter().any(|i| matches!(&i.site, Site::Places(list) if list.contains(&p)));
-        if acted {
-            sites.push((system.model.place_name(p), vec![p]));
-        }
-    }
+    let model = &system.model;
+    let acted = |p: usize| system.instances.iter().any(|i| matches!(&i.site, Site::Places(list) if list.contains(&p)));
+    let there = |p: &usize| if model.space.is_some() { acted(*p) } else { model.on_connector(*p) };
+    let mut sites: Vec<(String, Vec<usize>)> = (0..model.places.len()).filter(there).map(|p| (model.place_name(p), vec![p])).collect();
     for i in &system.instances {
         if let Site::Places(list) = &i.site
             && list.len() > 1
@@ -149,6 +146,17 @@ pub fn sites(system: &System) -> Vec<(String, Vec<usize>)> {
         }
     }
     sites
+}
+
+/// Bodies as places, where an effect would act between the body and the ground: those that the study asks for, and for an inertia, which a
+/// body has of its own, all that no connector joins to the ground.
+fn bodies(case: &Case, system: &System, inertial: bool) -> Vec<(String, Vec<usize>)> {
+    let model = &system.model;
+    let grounded = |p: &crate::model::Place| p.from.is_none().then_some(p.to).or_else(|| p.to.is_none().then_some(p.from)).flatten();
+    let joined = |dof: Option<usize>| (0..model.places.len()).any(|p| model.on_connector(p) && grounded(&model.places[p]) == dof);
+    let asked = |at: &str| case.search.places.as_ref().is_some_and(|list| list.iter().any(|p| p == at));
+    let all = (0..model.places.len()).filter(|p| !model.on_connector(*p)).map(|p| (model.place_name(p), vec![p]));
+    all.filter(|(at, p)| asked(at) || (inertial && !joined(grounded(&model.places[p[0]])))).collect()
 }
 
 /// Whether the effect already stands at exactly these places and a second one could not differ from it.

@@ -159,6 +159,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let base_instances = fitted.system.instances.len();
     let first_system = fitted.system.clone();
     let mut rungs = vec![rung(&case, &fitted, None, vec![], vec![], first.tests)?];
+    // One for each instance that was added, in their order.
     let mut missing: Vec<Missing> = Vec::new();
     let limit = case.search.max_added.unwrap_or(MAX_ADDED);
     let (mut next, mut remainder, mut formula, mut left, mut would) = (None, false, None, None, vec![]);
@@ -313,7 +314,7 @@ fn rung(
 }
 
 /// Takes away again what the added effects have made superfluous: each added effect whose removal costs less than its parameters are
-/// worth on fit and select together.
+/// worth on fit and select together. `missing` names the instances from `base` on.
 fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missing>, monitor: &Monitor, watch: Watch) -> Vec<EffectAt> {
     let mut removed = Vec::new();
     let whole = |p: &Proof| cost(&p.fit) + cost(&p.select);
@@ -337,10 +338,7 @@ fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missin
         let gone = &system.instances[k];
         let gone = EffectAt { effect: gone.name().into(), at: gone.at.clone() };
         watch(&format!("pruned {} at {}", gone.effect, gone.at));
-        // One of the same name may just have been added: the older one goes.
-        if let Some(old) = missing.iter().position(|m| m.effect == gone.effect && m.at == gone.at) {
-            missing.remove(old);
-        }
+        missing.remove(k - base);
         removed.push(gone);
         now = Some(whole(&proof));
         *system = proof.fitted.system;

@@ -27,6 +27,12 @@ const REFIT_ITERATIONS: u64 = 40;
 const CONTINUED: usize = 3;
 const STILL_FALLING: f64 = 0.01;
 
+/// Part of the largest slope of a candidate's own parameters below which a combination of them does nothing; how far it is then moved, in
+/// logarithms; and the part of the cost below which that changed nothing either.
+const FLAT: f64 = 1e-3;
+const OFF: [f64; 4] = [-1.4, -0.6, 0.6, 1.4];
+const UNMOVED: f64 = 1e-6;
+
 /// Folds of a cross-validation.
 const FOLDS: usize = 4;
 /// Stretches that a test is cut into where its parts are the folds.
@@ -77,9 +83,9 @@ pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
     instance.follower = false;
     let info = instance.effect.info();
     for (value, p) in instance.params.iter_mut().zip(info.params) {
-        // An elastic limit that was tried is fitted as well.
-        let elastic = matches!(p.grid, Grid::Elastic(_)) && value.value > 0.0;
-        if p.kind == Kind::Shape || elastic {
+        // A setting that was tried as a start is fitted as well.
+        let begun = matches!(p.grid, Grid::Elastic(_) if value.value > 0.0) || matches!(p.grid, Grid::Starts(_));
+        if p.kind == Kind::Shape || begun {
             value.free = true;
             (value.min, value.max) = (p.min, p.max);
         }
@@ -145,6 +151,17 @@ impl Bench<'_> {
             .into_par_iter()
             .map(|l| l.and_then(|f| if f.outcome.cost <= hopeful { self.go_on(f, REFIT_ITERATIONS) } else { Ok(f) }))
             .collect();
+        let moved: Vec<(usize, Result<Fitted, String>)> = fitted
+            .par_iter()
+            .enumerate()
+            .filter_map(|(k, f)| Some((k, f.as_ref().ok().filter(|f| f.outcome.cost <= hopeful)?)))
+            .flat_map(|(k, f)| self.off_plateau(f).into_par_iter().map(move |system| (k, self.from(&system))))
+            .collect();
+        moved.into_iter().for_each(|(k, f)| {
+            if cost_of(&f) < cost_of(&fitted[k]) {
+                fitted[k] = f;
+            }
+        });
         for round in (1..=CONTINUED).rev() {
             let now: Vec<f64> = fitted.iter().map(cost_of).collect();
             let (best, near) = (now.iter().copied().fold(f64::INFINITY, f64::min), among_three(now.clone()));
@@ -178,6 +195,49 @@ impl Bench<'_> {
             Refit { candidate, score: *score, result }
         });
         proved.collect()
+    }
+
+    /// A fit in full from here.
+    fn from(&self, system: &System) -> Result<Fitted, String> {
+        fit_some(self.case, system, REFIT_ITERATIONS, self.monitor)
+    }
+
+    /// Where else a candidate may begin that has come to rest where a combination of its own parameters does nothing: a slider that never
+    /// slips shows its stiffness alone, and nothing there says at which force it would. Every positive parameter is moved along that
+    /// combination until the response changes.
+    fn off_plateau(&self, fitted: &Fitted) -> Vec<System> {
+        let last = fitted.system.instances.len() - 1;
+        let own: Vec<usize> = (0..fitted.free.len()).filter(|k| fitted.free[*k].instance == last).collect();
+        let value = |k: usize| fitted.system.instances[last].params[fitted.free[k].param].value;
+        if own.len() < 2 || own.iter().any(|k| value(*k) <= 0.0) || self.monitor.stops() {
+            return vec![];
+        }
+        // Slopes with respect to the logarithms.
+        let slope = |i: usize, c: usize| {
+            let k = own[c];
+            fitted.outcome.jacobian[(i, k)] * if fitted.free[k].log { 1.0 } else { value(k) }
+        };
+        let slopes = nalgebra::DMatrix::from_fn(fitted.outcome.n_residuals, own.len(), slope);
+        let svd = slopes.svd(false, true);
+        let (Some(v), size) = (svd.v_t, svd.singular_values.max()) else { return vec![] };
+        let (least, at) = (svd.singular_values.min(), svd.singular_values.imin());
+        if least > FLAT * size {
+            return vec![];
+        }
+        let direction = v.row(at) / v.row(at).amax();
+        let plans = self.case.plans_of(SplitName::Fit);
+        let cost_at = |system: &System| whitened(&plans, system).map(|w| cost(&w));
+        let here = fitted.outcome.cost;
+        let step = |t: &f64| {
+            let mut system = fitted.system.clone();
+            for (c, k) in own.iter().enumerate() {
+                let p = &mut system.instances[last].params[fitted.free[*k].param];
+                p.value = (p.value * (t * direction[c]).exp()).clamp(p.min, p.max);
+            }
+            let changed = cost_at(&system).is_ok_and(|cost| (cost - here).abs() > UNMOVED * here);
+            changed.then_some(system)
+        };
+        OFF.par_iter().filter_map(step).collect()
     }
 
     /// More iterations for what has used up its own.

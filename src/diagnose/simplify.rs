@@ -23,13 +23,13 @@ pub struct Swap {
     pub removed: EffectAt,
 }
 
-/// Looks at the effects from index `base` on, which the search has added; the first that a simpler law replaces at a rise of the cost
+/// Looks at the effects from index `base` on, which the search has added (`missing`, in their order); the first that a simpler law replaces at a rise of the cost
 /// below `worth` per parameter saved is replaced.
 pub fn simplify(
     case: &Case,
     fitted: &mut Fitted,
     base: usize,
-    missing: &mut [Missing],
+    missing: &mut Vec<Missing>,
     worth: f64,
     monitor: &Monitor,
     watch: &(dyn Fn(&str) + Sync),
@@ -79,11 +79,10 @@ pub fn simplify(
             removed: EffectAt { effect: info.name.into(), at: old.at.clone() },
         };
         watch(&format!("{} at {} takes the place of {}, which ended at a bound", swap.added.effect, swap.added.at, swap.removed.effect));
-        for m in missing.iter_mut().filter(|m| m.effect == swap.removed.effect && m.at == swap.removed.at) {
-            m.effect = swap.added.effect.clone();
-            // What the old law was tied with was weighed before the effects that came after it.
-            m.tied_with = vec![format!("{} at {}", swap.removed.effect, swap.removed.at)];
-        }
+        missing.remove(k - base);
+        // What the old law was tied with was weighed before the effects that came after it.
+        let tied_with = vec![format!("{} at {}", swap.removed.effect, swap.removed.at)];
+        missing.push(Missing { effect: swap.added.effect.clone(), at: swap.added.at.clone(), tied_with });
         *fitted = proof.fitted;
         return Ok(Some(swap));
     }

@@ -24,7 +24,8 @@ impl Force for BoucWen {
             Param::shape("n", Dim::One, Grid::Values(&[1.0, 3.0]), "sharpness of the yield; beyond its bound elastic_slip")
                 .within(1.0, 5.0),
             Param::setting("sigma", Dim::One, Sign::Positive, 0.5, "unloading: 0.5 elastic, above it rounded; 1 with n = 1 is Dahl's law")
-                .within(0.5, 5.0),
+                .within(0.5, 5.0)
+                .tried(Grid::Starts(&[0.55, 1.0])),
         ],
         states: 1,
         ports: Ports::DX,

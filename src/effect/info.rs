@@ -184,6 +184,8 @@ pub enum Grid {
     OfHighest(&'static [f64]),
     /// These values, whatever the tests show.
     Values(&'static [f64]),
+    /// These values, whatever the tests show, from which a setting is then fitted.
+    Starts(&'static [f64]),
 }
 
 /// What the tests show at a place, from which the search takes its values.
@@ -219,7 +221,7 @@ impl Grid {
             Grid::OfF(f) => times(f, scales.f),
             Grid::OfLowest(f) => times(f, scales.periods.1.recip()),
             Grid::OfHighest(f) => times(f, scales.periods.0.recip()),
-            Grid::Values(v) => v.to_vec(),
+            Grid::Values(v) | Grid::Starts(v) => v.to_vec(),
             Grid::Time(n) => {
                 let (lo, hi) = (scales.periods.0 / std::f64::consts::TAU, scales.periods.1 / std::f64::consts::TAU);
                 if !(lo > 0.0 && hi.is_finite()) {
@@ -353,8 +355,7 @@ pub struct Info {
     pub source: &'static str,
     /// Range of validity and what to watch for.
     pub range: &'static str,
-    /// Whether the response is differentiable in the strength at its null value along the whole path; where it is not, the
-    /// score test adds secant columns at finite strength.
+    /// Whether the response is differentiable in the strength at its null value along the whole path.
     pub smooth: bool,
 }
 

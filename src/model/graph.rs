@@ -118,8 +118,11 @@ pub enum Level {
 pub struct Model {
     /// Bodies.
     pub bodies: Vec<Body>,
-    /// Connectors.
+    /// Connectors: those that are declared, and after them one from the ground to every body that can move, named as the body, so that an
+    /// effect may act at a body (a sensor's mass at `m3.x`).
     pub connectors: Vec<Connector>,
+    /// Number of declared connectors.
+    pub declared: usize,
     /// Degrees of freedom, by body, then axis.
     pub dofs: Vec<Dof>,
     /// Places, by connector, then axis.
@@ -157,6 +160,13 @@ impl Model {
             }
         }
         let mut places = Vec::new();
+        let declared = connectors.len();
+        let mut connectors = connectors;
+        if let Some(ground) = bodies.iter().position(|b| b.free.is_empty()) {
+            let bodies = bodies.iter().enumerate().filter(|(_, b)| !b.free.is_empty() && connectors.iter().all(|c| c.name != b.name));
+            let held: Vec<Connector> = bodies.map(|(to, b)| Connector { name: b.name.clone(), from: ground, to }).collect();
+            connectors.extend(held);
+        }
         for (c, connector) in connectors.iter().enumerate() {
             if connector.from == connector.to {
                 return Err(ModelError::invalid(
@@ -175,9 +185,9 @@ impl Model {
         if dofs.is_empty() {
             return Err(ModelError::invalid("body", "no body has a free axis: nothing can move", "at least one body with free = [\"x\"]"));
         }
-        let model = Model { bodies, connectors, dofs, places, space: None, loads: vec![], absent: vec![], attached: vec![] };
+        let model = Model { bodies, connectors, declared, dofs, places, space: None, loads: vec![], absent: vec![], attached: vec![] };
         for (d, dof) in model.dofs.iter().enumerate() {
-            if !model.places.iter().any(|p| p.from == Some(d) || p.to == Some(d)) {
+            if !model.places.iter().any(|p| p.connector < declared && (p.from == Some(d) || p.to == Some(d))) {
                 let name = model.dof_name(d);
                 return Err(ModelError::invalid(
                     &name,
@@ -187,6 +197,11 @@ impl Model {
             }
         }
         Ok(model)
+    }
+
+    /// Whether a place lies on a declared connector, and not on one that only names a body.
+    pub fn on_connector(&self, place: usize) -> bool {
+        self.places[place].connector < self.declared
     }
 
     /// Whether a connector is there in a test.

@@ -17,7 +17,7 @@ pub fn section(input: &ReportInput) -> String {
     let model = format!(
         "<h3>The model as it stands in the study</h3><p>{} bodies, {} places; {}.</p>",
         study.system.model.bodies.len(),
-        study.system.model.places.len(),
+        (0..study.system.model.places.len()).filter(|p| study.system.model.on_connector(*p)).count(),
         if effects.is_empty() { "no effect".into() } else { list(&effects) }
     );
     let fact = |name: &str, text: Option<String>| text.map(|t| format!("<li>{name}: {}</li>", esc(&t))).unwrap_or_default();

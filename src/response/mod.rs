@@ -37,6 +37,8 @@ pub use variation::{CycleDrive, Variation};
 
 /// Integration error that is allowed, in units of sigma: its square is a hundredth of the noise's.
 const STEP_ERROR: f64 = 0.1;
+/// Root of the sum of squares of the same of a record.
+const RECORD_ERROR: f64 = 1.0;
 
 /// Factor on the sigma of rows that are left out.
 const UNSEEN: f64 = 1e8;
@@ -291,13 +293,19 @@ impl Plan {
         let mut best: Option<Plan> = None;
         loop {
             let now = best.as_ref().unwrap_or(self);
-            let Work::Cycle(cycle) = &now.work else { return None };
-            let Some(finer) = cycle.finer() else { return best };
-            let finer = Plan { work: Work::Cycle(finer), ..now.clone() };
+            let finer = match &now.work {
+                Work::Cycle(cycle) => cycle.finer().map(Work::Cycle),
+                Work::Transient(record) => record.finer().map(Work::Transient),
+                _ => None,
+            };
+            let Some(finer) = finer else { return best };
+            let finer = Plan { work: finer, ..now.clone() };
             let (Ok(a), Ok(b)) = (now.evaluate(system, &[], false), finer.evaluate(system, &[], false)) else { return best };
             let moved: f64 = a.values.iter().zip(&b.values).zip(&self.sigma).map(|((a, b), s)| ((a - b) / s).powi(2)).sum();
-            // The error is of second order: what doubling moves is three quarters of it, and three times what then remains.
-            if (moved / self.len().max(1) as f64).sqrt() < 0.75 * STEP_ERROR {
+            // The error is of second order: what doubling moves is three quarters of it, and three times what then remains. A record is one
+            // long motion whose error adds up along it, and bends a parameter by up to the root of the sum in standard errors.
+            let enough = if matches!(now.work, Work::Transient(_)) { RECORD_ERROR } else { STEP_ERROR * (self.len().max(1) as f64).sqrt() };
+            if moved.sqrt() < 0.75 * enough {
                 return best;
             }
             best = Some(finer);

@@ -1,5 +1,7 @@
 //! A whole record, marched from rest, or from the equilibrium under the loads that stay, at its first sample.
 
+use std::sync::Arc;
+
 use crate::data::{Control, TimeRecord};
 use crate::effect::Moment;
 use crate::engine::march::{Loads, March, Probe};
@@ -12,10 +14,21 @@ use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel,
 /// A transient test made ready.
 #[derive(Clone, Debug)]
 pub struct TransientPlan {
+    /// What drives it, and the driven degree of freedom with the sign of the channel.
+    drive: (Control, usize, f64),
+    /// Its displacement, velocity and acceleration, or its force, at the samples.
+    samples: Arc<[[f64; 3]]>,
+    /// Sampling interval [s].
+    dt: f64,
+    /// Steps of the march from one sample to the next.
+    stride: usize,
     loads: Loads,
     probes: Vec<(Probe, f64)>,
     moments: Vec<Moment>,
 }
+
+/// Steps of a march at most.
+const MOST_STEPS: usize = 400_000;
 
 /// Spectral radius at infinite frequency: little damping of what the record resolves.
 const RADIUS: f64 = 0.6;
@@ -63,14 +76,26 @@ impl TransientPlan {
         let time = |k: usize| (k as f64 - 0.5 * (n - 1) as f64) * dt;
         let moment = |(k, s): (usize, &[f64; 3])| Moment { acceleration: if driven_motion { s[2] } else { 0.0 }, time: time(k) };
         let moments = samples.iter().enumerate().map(moment).collect();
-        Ok(TransientPlan { loads: site::loads(control, dof, sign, dt, &samples), probes, moments })
+        let loads = site::loads(control, dof, sign, dt, &samples);
+        Ok(TransientPlan { drive: (control, dof, sign), samples: samples.into(), dt, stride: 1, loads, probes, moments })
+    }
+
+    /// The same test with twice as many steps; `None` where they would be too many.
+    pub(super) fn finer(&self) -> Option<Self> {
+        let stride = 2 * self.stride;
+        if self.samples.len().saturating_mul(stride) > MOST_STEPS {
+            return None;
+        }
+        let (control, dof, sign) = self.drive;
+        let loads = site::loads(control, dof, sign, self.dt / stride as f64, &between(control, &self.samples, self.dt, stride));
+        Some(TransientPlan { stride, loads, ..self.clone() })
     }
 
     pub(super) fn dt(&self) -> f64 {
-        self.loads.dt
+        self.dt
     }
     pub(super) fn duration(&self) -> f64 {
-        self.loads.dt * self.moments.len() as f64
+        self.dt * self.moments.len() as f64
     }
 
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
@@ -86,16 +111,14 @@ impl TransientPlan {
         })?;
         let mut out = Computed::default();
         for (i, block) in plan.blocks.iter().enumerate() {
-            // The march starts with its first step; rest before it reads as the state after it.
-            values[i][0] = values[i][1];
-            slopes[i].copy_within(n_free..2 * n_free, 0);
-            channel::apply(bound, &plan.id, &block.role, self.loads.dt, false, &self.moments, &mut values[i], &mut slopes[i]);
+            channel::apply(bound, &plan.id, &block.role, self.dt, false, &self.moments, &mut values[i], &mut slopes[i]);
             out.values.append(&mut values[i]);
             out.slopes.append(&mut slopes[i]);
         }
         Ok(out)
     }
 
+    /// Marches and reads at every sample. The march starts with its first step; rest before it reads as the state after it.
     fn run(
         &self,
         model: &Model,
@@ -106,7 +129,12 @@ impl TransientPlan {
         let mut march = March::new(model, bound, &self.loads, RADIUS)?;
         let mut state = march.start(equilibrium(model, bound, columns)?, columns);
         for k in 1..self.moments.len() {
-            march.step(k, &mut state, columns)?;
+            for step in (k - 1) * self.stride + 1..=k * self.stride {
+                march.step(step, &mut state, columns)?;
+                if step == 1 {
+                    each(0, &march, &state);
+                }
+            }
             each(k, &march, &state);
         }
         Ok(())
@@ -121,8 +149,44 @@ impl TransientPlan {
                 seen[n + p].push(march.read(Probe::Force(p), state, &mut []));
             }
         })?;
-        Ok((0..n).map(|p| amplitude(&seen[p], &seen[n + p], self.loads.dt)).collect())
+        Ok((0..n).map(|p| amplitude(&seen[p], &seen[n + p], self.dt)).collect())
     }
+}
+
+/// The drive between its samples: a motion by the quintic that takes up displacement, velocity and acceleration at both ends, a force by the
+/// cubic through the two samples at either side.
+fn between(control: Control, samples: &[[f64; 3]], dt: f64, stride: usize) -> Vec<[f64; 3]> {
+    let mut fine = Vec::with_capacity(samples.len() * stride);
+    for k in 0..samples.len() - 1 {
+        let (a, b) = (samples[k], samples[k + 1]);
+        let (before, after) = (samples[k.saturating_sub(1)][0], samples[(k + 2).min(samples.len() - 1)][0]);
+        fine.extend((0..stride).map(|j| {
+            let t = j as f64 / stride as f64;
+            match control {
+                Control::Displacement => quintic(a, b, dt, t),
+                Control::Force => {
+                    let (p, q) = (0.5 * (b[0] - before), 0.5 * (after - a[0]));
+                    let (c3, c2) = (2.0 * (a[0] - b[0]) + p + q, 3.0 * (b[0] - a[0]) - 2.0 * p - q);
+                    [a[0] + t * (p + t * (c2 + t * c3)), 0.0, 0.0]
+                }
+            }
+        }));
+    }
+    fine.extend(samples.last());
+    fine
+}
+
+/// Displacement, velocity and acceleration at the part `t` of the interval `dt` between two states.
+fn quintic(a: [f64; 3], b: [f64; 3], dt: f64, t: f64) -> [f64; 3] {
+    let (v0, v1, a0, a1) = (a[1] * dt, b[1] * dt, a[2] * dt * dt, b[2] * dt * dt);
+    // What the parabola from the first state misses at the second, in displacement, velocity and acceleration.
+    let (e, f, g) = (b[0] - a[0] - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0);
+    let (c3, c4, c5) = (10.0 * e - 4.0 * f + 0.5 * g, -15.0 * e + 7.0 * f - g, 6.0 * e - 3.0 * f + 0.5 * g);
+    [
+        a[0] + t * (v0 + t * (0.5 * a0 + t * (c3 + t * (c4 + t * c5)))),
+        (v0 + t * (a0 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)))) / dt,
+        (a0 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5))) / (dt * dt),
+    ]
 }
 
 /// Standard deviation of white noise on a smooth signal, from third differences (variance factor 20) and their median, which jumps do

@@ -271,11 +271,13 @@ fn param(table: &TableView<'_>, info: &Info, p: &Param, dimension: Dimension) ->
     if asked.is_some() && inner("fixed").is_some() {
         return Err(at("free").refuse("free and fixed both stand there", "one of them"));
     }
+    // Bounds of a setting, or `fixed = false`, ask for it to be fitted.
+    let fitted = !spec.fixed && (!setting || inner("fixed").is_some() || spec.min.is_some() || spec.max.is_some());
     Ok(ParamValue {
         value: start,
         min: spec.min.unwrap_or(p.min),
         max: spec.max.unwrap_or(p.max),
-        free: asked.unwrap_or(!setting && !spec.fixed),
+        free: asked.unwrap_or(fitted),
         prior: spec.prior.map(|p| (p.mean, p.sigma)),
         unit: (spec.start.unit.symbol.clone(), spec.start.unit.factor),
     })

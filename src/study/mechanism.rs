@@ -35,15 +35,20 @@ pub(super) fn check(model: &Model, instances: &[Instance]) -> Result<(), (usize,
     let ground = root(&mut group, n);
     let groups: Vec<usize> = (0..n).map(|d| root(&mut group, d)).collect();
     let Some(first) = groups.iter().position(|g| {
-        let loose = |p: usize| !acts[p] && [model.places[p].from, model.places[p].to].iter().flatten().any(|d| groups[*d] == *g);
+        let loose = |p: usize| {
+            !acts[p] && model.on_connector(p) && [model.places[p].from, model.places[p].to].iter().flatten().any(|d| groups[*d] == *g)
+        };
         let mass = || (0..n).filter(|d| groups[*d] == *g).map(|d| model.dofs[d].mass).sum::<f64>();
         *g != ground && ((0..acts.len()).any(loose) || mass() == 0.0)
     }) else {
         return Ok(());
     };
     let members: Vec<String> = (0..n).filter(|d| groups[*d] == groups[first]).map(|d| model.dof_name(d)).collect();
-    let leaving =
-        |p: &usize| !acts[*p] && [model.places[*p].from, model.places[*p].to].iter().flatten().any(|d| groups[*d] == groups[first]);
+    let leaving = |p: &usize| {
+        !acts[*p]
+            && model.on_connector(*p)
+            && [model.places[*p].from, model.places[*p].to].iter().flatten().any(|d| groups[*d] == groups[first])
+    };
     let places: Vec<String> = (0..acts.len()).filter(leaving).map(|p| model.place_name(p)).collect();
     let accepted = if places.is_empty() {
         "a connector to the ground with a force effect, or a mass".to_string()

@@ -18,7 +18,7 @@
 //! | `[[connector]]` | `name`, and `from`, `to` or `chain = "body with count"`; `ground` need not be declared |
 //! | `[[load]]` | a load that stays: `at` (`m8.x`), `force`, or `condition = "load"` and `factor` (a test that does not state it is not loaded), `via = ["138.3 N"]` values passed through before, `steps` from one to the next |
 //! | `[[effect]]` | `effect`, `at` (place, range `c1-7.x`, list of places; for a channel effect `test.role` or `*.role`), its parameters |
-//! | parameter | `"20 N/mm"` or `{ start, min, max, prior = { mean, sigma }, fixed = true }`; settings: `free = true` to fit them |
+//! | parameter | `"20 N/mm"` or `{ start, min, max, prior = { mean, sigma }, fixed = true }`; settings are fitted where bounds, `fixed = false` or `free = true` say so |
 //! | formula | `expression`, `states = { z = "rate" }`, `active`; every other key is a parameter ([`crate::effect::formula`]) |
 //! | coefficient effects | `of = "viscous.c"` (`viscous#2.c` for the second there), `condition`, `reference` |
 //! | `per = "i"` in an effect | values of its own at every value of the condition, `monotone = "rising"` or `"falling"` their order; `only = { i = "0.3 mm" }`: the values at one |

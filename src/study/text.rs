@@ -80,8 +80,8 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
         let setting = param.kind == Kind::Setting;
         match (setting, value.free) {
             (true, true) => keys.push("free = true".into()),
-            (false, false) => keys.push("fixed = true".into()),
-            _ => {}
+            (_, false) => keys.push("fixed = true".into()),
+            (false, true) => {}
         }
         let implied = value.min == param.min && value.max == param.max && value.prior.is_none();
         let _ = match setting && !value.free && implied {

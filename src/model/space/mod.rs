@@ -107,7 +107,8 @@ impl Model {
                 "a connector to every part that can move",
             ));
         }
-        Ok(Model { bodies, connectors, dofs, places, space: Some(space), loads: vec![], absent: vec![], attached: vec![] })
+        let declared = connectors.len();
+        Ok(Model { bodies, connectors, declared, dofs, places, space: Some(space), loads: vec![], absent: vec![], attached: vec![] })
     }
 }
 
