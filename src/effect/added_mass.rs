@@ -20,7 +20,6 @@ impl Force for AddedMass {
         family: "inertial",
         source: "entrained fluid and inerters: Smith, IEEE Trans. Autom. Control 47 (2002) 1648-1662; at a connector to the ground, a mass",
         range: "inertia of the structure; moving_mass is one under the load cell, which no part feels",
-        smooth: true,
     };
 
     const LINEAR: bool = true;

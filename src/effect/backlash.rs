@@ -23,7 +23,6 @@ impl SeriesLaw for Backlash {
         family: "clearance",
         source: "Tao and Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), ch. 2; regularised in the force",
         range: "quasi-static play without impact",
-        smooth: false,
     };
 
     fn opening<T: Num>(f: T, p: &[T]) -> T {

@@ -24,7 +24,6 @@ impl Force for BilinearStiffness {
         family: "elastic",
         source: "Shaw and Holmes, J. Sound Vib. 90 (1983) 129-155",
         range: "beside a linear_stiffness; negative k: the spring is stiffer below x0",
-        smooth: true,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {

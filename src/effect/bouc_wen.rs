@@ -25,7 +25,7 @@ impl Force for BoucWen {
                 .within(1.0, 5.0),
             Param::setting("sigma", Dim::One, Sign::Positive, 0.5, "unloading: 0.5 elastic, above it rounded; 1 with n = 1 is Dahl's law")
                 .within(0.5, 5.0)
-                .tried(Grid::Starts(&[0.55, 1.0])),
+                .tried(Grid::Starts(&[0.6])),
         ],
         states: 1,
         ports: Ports::DX,
@@ -33,7 +33,6 @@ impl Force for BoucWen {
         source: "Bouc (1967); Wen, J. Eng. Mech. Div. 102 (1976) 249-263; normalised form, sigma >= 1/2 for passivity: Ikhouane and \
                  Rodellar, Systems with Hysteresis (2007), ch. 2",
         range: "rate-independent hysteresis; drifts under small cycles about a load unless they are symmetric",
-        smooth: false,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, s: &mut [T], p: &[T]) -> T {

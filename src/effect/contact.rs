@@ -37,7 +37,6 @@ impl Force for Contact {
         family: "clearance",
         source: "Hertz (1882), in Johnson, Contact Mechanics (1985), ch. 4; damping: Hunt and Crossley, J. Appl. Mech. 42 (1975) 440-445",
         range: "contact without adhesion; the force never pulls",
-        smooth: true,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {

@@ -33,7 +33,6 @@ impl Force for Coulomb {
         family: "friction",
         source: "Coulomb (1785); regularisation as in the paper's FE model (sec. 2)",
         range: "gross sliding; no presliding stiffness",
-        smooth: false,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {

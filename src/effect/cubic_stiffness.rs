@@ -20,7 +20,6 @@ impl Force for CubicStiffness {
         family: "elastic",
         source: "Duffing (1918)",
         range: "moderate amplitudes; a negative k3 is unstable at large ones",
-        smooth: true,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {

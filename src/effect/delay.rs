@@ -21,7 +21,6 @@ impl ChannelLaw for Delay {
         family: "instrument",
         source: "McConnell and Varoto, Vibration Testing (2008), ch. 4",
         range: "delays short against the period",
-        smooth: true,
     };
 
     fn shift<T: Num>(p: &[T]) -> T {

@@ -23,7 +23,6 @@ impl ChannelLaw for Drift {
         range: "t_mid is the middle of the record. A settled loop is the mean of cycles that start at phase 0: there a drift is a ramp over one cycle \
                 with a jump of b times the period at phase 0 (a drift between cycles that is seen when they are averaged has been taken out with its ramp). \
                 No effect on an FRF",
-        smooth: true,
     };
 
     const IN_FREQUENCY: bool = false;

@@ -23,7 +23,6 @@ impl Force for ElasticSlip {
         family: "friction",
         source: "Jenkins (1962); Iwan, J. Appl. Mech. 33 (1966)",
         range: "rate-independent friction with presliding",
-        smooth: false,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, s: &mut [T], p: &[T]) -> T {

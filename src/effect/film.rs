@@ -35,7 +35,6 @@ impl Force for Film {
         family: "friction",
         source: "Eyring, J. Chem. Phys. 4 (1936); film in series with a contact stiffness: design.md section 7",
         range: "boundary-lubricated sliding over decades of velocity",
-        smooth: false,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {

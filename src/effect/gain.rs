@@ -21,7 +21,6 @@ impl ChannelLaw for Gain {
         family: "instrument",
         source: "McConnell and Varoto, Vibration Testing (2008), ch. 4",
         range: "linear sensors",
-        smooth: true,
     };
 
     fn reading<T: Num>(y: T, _at: Moment, p: &[T]) -> T {

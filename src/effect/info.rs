@@ -355,8 +355,6 @@ pub struct Info {
     pub source: &'static str,
     /// Range of validity and what to watch for.
     pub range: &'static str,
-    /// Whether the response is differentiable in the strength at its null value along the whole path.
-    pub smooth: bool,
 }
 
 impl Info {

@@ -19,7 +19,6 @@ impl CoefficientLaw for InterferenceLaw {
         family: "coefficient",
         source: "paper eqs. 7-8, with the reference at the design interference (design.md section 2)",
         range: "the paper gives 0.03 mm to 1.3 mm",
-        smooth: true,
     };
 
     fn factor<T: Num>(offset: f64, p: &[T]) -> T {

@@ -36,7 +36,6 @@ impl Force for Iwan {
         family: "friction",
         source: "Iwan, J. Appl. Mech. 33 (1966) 893-900 (uniform density); power-law density: Segalman, J. Appl. Mech. 72 (2005) 752-760",
         range: "bolted and press-fitted joints; below the first slider's slip, d/24 at chi = 0, all of them stick",
-        smooth: false,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, s: &mut [T], p: &[T]) -> T {

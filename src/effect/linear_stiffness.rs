@@ -20,7 +20,6 @@ impl Force for LinearStiffness {
         family: "elastic",
         source: "Hooke; paper eq. 1",
         range: "small strain of the joint",
-        smooth: true,
     };
 
     const LINEAR: bool = true;

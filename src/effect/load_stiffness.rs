@@ -19,7 +19,6 @@ impl CoefficientLaw for LoadStiffness {
         family: "coefficient",
         source: "first order of the tangent stiffness of a preloaded contact: Johnson, Contact Mechanics (1985), ch. 4",
         range: "loads near load_ref; the coefficient changes sign at load_ref - 1/a",
-        smooth: true,
     };
 
     const CONDITION: Option<&'static str> = Some("load");

@@ -31,7 +31,6 @@ impl Force for LuGre {
         source: "Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Autom. Control 40 (1995) 419-425; bristle \
                  damping that falls with velocity: Olsson et al., Eur. J. Control 4 (1998) 176-195",
         range: "lubricated contacts with presliding; passive at every tau, since tau' |v| < 4 d g (Barabanov and Ortega, IEEE Trans. Autom. Control 45, 2000)",
-        smooth: false,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {

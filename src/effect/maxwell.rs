@@ -23,7 +23,6 @@ impl Force for Maxwell {
         family: "viscoelastic",
         source: "Christensen, Theory of Viscoelasticity (1982), sec. 1.6",
         range: "linear viscoelastic materials; several branches for a wide band",
-        smooth: true,
     };
 
     const SUPERPOSES: bool = true;

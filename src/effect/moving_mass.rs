@@ -21,7 +21,6 @@ impl ChannelLaw for MovingMass {
         family: "instrument",
         source: "Ewins, Modal Testing (2000), sec. 3.10 (mass cancellation)",
         range: "on force channels",
-        smooth: true,
     };
 
     const FORCE_ONLY: bool = true;

@@ -21,7 +21,6 @@ impl ChannelLaw for Offset {
         family: "instrument",
         source: "McConnell and Varoto, Vibration Testing (2008), ch. 4",
         range: "no effect on an FRF",
-        smooth: true,
     };
 
     const IN_FREQUENCY: bool = false;

@@ -33,7 +33,6 @@ impl Force for PowerDamping {
         family: "viscous",
         source: "Ostwald-de Waele fluid; fluid dampers with n 0.3 to 2: Constantinou and Symans, report NCEER-92-0032 (1992)",
         range: "shear-thinning (n < 1) and thickening (n > 1) fluids over one or two decades of velocity",
-        smooth: true,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {

@@ -21,7 +21,6 @@ impl Force for QuadraticDamping {
         family: "viscous",
         source: "drag at high Reynolds numbers; Nayfeh and Mook, Nonlinear Oscillations (1979), ch. 3",
         range: "turbulent flow through orifices and around bodies",
-        smooth: true,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {

@@ -20,7 +20,6 @@ impl Force for QuadraticStiffness {
         family: "elastic",
         source: "Helmholtz's asymmetric oscillator; Nayfeh and Mook, Nonlinear Oscillations (1979), ch. 2",
         range: "small asymmetry; unstable beyond |x| = k/(2 k2) of the spring beside it",
-        smooth: true,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {

@@ -39,7 +39,6 @@ impl Force for Springpot {
         family: "viscoelastic",
         source: "Koeller, J. Appl. Mech. 51 (1984) 299-307; series: trapezoidal rule over the logarithm of the relaxation rates, with exact tails",
         range: "inside the band: within 1 % of the power law where it is six decades wide, 0.1 % for three decades and a factor 3 from its ends",
-        smooth: true,
     };
 
     const SUPERPOSES: bool = true;

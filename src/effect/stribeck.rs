@@ -33,7 +33,6 @@ impl Force for Stribeck {
         family: "friction",
         source: "Stribeck (1902); Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083-1138; Gaussian fall",
         range: "gross sliding; no presliding stiffness (lugre has one)",
-        smooth: false,
     };
 
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {

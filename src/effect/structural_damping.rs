@@ -25,7 +25,6 @@ impl Force for StructuralDamping {
         family: "viscoelastic",
         source: "Biot (1958) continuous relaxation spectrum; Park and Schapery, Int. J. Solids Struct. 36 (1999)",
         range: "inside the band; the storage modulus rises by (2/pi) h per e-fold of frequency, as causality demands",
-        smooth: true,
     };
 
     const SUPERPOSES: bool = true;

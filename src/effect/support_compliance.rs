@@ -19,7 +19,6 @@ impl SeriesLaw for SupportCompliance {
         family: "elastic",
         source: "springs in series",
         range: "linear support",
-        smooth: true,
     };
 
     const LINEAR: bool = true;

@@ -20,7 +20,6 @@ impl Force for Viscous {
         family: "viscous",
         source: "Rayleigh; paper eq. 1",
         range: "laminar films, small frequency range",
-        smooth: true,
     };
 
     const LINEAR: bool = true;

@@ -39,6 +39,10 @@ const FADE: f64 = 0.7;
 /// Rounding in the residual makes the cost uncertain by more than its own last bits: once neither the linear model nor the cost itself
 /// changes by more than this many f_tol, there is nothing left to decide by.
 const FLOOR: f64 = 1e3;
+/// Steps of a relative length below `CREEP` that are taken one after another before the fit is called stalled: along a combination that the
+/// residual hardly sees, the undamped step stays long while no step of it lowers the cost by anything.
+const CREEP: f64 = 1e-10;
+const CREEPING: u32 = 8;
 /// Acceleration: place of the extra evaluation along the step, largest 2 |a| / |d| believed, relative length below which a step is straight.
 const PROBE: f64 = 0.01;
 const BEND: f64 = 0.75;
@@ -66,6 +70,8 @@ pub struct ConstrainedLm<'a> {
     pub(crate) last_drop: f64,
     /// the last first trial was accepted, so the next one's Jacobian will most likely be wanted with its residual
     trusting: bool,
+    /// steps in a row that were too short to matter
+    creeping: u32,
     reducer: QrReducer,
     second_reducer: QrReducer,
     last_saved: Option<Instant>,
@@ -116,6 +122,7 @@ impl<'a> ConstrainedLm<'a> {
             scale_before: vec![0.0; names.len()],
             last_drop: f64::INFINITY,
             trusting: false,
+            creeping: 0,
             reducer: QrReducer::default(),
             second_reducer: QrReducer::default(),
             last_saved: None,
@@ -400,6 +407,8 @@ where
             Trial::Ended(Termination::Converged(Convergence::ZeroResidual))
         } else if let Some(kind) = settled.then(|| self.converged(&step, &reduced, &scale, &at.p, cost)).flatten() {
             Trial::Ended(Termination::Converged(kind))
+        } else if self.creeping >= CREEPING {
+            Trial::Ended(Termination::Stalled)
         } else {
             self.advance(problem, &at, &step, &reduced, &scale, k)
         };
@@ -413,6 +422,7 @@ where
         match trial {
             Trial::Accepted { point, relative_step, ratio } => {
                 self.last_drop = cost - point.cost;
+                self.creeping = if relative_step < CREEP { self.creeping + 1 } else { 0 };
                 self.save(&point, k + 1, false);
                 if let Some(callback) = &self.monitor.on_iteration {
                     callback(&Progress { iteration: k + 1, cost: point.cost, lambda: self.lambda, step: relative_step });

@@ -4,6 +4,7 @@ mod bad_input;
 mod committed;
 mod damage;
 mod formula;
+mod hidden;
 mod house;
 mod missing;
 mod new;

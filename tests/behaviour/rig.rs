@@ -77,7 +77,7 @@ pub const K: f64 = 20.0;
 pub const C: f64 = 0.1;
 
 /// Standard normal numbers from a congruential generator and the sum of twelve: shares nothing with the program.
-fn noise(state: &mut u64) -> f64 {
+pub fn noise(state: &mut u64) -> f64 {
     (0..12)
         .map(|_| {
             *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

@@ -53,7 +53,6 @@ pub static FORMULA: Info = Info {
     family: "formula",
     source: "the study; + - * / ^, sin cos tan exp log sqrt abs sign min max tanh asinh pow, pi; -x^2 = -(x^2), 2^3^2 = 2^9",
     range: "up to 7 parameters and 4 states; refused when it has no value at the tested motion or gives energy back over closed cycles",
-    smooth: false,
 };
 
 /// Parameters at most: as many as a stiffness has derivatives for.

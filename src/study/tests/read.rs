@@ -21,8 +21,12 @@ fn the_contracts_first_example() {
 fn the_contracts_chain() {
     let study = Folder::chain(CHAIN).load().unwrap();
     let model = &study.system.model;
-    assert_eq!((model.bodies.len(), model.dofs.len(), model.places.len()), (9, 8, 8));
+    assert_eq!((model.bodies.len(), model.dofs.len(), model.places.len()), (9, 8, 16));
     assert_eq!((0..8).map(|p| model.place_name(p)).collect::<Vec<_>>(), ["base.x", "c1.x", "c2.x", "c3.x", "c4.x", "c5.x", "c6.x", "c7.x"]);
+    // After the connectors the bodies, held against the ground.
+    assert!((0..16).all(|p| model.on_connector(p) == (p < 8)));
+    let p = model.places[model.places_at("m3.x").unwrap()[0]];
+    assert_eq!((p.from, p.to), (None, model.dof("m3.x")));
     let ground = &model.bodies[model.connectors[0].from];
     assert!(ground.name == "ground" && ground.free.is_empty());
     for j in 1..8 {
@@ -34,6 +38,16 @@ fn the_contracts_chain() {
     }
     assert!(model.dofs.iter().all(|d| d.mass == 0.1));
     assert_eq!(study.system.instances[1].site, Site::Places((1..8).collect()));
+}
+
+#[test]
+fn a_setting_is_fitted_where_it_has_bounds() {
+    let free = |sigma: &str| {
+        let more = format!("[[effect]]\neffect = \"bouc_wen\"\nat = \"c1.x\"\nf = \"1 N\"\nd = \"0.1 mm\"\nn = 1.5\nsigma = {sigma}\n");
+        Folder::one(&format!("{ONE}{more}")).load().unwrap().system.free().iter().any(|f| f.name.ends_with("sigma"))
+    };
+    assert!(free("{ start = 0.6, min = 0.5, max = 1 }") && free("{ start = 0.6, fixed = false }") && free("{ start = 0.6, free = true }"));
+    assert!(!free("0.6") && !free("{ start = 0.6, min = 0.5, fixed = true }"));
 }
 
 #[test]
