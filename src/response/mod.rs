@@ -303,8 +303,14 @@ impl Plan {
             let (Ok(a), Ok(b)) = (now.evaluate(system, &[], false), finer.evaluate(system, &[], false)) else { return best };
             let moved: f64 = a.values.iter().zip(&b.values).zip(&self.sigma).map(|((a, b), s)| ((a - b) / s).powi(2)).sum();
             // The error is of second order: what doubling moves is three quarters of it, and three times what then remains. A record is one
-            // long motion whose error adds up along it, and bends a parameter by up to the root of the sum in standard errors.
-            let enough = if matches!(now.work, Work::Transient(_)) { RECORD_ERROR } else { STEP_ERROR * (self.len().max(1) as f64).sqrt() };
+            // long motion whose error adds up along it, and bends a parameter by up to the root of the sum in standard errors; where the
+            // model still fails by many times the noise, a part of that is close enough.
+            let enough = if matches!(now.work, Work::Transient(_)) {
+                let fails = self.whitened(&a.values).norm() / (self.len().max(1) as f64).sqrt();
+                RECORD_ERROR * (fails / 3.0).max(1.0)
+            } else {
+                STEP_ERROR * (self.len().max(1) as f64).sqrt()
+            };
             if moved.sqrt() < 0.75 * enough {
                 return best;
             }
