@@ -1,6 +1,8 @@
-//! Progress on stderr: a line that moves on a terminal, a plain line now and then elsewhere.
+//! Progress on stderr: a line that moves on a terminal, a plain line now and then elsewhere, also where a step takes long.
 
-use std::sync::Mutex;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -19,12 +21,16 @@ pub(super) struct Progress {
     terminal: bool,
     started: Instant,
     deadline: Option<Instant>,
-    state: Mutex<State>,
+    state: Arc<Mutex<State>>,
+    /// Repeats what is being done when nothing new is said of it for long.
+    beat: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
 #[derive(Default)]
 struct State {
     step: String,
+    /// What was said last; empty at the end.
+    text: String,
     last: Option<Instant>,
 }
 
@@ -37,7 +43,9 @@ impl Progress {
         if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed} {wide_msg}") {
             bar.set_style(style);
         }
-        Progress { bar, terminal, started: Instant::now(), deadline, state: Mutex::new(State::default()) }
+        let (started, state) = (Instant::now(), Arc::new(Mutex::new(State::default())));
+        let beat = (!terminal).then(|| beat(started, state.clone()));
+        Progress { bar, terminal, started, deadline, state, beat }
     }
 
     /// A step of the work, in words.
@@ -74,11 +82,15 @@ impl Progress {
             eprintln!("misfit: {:.0} s: {text}", self.started.elapsed().as_secs_f64());
             state.last = Some(Instant::now());
         }
+        state.text.clone_from(&text);
         self.bar.set_message(text);
     }
 
     /// Takes the moving line away.
     pub fn end(&self) {
+        if let Ok(mut state) = self.state.lock() {
+            state.text.clear();
+        }
         self.bar.finish_and_clear();
     }
 }
@@ -86,5 +98,25 @@ impl Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         self.end();
+        if let Some((stop, thread)) = self.beat.take() {
+            // A thread that has ended needs no word, and its line was the last of it.
+            let _ = stop.send(());
+            let _ = thread.join();
+        }
     }
+}
+
+/// A thread that says every [`BETWEEN`] what is still being done, unless something else was said.
+fn beat(started: Instant, state: Arc<Mutex<State>>) -> (Sender<()>, JoinHandle<()>) {
+    let (stop, stopped) = channel();
+    let thread = std::thread::spawn(move || {
+        while stopped.recv_timeout(QUIET) == Err(RecvTimeoutError::Timeout) {
+            let Ok(mut state) = state.lock() else { return };
+            if !state.text.is_empty() && state.last.unwrap_or(started).elapsed() >= BETWEEN {
+                eprintln!("misfit: {:.0} s: still {}", started.elapsed().as_secs_f64(), state.text.trim());
+                state.last = Some(Instant::now());
+            }
+        }
+    });
+    (stop, thread)
 }

@@ -34,6 +34,7 @@ type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 
 /// Fits, finds where the model fails, and weighs what could be missing.
 pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResult, Diagnosis), DiagnoseError> {
+    let started = std::time::Instant::now();
     let (case, fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
     let case = &case;
     let searched = case.with_instruments(&fitted.system);
@@ -42,7 +43,8 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     let missing = step.accepted.iter().map(|(n, ..)| EffectAt { effect: n.effect.into(), at: n.at.clone() }).collect();
     let would = if verdict == Verdict::NothingMissing { detectable(case, &fitted.system, &step.visible) } else { vec![] };
     let formula = if verdict == Verdict::Unexplained { suggestion(&searched, &step.base, monitor, watch) } else { None };
-    let next_test = next_test(&searched, &step, monitor, watch);
+    let tie = step.accepted.as_ref().and_then(|(name, best, _)| Tie::new(&searched, name, &best.fitted, &step.tied));
+    let next_test = tie.and_then(|tie| tie.next_test(started, monitor, watch));
     Ok((
         result,
         Diagnosis {
@@ -162,7 +164,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     // One for each instance that was added, in their order.
     let mut missing: Vec<Missing> = Vec::new();
     let limit = case.search.max_added.unwrap_or(MAX_ADDED);
-    let (mut next, mut remainder, mut formula, mut left, mut would) = (None, false, None, None, vec![]);
+    let (mut remainder, mut formula, mut left, mut would) = (false, None, None, vec![]);
+    let mut ties_left: Vec<Tie> = Vec::new();
     let mut stopped;
     // What the first model left, and that model as the search sees it.
     let mut first: Option<((f64, usize), Fitted)> = None;
@@ -195,7 +198,6 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         }
         let step_verdict = verdict(&step, trace::stopped(monitor));
         let (first_left, given) = first.get_or_insert_with(|| (step.left, step.base.clone())).clone();
-        next = next.or_else(|| next_test(&searched, &step, monitor, watch));
         let Some((name, proof, ties)) = step.accepted else {
             stopped = step_verdict == Verdict::Interrupted;
             left = Some(step.left.0);
@@ -227,6 +229,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             };
             break (said, v);
         };
+        ties_left.extend(Tie::new(&searched, &name, &proof.fitted, &step.tied));
         watch(&format!("added {} at {}", name.effect, name.at));
         missing.push(Missing {
             effect: name.effect.into(),
@@ -251,6 +254,9 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             rungs.push(rung(&case, &fitted, Some(swap.added), vec![swap.removed], vec![], tests)?);
         }
     };
+    // Only what still stands is worth a test of its own, and only now is it known how long the search for it took.
+    let stands = |tie: &&Tie| missing.iter().any(|m| m.effect == tie.name.effect && m.at == tie.name.at && !m.tied_with.is_empty());
+    let next = ties_left.iter().find(stands).and_then(|tie| tie.next_test(started, monitor, watch));
     let before = compare(&case, &first_system, &[SplitName::HeldOut])?;
     let after = compare(&case, &fitted.system, &[SplitName::HeldOut])?;
     let held_out = HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&after, |t| t.floor) };
@@ -346,12 +352,26 @@ fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missin
     removed
 }
 
-/// The test that separates what is tied with the accepted candidate.
-fn next_test(case: &Case, step: &Step, monitor: &Monitor, watch: Watch) -> Option<NextTest> {
-    let (_, best, _) = step.accepted.as_ref()?;
-    if step.tied.is_empty() || trace::stopped(monitor) {
-        return None;
+/// A candidate that was accepted, with those that the tests do not tell from it.
+struct Tie {
+    case: Case,
+    name: Name,
+    best: Fitted,
+    rivals: Vec<(Name, Fitted)>,
+}
+
+impl Tie {
+    fn new(case: &Case, name: &Name, best: &Fitted, rivals: &[(Name, Fitted)]) -> Option<Tie> {
+        let tie = || Tie { case: case.clone(), name: name.clone(), best: best.clone(), rivals: rivals.to_vec() };
+        (!rivals.is_empty()).then(tie)
     }
-    watch("looking for the test that separates what is tied");
-    super::next::separating(case, &best.fitted, &step.tied, monitor)
+
+    /// The test that separates them; the search for it takes a share of the time since `started`.
+    fn next_test(&self, started: std::time::Instant, monitor: &Monitor, watch: Watch) -> Option<NextTest> {
+        if trace::stopped(monitor) {
+            return None;
+        }
+        watch("looking for the test that separates what is tied");
+        super::next::separating(&self.case, &self.best, &self.rivals, started.elapsed(), monitor)
+    }
 }

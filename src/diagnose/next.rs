@@ -5,6 +5,12 @@
 //! difference of the responses, `J` the columns of the wrong one on the new test and `R'R` its information from the measured ones, all
 //! whitened, the least `||d + J s||^2 + ||R s||^2` over `s`. The best proposals are then simulated: noise is added, both are refitted to
 //! all tests, and the tie must break, whichever of the two is true.
+//!
+//! What the models say without adjusting themselves bounds the separation from above and costs least, so it sets the order; only until
+//! enough proposals separate well are they weighed in full. The whole takes no more than a share of what the search for the effects took;
+//! what was cut short says so.
+
+use std::time::{Duration, Instant};
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
@@ -12,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::identify::Monitor;
+use crate::identify::{Monitor, Termination};
 use crate::response::{Correlated, CycleDrive, Plan, Variation};
 
 use super::Case;
@@ -33,14 +39,59 @@ const EXCITATIONS: [f64; 4] = [0.1, 0.3, 3.0, 10.0];
 const OF_FORCE: [f64; 3] = [0.03, 0.3, 1.0];
 /// Separation that is aimed at, in units of noise: among proposals beyond it the one nearest to what was tested is taken.
 const ENOUGH: f64 = 10.0;
-/// Proposals that are simulated.
+/// Proposals that are simulated, and those that are weighed at a time.
 const SIMULATED: usize = 2;
+const BATCH: usize = 4;
+/// Iterations of a refit to a simulated test: it begins at the fit to the measured ones.
+const REFIT_ITERATIONS: u64 = 20;
+/// Part of the time spent before that all of it may take (a third of that is a quarter of the whole), the least it gets, and the part of
+/// it after which what has been weighed is simulated.
+const SHARE: f64 = 1.0 / 3.0;
+const LEAST: Duration = Duration::from_secs(2);
+const WEIGHING: f64 = 0.5;
 
-/// A proposal: the plan, how far it lies from what was tested, and what it is.
+/// A proposal: the plan, what it is, and how far the tied are apart there, unadjusted and adjusted.
 struct Proposal<'a> {
     base: &'a Plan,
     by: Variation,
+    bound: f64,
     separation: f64,
+}
+
+impl<'a> Proposal<'a> {
+    fn new(base: &'a Plan, by: Variation) -> Self {
+        Proposal { base, by, bound: 0.0, separation: 0.0 }
+    }
+
+    /// How far it lies from what was tested.
+    fn distance(&self) -> f64 {
+        self.by.frequency.ln().abs() + self.by.amplitude.ln().abs() + self.by.mean.abs()
+    }
+}
+
+/// Of those that separate well enough, the one nearest to a test that was run comes first.
+fn order(proposals: &mut [Proposal], size: impl Fn(&Proposal) -> f64) {
+    let key = |p: &Proposal| size(p).min(ENOUGH);
+    proposals.sort_by(|a, b| key(b).total_cmp(&key(a)).then(a.distance().total_cmp(&b.distance())));
+}
+
+/// The time there is.
+struct Clock {
+    started: Instant,
+    budget: Duration,
+}
+
+impl Clock {
+    fn over(&self, part: f64) -> bool {
+        self.started.elapsed() >= self.budget.mul_f64(part)
+    }
+
+    /// The monitor that stops when the time is over, or before as it is told.
+    fn limit(&self, monitor: &Monitor) -> Monitor<'static> {
+        let end = self.started.checked_add(self.budget);
+        let deadline = [monitor.deadline, end].into_iter().flatten().min();
+        Monitor { deadline, ..monitor.quiet() }
+    }
 }
 
 /// The tied models.
@@ -50,49 +101,61 @@ struct Tied<'a> {
     rivals: &'a [(Name, Fitted)],
 }
 
-/// The test that separates `best` from every rival.
-pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], monitor: &Monitor) -> Option<NextTest> {
+/// The test that separates `best` from every rival. `spent`: the time that was taken to find them.
+pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: Duration, monitor: &Monitor) -> Option<NextTest> {
+    let clock = Clock { started: Instant::now(), budget: spent.mul_f64(SHARE).max(LEAST) };
+    let monitor = clock.limit(monitor);
     let tied = Tied { case, best, rivals };
     let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
-    let mut proposals: Vec<Proposal> = variations(&plans);
-    weigh(&tied, &mut proposals);
-    // Means are tried about the best cycle alone.
-    let means: Vec<Proposal> = proposals
-        .iter()
-        .filter(|p| p.base.cycle_drive().is_some() && p.separation > 0.0)
-        .take(2)
-        .flat_map(|p| MEANS.map(|mean| Proposal { base: p.base, by: Variation { mean, ..p.by }, separation: 0.0 }))
-        .collect();
-    proposals.extend(means);
-    weigh(&tied, &mut proposals);
-    proposals.retain(|p| p.separation > 0.0);
-    // Of those that separate well enough, the one nearest to a test that was run.
-    let distance = |p: &Proposal| p.by.frequency.ln().abs() + p.by.amplitude.ln().abs() + p.by.mean.abs();
-    proposals.sort_by(|a, b| {
-        let key = |p: &Proposal| p.separation.min(ENOUGH);
-        key(b).total_cmp(&key(a)).then(distance(a).total_cmp(&distance(b)))
-    });
+    let mut left: Vec<Proposal> = variations(&plans);
+    let mut weighed: Vec<Proposal> = Vec::new();
+    let mut cut = tied.weigh(&mut left, &mut weighed, &clock);
+    if !enough(&weighed) && !cut {
+        // Means are tried about the best cycles alone.
+        order(&mut weighed, |p| p.separation);
+        let cycles = weighed.iter().filter(|p| p.base.cycle_drive().is_some() && p.separation > 0.0).take(2);
+        let mut means = cycles.flat_map(|p| MEANS.map(|mean| Proposal::new(p.base, Variation { mean, ..p.by }))).collect();
+        cut = tied.weigh(&mut means, &mut weighed, &clock);
+    }
+    weighed.retain(|p| p.separation > 0.0);
+    order(&mut weighed, |p| p.separation);
     let mut found: Option<NextTest> = None;
-    for proposal in proposals.iter().take(SIMULATED) {
+    for proposal in weighed.iter().take(SIMULATED) {
         if monitor.stops() {
+            cut = true;
             break;
         }
-        let Some(apart) = tied.simulated(proposal, monitor) else { continue };
+        let Some(apart) = tied.simulated(proposal, &monitor) else { continue };
         if found.as_ref().is_none_or(|f| apart > f.separation) {
-            found = Some(told(proposal, apart));
+            found = Some(told(proposal, apart, "simulated with its noise and refitted"));
         }
         if found.as_ref().is_some_and(|f| f.breaks) {
             break;
         }
     }
-    // What the simulation does not tell apart at all is no proposal.
-    found.filter(|f| f.separation > 0.0)
+    cut |= monitor.stops() && found.as_ref().is_none_or(|f| !f.breaks);
+    // What the simulation does not tell apart at all is no proposal; what there was no time to simulate is an estimate.
+    let mut found = match found {
+        Some(found) => Some(found).filter(|f| f.separation > 0.0),
+        None if cut => weighed.first().map(|p| NextTest { breaks: false, ..told(p, p.separation, "by their slopes, not simulated") }),
+        None => None,
+    };
+    if let Some(found) = found.as_mut().filter(|_| cut) {
+        found.cut_short = true;
+        found.describe += &format!(" (the search for this test was cut short after {:.0} s)", clock.started.elapsed().as_secs_f64());
+    }
+    found
+}
+
+/// Whether as many separate well as are simulated.
+fn enough(weighed: &[Proposal]) -> bool {
+    weighed.iter().filter(|p| p.separation >= ENOUGH).count() >= SIMULATED
 }
 
 /// Every drive that is tried. Tests of one drive and one set of channels are varied from the one of the largest amplitude.
 fn variations<'a>(plans: &[&'a Plan]) -> Vec<Proposal<'a>> {
     let mut list = Vec::new();
-    let new = |base: &'a Plan, by: Variation| Proposal { base, by, separation: 0.0 };
+    let new = Proposal::new;
     let channels = |p: &Plan| p.blocks.iter().map(|b| b.label.clone()).collect::<Vec<_>>();
     let cycles: Vec<(&Plan, CycleDrive)> = plans.iter().filter_map(|p| Some((*p, p.cycle_drive()?))).collect();
     let mut seen: Vec<Vec<String>> = Vec::new();
@@ -132,12 +195,6 @@ fn variations<'a>(plans: &[&'a Plan]) -> Vec<Proposal<'a>> {
     list
 }
 
-/// Weighs what has not been weighed; the largest separation first.
-fn weigh(tied: &Tied, proposals: &mut [Proposal]) {
-    proposals.par_iter_mut().filter(|p| p.separation == 0.0).for_each(|p| p.separation = tied.separation(p).unwrap_or(-1.0));
-    proposals.sort_by(|a, b| b.separation.total_cmp(&a.separation));
-}
-
 /// What a model says of a new test.
 struct Seen {
     values: DVector<f64>,
@@ -153,6 +210,34 @@ impl Tied<'_> {
         plan.correlated = Some(std::sync::Arc::new(Correlated::new(&plan, &values)));
         plan.measured.clone_from(&values);
         values.iter().all(|v| v.is_finite()).then_some((plan, values))
+    }
+
+    /// Moves proposals to those weighed, the nearest of the most promising first, until enough of them separate well; whether the time was
+    /// over before.
+    fn weigh<'b>(&self, left: &mut Vec<Proposal<'b>>, weighed: &mut Vec<Proposal<'b>>, clock: &Clock) -> bool {
+        left.par_iter_mut().filter(|_| !clock.over(WEIGHING)).for_each(|p| p.bound = self.unadjusted(p).unwrap_or(0.0));
+        let cut = clock.over(WEIGHING);
+        left.retain(|p| p.bound > 0.0);
+        order(left, |p| p.bound);
+        while !left.is_empty() && !enough(weighed) {
+            // At least one batch, so that there is something to tell.
+            if clock.over(if weighed.is_empty() { 1.0 } else { WEIGHING }) {
+                return true;
+            }
+            let mut batch: Vec<Proposal> = left.drain(..BATCH.min(left.len())).collect();
+            batch.par_iter_mut().for_each(|p| p.separation = self.separation(p).unwrap_or(-1.0));
+            weighed.extend(batch);
+        }
+        cut
+    }
+
+    /// The least distance of a rival's response from the best one's, as they stand: what [`Tied::separation`] cannot exceed.
+    fn unadjusted(&self, p: &Proposal) -> Option<f64> {
+        let (plan, values) = self.planned(p)?;
+        let own = plan.whitened(&values);
+        let apart = |rival: &Fitted| Some((plan.whitened(&plan.evaluate(&rival.system, &[], false).ok()?.values) - &own).norm());
+        let least = self.rivals.iter().map(|(_, rival)| apart(rival)).try_fold(f64::INFINITY, |least, d| Some(least.min(d?)))?;
+        least.is_finite().then_some(least)
     }
 
     /// The least separation from a rival, whichever is true, after the other has adjusted itself.
@@ -180,23 +265,29 @@ impl Tied<'_> {
     /// fits better, at least.
     fn simulated(&self, p: &Proposal, monitor: &Monitor) -> Option<f64> {
         let (plan, values) = self.planned(p)?;
-        let mut least = f64::INFINITY;
-        for (k, (_, rival)) in self.rivals.iter().enumerate() {
-            let other = plan.evaluate(&rival.system, &[], false).ok()?.values;
-            for (truth, (own, wrong)) in [(&values, (self.best, rival)), (&other, (rival, self.best))] {
-                let simulated = plan.clone().measuring(truth, noise(self.case.seed, k, plan.len()).into_iter());
-                let cost = |fitted: &Fitted| -> Option<f64> {
-                    let mut plans = self.case.plans_of(SplitName::Fit);
-                    plans.push(&simulated);
-                    let single = Case { starts: 1, coarse: true, ..self.case.clone() };
-                    Some(single.fit_system(&fitted.system, plans, &monitor.quiet()).ok()?.outcome.cost)
-                };
-                // Before the new test the two may differ by a little already; what it adds is what separates.
-                let before = own.outcome.cost - wrong.outcome.cost;
-                let gained = cost(wrong)? - cost(own)? + before;
-                least = least.min(gained.signum() * (2.0 * gained.abs()).sqrt());
-            }
-        }
+        let others: Vec<Vec<f64>> =
+            self.rivals.iter().map(|(_, r)| Some(plan.evaluate(&r.system, &[], false).ok()?.values)).collect::<Option<_>>()?;
+        let pairs: Vec<(usize, bool)> = (0..self.rivals.len()).flat_map(|k| [(k, true), (k, false)]).collect();
+        let gained = |(k, best_is_true): (usize, bool)| -> Option<f64> {
+            let rival = &self.rivals[k].1;
+            let (truth, own, wrong) = if best_is_true { (&values, self.best, rival) } else { (&others[k], rival, self.best) };
+            let simulated = plan.clone().measuring(truth, noise(self.case.seed, k, plan.len()).into_iter());
+            let cost = |fitted: &Fitted| -> Option<f64> {
+                let mut plans = self.case.plans_of(SplitName::Fit);
+                plans.push(&simulated);
+                let max_iterations = self.case.max_iterations.min(REFIT_ITERATIONS);
+                let single = Case { starts: 1, coarse: true, max_iterations, ..self.case.clone() };
+                let outcome = single.fit_system(&fitted.system, plans, &monitor.quiet()).ok()?.outcome;
+                // A refit that was stopped says nothing.
+                (outcome.termination != Termination::Interrupted).then_some(outcome.cost)
+            };
+            let (wrong_cost, own_cost) = rayon::join(|| cost(wrong), || cost(own));
+            // Before the new test the two may differ by a little already; what it adds is what separates.
+            let gained = wrong_cost? - own_cost? + (own.outcome.cost - wrong.outcome.cost);
+            Some(gained.signum() * (2.0 * gained.abs()).sqrt())
+        };
+        let each: Vec<f64> = pairs.into_par_iter().map(gained).collect::<Option<_>>()?;
+        let least = each.into_iter().fold(f64::INFINITY, f64::min);
         least.is_finite().then_some(least)
     }
 }
@@ -230,10 +321,11 @@ fn noise(seed: u64, stream: usize, n: usize) -> Vec<f64> {
     (0..n).map(|_| normal.inverse_cdf(rng.random_range(f64::EPSILON..1.0 - f64::EPSILON))).collect()
 }
 
-fn told(p: &Proposal, separation: f64) -> NextTest {
+fn told(p: &Proposal, separation: f64, how: &str) -> NextTest {
     let breaks = separation > 0.0 && 0.5 * separation * separation > DECISIVE;
     let apart = if breaks { format!("{separation:.1} sigma apart") } else { format!("only {separation:.1} sigma apart") };
-    let verdict = format!("simulated with its noise and refitted, they stand {apart}");
+    let verdict = format!("{how}, they stand {apart}");
+    let cut_short = false;
     if let Some(own) = p.base.cycle_drive() {
         let (frequency, amplitude) = (own.frequency * p.by.frequency, own.amplitude * p.by.amplitude);
         let mean = own.mean + p.by.mean * amplitude;
@@ -244,7 +336,18 @@ fn told(p: &Proposal, separation: f64) -> NextTest {
             own.unit.print_difference(amplitude)
         );
         let unit = own.unit.dimension.si_unit();
-        return NextTest { describe, test: p.base.id.clone(), kind: "cycle".into(), frequency, amplitude, mean, unit, separation, breaks };
+        return NextTest {
+            describe,
+            test: p.base.id.clone(),
+            kind: "cycle".into(),
+            frequency,
+            amplitude,
+            mean,
+            unit,
+            separation,
+            breaks,
+            cut_short,
+        };
     }
     let lines = p.base.blocks.first().map_or(&[][..], |b| &b.abscissa);
     let (low, high) = lines.iter().fold((f64::INFINITY, 0.0f64), |(l, h), f| (l.min(*f), h.max(*f)));
@@ -261,5 +364,6 @@ fn told(p: &Proposal, separation: f64) -> NextTest {
         unit: "N".into(),
         separation,
         breaks,
+        cut_short,
     }
 }

@@ -290,6 +290,8 @@ pub struct NextTest {
     pub separation: f64,
     /// Whether the tie broke there.
     pub breaks: bool,
+    /// Whether the search for it ended for want of time; what was not simulated is then an estimate.
+    pub cut_short: bool,
 }
 
 /// What a diagnosis says.

@@ -278,6 +278,7 @@ fn ladder(n: usize) -> LadderResult {
             unit: "m".into(),
             separation: 7.3,
             breaks: true,
+            cut_short: false,
         }),
         ended: "nothing earns its place".into(),
         interrupted: false,

@@ -8,6 +8,8 @@
 
 use std::f64::consts::TAU;
 
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVectorView, DVectorViewMut};
+
 use crate::effect::Inputs;
 use crate::model::{Element, ElementScratch, Sensed};
 
@@ -24,6 +26,11 @@ pub(super) struct Basis {
     rate: Vec<f64>,
     /// Increment from the sample before.
     step: Vec<f64>,
+    /// The same values and rates with one column per coefficient.
+    values: DMatrix<f64>,
+    rates: DMatrix<f64>,
+    /// Values with the weights that take samples back to coefficients.
+    back: DMatrix<f64>,
 }
 
 impl Basis {
@@ -41,15 +48,24 @@ impl Basis {
             }
         }
         let step = (0..samples * width).map(|i| value[i] - value[(i + (samples - 1) * width) % (samples * width)]).collect();
-        Basis { samples, width, value, rate, step }
+        let values = DMatrix::from_row_slice(samples, width, &value);
+        let rates = DMatrix::from_row_slice(samples, width, &rate);
+        let mut back = &values * (2.0 / samples as f64);
+        back.column_mut(0).fill(1.0 / samples as f64);
+        Basis { samples, width, value, rate, step, values, rates, back }
     }
     fn row<'a>(&self, of: &'a [f64], n: usize) -> &'a [f64] {
         &of[n * self.width..(n + 1) * self.width]
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+/// What of the derivatives belongs to the present motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+enum Known {
+    #[default]
+    Force,
+    Jacobian,
+    Parameters,
 }
 
 /// Force coefficients of one element and their derivatives; kept from call to call, so that nothing is allocated in the loops.
@@ -61,9 +77,12 @@ pub(super) struct Aft {
     pub jacobian: Vec<f64>,
     /// `by_param[r * n_params + p]`; filled by [`Aft::parameters`].
     pub by_param: Vec<f64>,
+    known: Known,
     x: Vec<f64>,
     v: Vec<f64>,
     a: Vec<f64>,
+    weighted: Vec<f64>,
+    force_at: Vec<f64>,
     s: Vec<f64>,
     start: Vec<f64>,
     state_scale: Vec<f64>,
@@ -71,7 +90,8 @@ pub(super) struct Aft {
     /// Columns: displacement coefficients, states at the start, parameters. Rows: states.
     slopes: Vec<f64>,
     next: Vec<f64>,
-    row: Vec<f64>,
+    /// The same columns of the force, sample after sample.
+    rows: Vec<f64>,
     /// The same columns, rows: force coefficients.
     sums: Vec<f64>,
     path: Vec<f64>,
@@ -91,22 +111,22 @@ fn sized(v: &mut Vec<f64>, len: usize) {
     v.resize(len, 0.0);
 }
 
+/// Sum of three rows; a law reads one of them, mostly.
+fn combine(out: &mut [f64], weights: [f64; 3], rows: [&[f64]; 3]) {
+    out.fill(0.0);
+    for (weight, row) in weights.into_iter().zip(rows).filter(|(weight, _)| *weight != 0.0) {
+        out.iter_mut().zip(row).for_each(|(o, r)| *o += weight * r);
+    }
+}
+
 impl Aft {
-    /// Force and Jacobian at the displacement series `x` and the circular frequency `omega`.
+    /// Force at the displacement series `x` and the circular frequency `omega`. Derivatives stay those of the motion before until
+    /// [`Aft::differentiate`] or [`Aft::parameters`].
     pub fn evaluate(&mut self, element: &Element, basis: &Basis, omega: f64, x: &[f64]) -> Result<(), EngineError> {
-        self.run(element, basis, omega, x, false)
-    }
-
-    /// As [`Aft::evaluate`], with the derivatives with respect to the parameters, followers included.
-    pub fn parameters(&mut self, element: &Element, basis: &Basis, omega: f64, x: &[f64]) -> Result<(), EngineError> {
-        self.run(element, basis, omega, x, true)
-    }
-
-    fn run(&mut self, element: &Element, basis: &Basis, omega: f64, x: &[f64], full: bool) -> Result<(), EngineError> {
-        let (n, w, ns) = (basis.samples, basis.width, element.n_states());
-        let np = if full { element.n_params() } else { 0 };
+        let (n, ns) = (basis.samples, element.n_states());
         let dt = TAU / omega / n as f64;
-        self.sample(basis, omega, x);
+        self.known = Known::Force;
+        self.sample(element, basis, omega, x);
         self.rest(element);
         if ns > 0 {
             for k in 0..=n {
@@ -117,8 +137,11 @@ impl Aft {
         self.start.clone_from(&self.s);
         let mut change = f64::INFINITY;
         for round in 0..CYCLES {
-            self.cycle(element, basis, omega, full);
-            if !self.f.iter().all(|f| f.is_finite()) {
+            // A plain cycle is enough for what is periodic after the first. Newton's method may hover between the branches of a law with
+            // kinks; a plain cycle now and then leads out of it.
+            let plain = round % 4 == 0;
+            self.cycle(element, n, dt, !plain);
+            if !self.force_at.iter().all(|f| f.is_finite()) {
                 return Err(EngineError::NotFinite { step: 0 });
             }
             // A state that never leaves 0 has no scale of its own.
@@ -127,35 +150,51 @@ impl Aft {
             if change <= PERIODIC {
                 break;
             }
-            // Newton's method may hover between the branches of a law with kinks; a plain cycle leads out of it.
-            if round % 4 == 3 {
+            if plain {
                 self.start.clone_from(&self.s);
                 continue;
             }
             self.next.clear();
             self.next.extend(self.s.iter().zip(&self.start).map(|(end, start)| end - start));
-            self.take_monodromy(ns, w + ns + np, w);
+            self.take_monodromy(ns, ns, 0);
             self.fixed.solve(&self.monodromy, &self.state_scale, &mut self.next, 1);
             self.start.iter_mut().zip(&self.next).for_each(|(s, d)| *s += d);
         }
         if change > 1e-7 {
             return Err(EngineError::NotPeriodic { change, cycles: CYCLES });
         }
-        self.condense(element, basis, omega, full);
+        sized(&mut self.f, basis.width);
+        let force = DVectorView::from_slice(&self.force_at, n);
+        DVectorViewMut::from_slice(&mut self.f, basis.width).gemv_tr(1.0, &basis.back, &force, 0.0);
         Ok(())
     }
 
-    fn sample(&mut self, basis: &Basis, omega: f64, x: &[f64]) {
+    /// The Jacobian at the motion of the last [`Aft::evaluate`].
+    pub fn differentiate(&mut self, element: &Element, basis: &Basis, omega: f64) {
+        self.derive(element, basis, omega, Known::Jacobian);
+    }
+
+    /// The same with the derivatives with respect to the parameters, followers included.
+    pub fn parameters(&mut self, element: &Element, basis: &Basis, omega: f64) {
+        self.derive(element, basis, omega, Known::Parameters);
+    }
+
+    fn sample(&mut self, element: &Element, basis: &Basis, omega: f64, x: &[f64]) {
         let n = basis.samples;
         for v in [&mut self.x, &mut self.v, &mut self.a] {
             sized(v, n);
         }
-        for k in 0..n {
-            let (value, rate) = (basis.row(&basis.value, k), basis.row(&basis.rate, k));
-            self.x[k] = dot(value, x);
-            self.v[k] = omega * dot(rate, x);
-            let curvature: f64 = (1..x.len()).map(|c| (c.div_ceil(2) * c.div_ceil(2)) as f64 * value[c] * x[c]).sum();
-            self.a[k] = -omega * omega * curvature;
+        let coefficients = DVectorView::from_slice(x, x.len());
+        DVectorViewMut::from_slice(&mut self.x, n).gemv(1.0, &basis.values, &coefficients, 0.0);
+        let (reads_v, reads_a) = element.reads_rates();
+        if reads_v {
+            DVectorViewMut::from_slice(&mut self.v, n).gemv(omega, &basis.rates, &coefficients, 0.0);
+        }
+        if reads_a {
+            self.weighted.clear();
+            self.weighted.extend(x.iter().enumerate().map(|(c, x)| (c.div_ceil(2) * c.div_ceil(2)) as f64 * x));
+            let weighted = DVectorView::from_slice(&self.weighted, x.len());
+            DVectorViewMut::from_slice(&mut self.a, n).gemv(-omega * omega, &basis.values, &weighted, 0.0);
         }
     }
 
@@ -172,37 +211,64 @@ impl Aft {
         Inputs { x: self.x[i], v: self.v[i], a: self.a[i], dx: self.x[i] - before }
     }
 
-    /// One cycle from `start` with its derivatives and the sums of the force with the basis.
-    fn cycle(&mut self, element: &Element, basis: &Basis, omega: f64, full: bool) {
+    /// One cycle of the force from `start`; with the monodromy, `slopes` becomes that of the states.
+    fn cycle(&mut self, element: &Element, n: usize, dt: f64, monodromy: bool) {
+        let ns = element.n_states();
+        self.s.clone_from(&self.start);
+        self.force_at.resize(n, 0.0);
+        if monodromy {
+            sized(&mut self.slopes, ns * ns);
+            (0..ns).for_each(|i| self.slopes[i * ns + i] = 1.0);
+        }
+        for k in 1..=n {
+            let u = self.inputs(k, n);
+            self.force_at[k % n] = if monodromy {
+                element.tangent(&u, dt, &mut self.s, &mut self.fs, false, &mut self.sensed, &mut self.scratch);
+                sized(&mut self.next, ns * ns);
+                for r in 0..ns {
+                    let out = &mut self.next[r * ns..(r + 1) * ns];
+                    for (j, by_state) in self.sensed.states(1 + r).iter().enumerate().filter(|(_, b)| **b != 0.0) {
+                        out.iter_mut().zip(&self.slopes[j * ns..(j + 1) * ns]).for_each(|(o, s)| *o += by_state * s);
+                    }
+                }
+                std::mem::swap(&mut self.slopes, &mut self.next);
+                self.sensed.f
+            } else {
+                element.value(&u, dt, &mut self.s, &mut self.scratch)
+            };
+            for (scale, s) in self.state_scale.iter_mut().zip(&self.s) {
+                *scale = scale.max(s.abs());
+            }
+        }
+    }
+
+    /// One cycle from the periodic start with its derivatives, and their coefficients.
+    fn derive(&mut self, element: &Element, basis: &Basis, omega: f64, wanted: Known) {
+        if self.known >= wanted {
+            return;
+        }
+        let full = wanted == Known::Parameters;
         let (n, w, ns) = (basis.samples, basis.width, element.n_states());
         let np = if full { element.n_params() } else { 0 };
         let columns = w + ns + np;
-        self.s.clone_from(&self.start);
         sized(&mut self.slopes, ns * columns);
         (0..ns).for_each(|i| self.slopes[i * columns + w + i] = 1.0);
         if full {
             self.settle_followers(element, basis, omega);
-            self.s.clone_from(&self.start);
         }
-        sized(&mut self.f, w);
-        sized(&mut self.sums, w * columns);
+        self.s.clone_from(&self.start);
+        self.rows.resize(n * columns, 0.0);
         for k in 1..=n {
             self.advance(element, basis, omega, k, columns, full);
-            let f = self.sensed.f;
-            for (r, phi) in basis.row(&basis.value, k % n).iter().enumerate() {
-                self.f[r] += phi * f;
-                let sums = &mut self.sums[r * columns..(r + 1) * columns];
-                sums.iter_mut().zip(&self.row).for_each(|(s, d)| *s += phi * d);
-            }
         }
-        for r in 0..w {
-            let weight = if r == 0 { 1.0 } else { 2.0 } / n as f64;
-            self.f[r] *= weight;
-            self.sums[r * columns..(r + 1) * columns].iter_mut().for_each(|s| *s *= weight);
-        }
+        self.sums.resize(columns * w, 0.0);
+        let rows = DMatrixView::from_slice(&self.rows, columns, n);
+        DMatrixViewMut::from_slice(&mut self.sums, columns, w).gemm(1.0, &rows, &basis.back, 0.0);
+        self.condense(element, basis, omega, full);
+        self.known = wanted;
     }
 
-    /// One step: `row` becomes the derivative of the force, `slopes` those of the states.
+    /// One step: a row of `rows` becomes the derivative of the force, `slopes` those of the states.
     fn advance(&mut self, element: &Element, basis: &Basis, omega: f64, k: usize, columns: usize, full: bool) {
         let (n, w, ns) = (basis.samples, basis.width, element.n_states());
         let u = self.inputs(k, n);
@@ -210,15 +276,11 @@ impl Aft {
         let i = k % n;
         let (value, rate) = (basis.row(&basis.value, i), basis.row(&basis.rate, i));
         let step = if k == 0 { value } else { basis.row(&basis.step, i) };
-        sized(&mut self.row, columns);
         self.next.resize(ns * columns, 0.0);
         for r in 0..=ns {
             let d = self.sensed.inputs(r);
-            let out = if r == 0 { &mut self.row[..] } else { &mut self.next[(r - 1) * columns..r * columns] };
-            let by_rate = omega * d[1];
-            for c in 0..w {
-                out[c] = d[0] * value[c] + by_rate * rate[c] + d[3] * step[c];
-            }
+            let out = if r == 0 { &mut self.rows[i * columns..(i + 1) * columns] } else { &mut self.next[(r - 1) * columns..r * columns] };
+            combine(&mut out[..w], [d[0], omega * d[1], d[3]], [value, rate, step]);
             if d[2] != 0.0 {
                 (1..w).for_each(|c| out[c] -= d[2] * omega * omega * (c.div_ceil(2) * c.div_ceil(2)) as f64 * value[c]);
             }
@@ -231,9 +293,6 @@ impl Aft {
             }
         }
         std::mem::swap(&mut self.slopes, &mut self.next);
-        for (scale, s) in self.state_scale.iter_mut().zip(&self.s) {
-            *scale = scale.max(s.abs());
-        }
     }
 
     fn take_monodromy(&mut self, ns: usize, columns: usize, first: usize) {

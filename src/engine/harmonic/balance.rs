@@ -1,6 +1,6 @@
 //! Newton's method on the balance at the nonlinear places, and what follows from its solution.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Dyn, LU, SVD};
 use num_complex::Complex64;
 
 use crate::model::{Bound, Model};
@@ -15,6 +15,8 @@ const TOLERANCE: f64 = 1e-12;
 /// What is accepted where rounding in a stiff law ends the descent earlier.
 const ACCEPTED: f64 = 1e-9;
 const ITERATIONS: usize = 60;
+/// Factor by which a step must bring the residual down for its derivatives to serve once more.
+const REUSED: f64 = 0.2;
 
 /// Harmonic balance of one structure under one drive.
 pub(super) struct Balance<'a> {
@@ -32,6 +34,8 @@ pub(super) struct Balance<'a> {
     pub(super) residual: DVector<f64>,
     pub(super) matrix: DMatrix<f64>,
     known: bool,
+    /// Whether the derivatives of the laws have been taken, at whatever motion.
+    derived: bool,
 }
 
 impl<'a> Balance<'a> {
@@ -60,6 +64,7 @@ impl<'a> Balance<'a> {
             residual: DVector::zeros(size),
             matrix: DMatrix::zeros(size, size),
             known: false,
+            derived: false,
         })
     }
 
@@ -139,20 +144,44 @@ impl<'a> Balance<'a> {
         own.iter().zip(&scales).all(|(own, used)| *own > 0.05 * used) || self.newton_pass(share, &own, reached)
     }
 
+    /// Derivatives taken earlier, at the line before or a step before, serve as long as they bring the residual down fast: without
+    /// derivatives the laws cost a fraction.
     fn newton_pass(&mut self, share: f64, scales: &[f64], reached: &mut f64) -> bool {
         let Some(mut norm) = self.balance(share, scales) else { return false };
-        let mut trial = self.x.clone();
+        let mut before = self.x.clone();
+        let mut factors = self.derived.then(|| {
+            self.assemble();
+            Factors::new(self.matrix.clone())
+        });
         for _ in 0..ITERATIONS {
             *reached = norm;
             if norm <= TOLERANCE {
                 return true;
             }
-            self.assemble();
-            let Some(step) = solve(&self.matrix, &self.residual) else { return false };
+            before.copy_from(&self.x);
+            if let Some(step) = factors.as_ref().and_then(|f| f.solve(&self.residual)) {
+                self.x -= step;
+                match self.balance(share, scales) {
+                    Some(next) if next < norm => {
+                        if next > REUSED * norm {
+                            factors = None;
+                        }
+                        norm = next;
+                        continue;
+                    }
+                    _ => {
+                        self.x.copy_from(&before);
+                        if self.balance(share, scales).is_none() {
+                            return false;
+                        }
+                    }
+                }
+            }
+            let fresh = self.linearize();
+            let Some(step) = fresh.solve(&self.residual) else { return false };
             let mut length = 1.0;
-            trial.copy_from(&self.x);
             let better = loop {
-                self.x.copy_from(&trial);
+                self.x.copy_from(&before);
                 self.x.axpy(-length, &step, 1.0);
                 match self.balance(share, scales) {
                     Some(next) if next < norm => break Some(next),
@@ -161,9 +190,12 @@ impl<'a> Balance<'a> {
                 }
             };
             match better {
-                Some(next) => norm = next,
+                Some(next) => {
+                    factors = (next <= REUSED * norm).then_some(fresh);
+                    norm = next;
+                }
                 None => {
-                    self.x.copy_from(&trial);
+                    self.x.copy_from(&before);
                     // Residual and derivatives belong to the point that stays.
                     return norm <= ACCEPTED && self.balance(share, scales).is_some();
                 }
@@ -212,8 +244,19 @@ impl<'a> Balance<'a> {
         take(&self.aft[a].f, k) - self.flex[k].stand_in[a] * take(&self.x.as_slice()[a * w..(a + 1) * w], k)
     }
 
-    /// Jacobian of the residual, `I + G (df/dx - z)`.
-    pub(super) fn assemble(&mut self) {
+    /// Jacobian of the residual at the motion last evaluated, ready to solve with.
+    pub(super) fn linearize(&mut self) -> Factors {
+        for (a, aft) in self.aft.iter_mut().enumerate() {
+            let element = &self.structure.bound.elements[self.structure.nonlinear[a]];
+            aft.differentiate(element, &self.basis, self.omega);
+        }
+        self.derived = true;
+        self.assemble();
+        Factors::new(self.matrix.clone())
+    }
+
+    /// Jacobian of the residual, `I + G (df/dx - z)`, with the derivatives of the laws as they were last taken.
+    fn assemble(&mut self) {
         let (w, m) = (self.basis.width, self.m());
         self.matrix.fill_with_identity();
         for b in 0..m {
@@ -289,10 +332,11 @@ impl<'a> Balance<'a> {
             if self.structure.parts[e] == Part::Candidate {
                 let mut x = vec![0.0; w];
                 harmonics.iter().for_each(|&k| put(&mut x, k, self.structure.relative(e, &motion[k])));
-                candidate.parameters(element, &self.basis, omega, &x)?;
+                candidate.evaluate(element, &self.basis, omega, &x)?;
+                candidate.parameters(element, &self.basis, omega);
             }
             if let Part::Nonlinear(a) = self.structure.parts[e] {
-                self.aft[a].parameters(element, &self.basis, omega, &self.x.as_slice()[a * w..(a + 1) * w])?;
+                self.aft[a].parameters(element, &self.basis, omega);
             }
             for &k in &harmonics {
                 if self.structure.parts[e] == Part::Linear {
@@ -322,8 +366,7 @@ impl<'a> Balance<'a> {
             }
         }
         if m > 0 {
-            self.assemble();
-            source = solve_columns(&self.matrix, &source);
+            source = self.linearize().columns(&source);
         }
         for (o, direct) in direct.chunks_exact(n_free.max(1)).enumerate().take(self.outputs.len()) {
             let by_place: Vec<Complex64> =
@@ -361,22 +404,38 @@ fn column(by_param: &[f64], np: usize, p: usize, k: usize) -> Complex64 {
     if k == 0 { Complex64::new(by_param[p], 0.0) } else { Complex64::new(by_param[(2 * k - 1) * np + p], -by_param[2 * k * np + p]) }
 }
 
-pub(super) fn solve(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>> {
-    let step = solve_columns(matrix, &DMatrix::from_column_slice(rhs.len(), 1, rhs.as_slice()));
-    step.iter().all(|s| s.is_finite()).then(|| step.column(0).into_owned())
+/// A matrix ready to solve with; directions that nothing determines (the mean position of a body that only slides) stay as they are.
+pub(super) enum Factors {
+    Regular(LU<f64, Dyn, Dyn>),
+    Singular(Box<SVD<f64, Dyn, Dyn>>),
 }
 
-/// Columns by LU; directions that nothing determines (the mean position of a body that only slides) stay as they are.
-fn solve_columns(matrix: &DMatrix<f64>, rhs: &DMatrix<f64>) -> DMatrix<f64> {
-    let lu = matrix.clone().lu();
-    let u = lu.u();
-    let (largest, smallest) = u.diagonal().iter().fold((0.0f64, f64::INFINITY), |(l, s), p| (l.max(p.abs()), s.min(p.abs())));
-    if smallest > 1e-12 * largest
-        && let Some(x) = lu.solve(rhs)
-    {
-        return x;
+impl Factors {
+    fn new(matrix: DMatrix<f64>) -> Self {
+        let lu = LU::new(matrix);
+        let pivots = lu.lu_internal().diagonal();
+        let (largest, smallest) = pivots.iter().fold((0.0f64, f64::INFINITY), |(l, s), p| (l.max(p.abs()), s.min(p.abs())));
+        if smallest > 1e-12 * largest {
+            return Factors::Regular(lu);
+        }
+        let mut matrix = lu.l() * lu.u();
+        lu.p().inv_permute_rows(&mut matrix);
+        Factors::Singular(Box::new(SVD::new(matrix, true, true)))
     }
-    let svd = matrix.clone().svd(true, true);
-    let cut = 1e-11 * svd.singular_values.max();
-    svd.solve(rhs, cut).unwrap_or_else(|_| DMatrix::from_element(rhs.nrows(), rhs.ncols(), f64::NAN))
+
+    pub(super) fn solve(&self, rhs: &DVector<f64>) -> Option<DVector<f64>> {
+        let step = match self {
+            Factors::Regular(lu) => lu.solve(rhs)?,
+            Factors::Singular(svd) => svd.solve(rhs, 1e-11 * svd.singular_values.max()).ok()?,
+        };
+        step.iter().all(|s| s.is_finite()).then_some(step)
+    }
+
+    fn columns(&self, rhs: &DMatrix<f64>) -> DMatrix<f64> {
+        let found = match self {
+            Factors::Regular(lu) => lu.solve(rhs),
+            Factors::Singular(svd) => svd.solve(rhs, 1e-11 * svd.singular_values.max()).ok(),
+        };
+        found.unwrap_or_else(|| DMatrix::from_element(rhs.nrows(), rhs.ncols(), f64::NAN))
+    }
 }

@@ -4,7 +4,7 @@
 use nalgebra::DVector;
 
 use super::super::EngineError;
-use super::balance::{Balance, solve};
+use super::balance::Balance;
 
 /// Smallest step of the continuation in frequency and in force, as a fraction of the whole way.
 const SMALLEST: [f64; 2] = [1.0 / 64.0, 1.0 / 256.0];
@@ -81,8 +81,7 @@ impl Balance<'_> {
         let mut before: Option<(DVector<f64>, f64)> = None;
         let mut arc = 0.05;
         for _ in 0..POINTS {
-            self.assemble();
-            let Some(v) = solve(&self.matrix, &linear) else { return false };
+            let Some(v) = self.linearize().solve(&linear) else { return false };
             let length = (over(&v, &v) + 1.0).sqrt();
             let forward = before.as_ref().is_none_or(|(x, s)| over(&v, x) + s >= 0.0);
             let sign = if forward { 1.0 } else { -1.0 };
@@ -138,8 +137,8 @@ impl Balance<'_> {
                 return None;
             }
             last = norm;
-            self.assemble();
-            let (r, v) = (solve(&self.matrix, &self.residual)?, solve(&self.matrix, linear)?);
+            let factors = self.linearize();
+            let (r, v) = (factors.solve(&self.residual)?, factors.solve(linear)?);
             let by = over(&tangent.0, &r) / (over(&tangent.0, &v) + tangent.1);
             self.x -= r;
             self.x.axpy(by, &v, 1.0);
