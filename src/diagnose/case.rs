@@ -216,7 +216,7 @@ fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Comput
     let within = e.worst.0 - block.range.start;
     let axis = match block.kind {
         BlockKind::Frf => {
-            format!("{:.4} Hz, {}", block.abscissa[within / 2], if within % 2 == 0 { "real" } else { "imaginary" })
+            format!("{:.4} Hz, {}", block.abscissa[within / 2], if within.is_multiple_of(2) { "real" } else { "imaginary" })
         }
         BlockKind::Loop => format!("{:.0} deg of the cycle", block.abscissa[within].to_degrees()),
         BlockKind::Record => format!("{:.4} s", block.abscissa[within]),

@@ -260,10 +260,10 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let before = compare(&case, &first_system, &[SplitName::HeldOut])?;
     let after = compare(&case, &fitted.system, &[SplitName::HeldOut])?;
     let held_out = HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&after, |t| t.floor) };
-    if rungs.len() > 1 {
-        if let Some(rung) = rungs.first_mut() {
-            rung.tests.extend(before);
-        }
+    if rungs.len() > 1
+        && let Some(rung) = rungs.first_mut()
+    {
+        rung.tests.extend(before);
     }
     if let Some(rung) = rungs.last_mut() {
         rung.tests.extend(after);

@@ -49,7 +49,7 @@ pub fn energies<T: Num>(x: &[T], f: &[T]) -> Option<Energies<T>> {
     let order = |a: &usize, b: &usize| x[*a].re().total_cmp(&x[*b].re());
     let (low, high) = ((0..n).min_by(order)?, (0..n).max_by(order)?);
     let travel = x[high] - x[low];
-    if !(travel.re() > 0.0) {
+    if travel.re().is_nan() || travel.re() <= 0.0 {
         return None;
     }
     let mut dissipated = T::from(0.0);

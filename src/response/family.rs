@@ -83,7 +83,7 @@ fn add_part(model: &Model, space: &Space, k: usize, shape: &[Complex64], energy:
 fn tangent(model: &Model, space: &Space, k: usize) -> V3<f64> {
     let mut points = model.connectors.iter().zip(&space.frames).filter(|(c, _)| c.from == k || c.to == k).map(|(_, f)| f.point);
     let first = points.next().unwrap_or(space.parts[k].origin);
-    let last = points.last().unwrap_or(space.parts[k].origin);
+    let last = points.next_back().unwrap_or(space.parts[k].origin);
     let d = sub(last, first);
     let size = dot(d, d).sqrt();
     if size > 0.0 { d.map(|x| x / size) } else { [0.0, 1.0, 0.0] }

@@ -57,7 +57,7 @@ fn declared(key: &str, value: &ValueView<'_>) -> Result<Dimension, TomlError> {
         return Err(start.refuse(format!("the parameter `{key}` of the formula has no unit"), "\"20 N/mm\"; a pure number as \"0.5 -\""));
     };
     let fixed = spec.optional("fixed", |v| v.bool())?.unwrap_or(false);
-    if !fixed && !(spec.has("min") && spec.has("max")) {
+    if !(fixed || spec.has("min") && spec.has("max")) {
         return Err(value.refuse(format!("the parameter `{key}` of the formula has no bounds"), example));
     }
     Ok(quantity.unit.dimension)
