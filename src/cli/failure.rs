@@ -42,7 +42,11 @@ impl Failure {
 
     /// On stderr, for people.
     pub fn tell(&self) {
-        eprintln!("{:?}", miette::Report::new(self.clone()));
+        let label = |text: &str| console::style(text.to_string()).for_stderr().bold();
+        eprintln!("{} {}", label(&format!("error[{}]:", self.stage)).red(), self.message);
+        for (name, text) in [("where", &self.place), ("accepted", &self.accepted)].iter().filter(|(_, text)| !text.is_empty()) {
+            eprintln!("  {} {text}", label(&format!("{name}:")));
+        }
     }
 }
 
@@ -53,15 +57,6 @@ impl fmt::Display for Failure {
 }
 
 impl std::error::Error for Failure {}
-
-impl miette::Diagnostic for Failure {
-    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        Some(Box::new(&self.stage))
-    }
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        (!self.accepted.is_empty()).then(|| Box::new(format!("accepted: {}", self.accepted)) as Box<dyn fmt::Display>)
-    }
-}
 
 impl<E: Explain> From<E> for Failure {
     fn from(e: E) -> Self {

@@ -7,6 +7,23 @@ const CHUNKS: usize = 12;
 /// Standard errors by which the improvement must exceed zero.
 pub const STANDARD_ERRORS: f64 = 2.0;
 
+/// Root mean square of whitened residuals up to which a model is at the floor, where chance does not already reach beyond it: so many
+/// standard deviations of a sum of squares.
+const AT_FLOOR: f64 = 1.1;
+const CHANCE: f64 = 3.1;
+/// Root mean square of whitened residuals from which a model is far from the noise.
+const FAR: f64 = 3.0;
+
+/// Whether this root mean square of so many whitened residuals is noise.
+pub fn at_floor((rms, n): (f64, usize)) -> bool {
+    rms * rms < (AT_FLOOR * AT_FLOOR).max(1.0 + CHANCE * (2.0 / n.max(1) as f64).sqrt())
+}
+
+/// Whether these residuals are far from the noise.
+pub fn far(w: &Whitened) -> bool {
+    2.0 * cost(w) > FAR * FAR * w.iter().map(Vec::len).sum::<usize>() as f64
+}
+
 /// Mean improvement of the squared whitened residual and its standard error, paired over chunks of every test.
 pub fn improvement(before: &Whitened, after: &Whitened) -> (f64, f64) {
     paired(before, after, |b, a| b - a)

@@ -105,6 +105,16 @@ impl Case {
         Some(Case { plans: Arc::new(plans), ..self.clone() })
     }
 
+    /// The case in fewer time steps ([`Plan::coarser`]), for a first look at what it may say; `None` where there are none to spare.
+    pub fn coarser(&self) -> Option<Case> {
+        let coarser: Vec<_> = self.plans.iter().map(|(p, _)| p.coarser()).collect();
+        if coarser.iter().all(Option::is_none) {
+            return None;
+        }
+        let plans = self.plans.iter().zip(coarser).map(|((p, s), c)| (c.unwrap_or_else(|| p.clone()), *s)).collect();
+        Some(Case { plans: Arc::new(plans), ..self.clone() })
+    }
+
     /// Bounds, orders and priors of the system's free parameters in the fit's variables.
     pub fn options(&self, system: &System, n_residuals: usize) -> Result<FitOptions, ModelError> {
         let free = system.free();

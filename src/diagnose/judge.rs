@@ -4,7 +4,7 @@ use crate::identify::Monitor;
 use crate::model::Site;
 
 use super::Case;
-use super::accept::{STANDARD_ERRORS, earns_its_place, improvement};
+use super::accept::{STANDARD_ERRORS, earns_its_place, far, improvement};
 use super::refit::{Proof, Whitened, cost, cross_validated};
 use super::results::SplitName;
 
@@ -14,9 +14,8 @@ const BY_CHANCE: f64 = 2.0;
 const BEYOND: f64 = 2.0;
 /// Part of the cost that an effect must take away where the one test that is fitted decides.
 const WORTH_ALONE: f64 = 0.1;
-/// Root mean square of whitened residuals from which a model is far from the noise, and the part of the cost that an effect must take away
-/// there: what is missing is not in the third digit of the misfit.
-const FAR: f64 = 3.0;
+/// Part of the cost that an effect must take away where the model is far from the noise: what is missing is not in the third digit of the
+/// misfit.
 const WORTH_FAR: f64 = 0.01;
 /// Part of what a test shows beyond the noise that an error of its own instrument must explain.
 const OWN_PART: f64 = 0.5;
@@ -51,7 +50,7 @@ impl<'a> Judge<'a> {
         if let Some(test) = self.own_test(proof) {
             return self.earned_on(test, gain > priced, proof);
         }
-        if 2.0 * cost(&self.before.fit) > FAR * FAR * n as f64 && gain < WORTH_FAR * cost(&self.before.fit) {
+        if far(&self.before.fit) && gain < WORTH_FAR * cost(&self.before.fit) {
             return (false, "; next to nothing of a misfit that is far from the noise".into());
         }
         if !self.before.select.is_empty() {

@@ -7,6 +7,7 @@ use crate::identify::Monitor;
 use crate::model::System;
 use crate::response::Plan;
 
+use super::accept::{at_floor, far};
 use super::candidates::Name;
 use super::case::{Case, Fitted, compare, effects, fit, parameters};
 use super::findings::{findings, unsettled};
@@ -21,12 +22,6 @@ use super::{DiagnoseError, trace};
 const MAX_ADDED: usize = 4;
 /// Fall of the cost that an effect must be worth, per parameter, to stay.
 const WORTH_KEEPING: f64 = 4.0;
-/// Root mean square of whitened residuals from which a model is far from the noise.
-const FAR: f64 = 5.0;
-/// Root mean square of whitened residuals up to which a model is at the floor, where chance does not already reach beyond it: so many
-/// standard deviations of a sum of squares.
-const AT_FLOOR: f64 = 1.1;
-const CHANCE: f64 = 3.1;
 /// Part of the first excess of squares over the noise that may be left unexplained where what was added is still what is missing.
 const REMAINDER: f64 = 0.03;
 
@@ -106,11 +101,6 @@ fn verdict(step: &Step, stopped: bool) -> Verdict {
     } else {
         Verdict::Unexplained
     }
-}
-
-/// Whether this root mean square of so many whitened residuals is noise.
-fn at_floor((rms, n): (f64, usize)) -> bool {
-    rms * rms < (AT_FLOOR * AT_FLOOR).max(1.0 + CHANCE * (2.0 / n.max(1) as f64).sqrt())
 }
 
 /// Root mean square of the whitened residuals of a system on the fit and select tests, and their number.
@@ -237,9 +227,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             tied_with: ties.iter().map(|n| format!("{} at {}", n.effect, n.at)).collect(),
         });
         // A model far from the noise is fitted no closer than that shows; near it the last digits count.
-        let n: usize = proof.fit.iter().map(Vec::len).sum();
-        let far = 2.0 * cost(&proof.fit) > FAR * FAR * n as f64;
-        let as_close_as_it_shows = |case: &Case| Case { coarse: far, ..case.clone() };
+        let coarse = far(&proof.fit);
+        let as_close_as_it_shows = |case: &Case| Case { coarse, ..case.clone() };
         let mut system = proof.fitted.system;
         let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
         // A new effect may ask for finer steps; what is reported takes the stated sigma at its word.

@@ -8,6 +8,7 @@ use crate::model::System;
 use crate::residual::test_error;
 use crate::response::Plan;
 
+use super::accept::at_floor;
 use super::candidates::{Name, Trial};
 use super::case::{Case, Fitted};
 use super::results::SplitName;
@@ -19,7 +20,7 @@ const PROMISING: f64 = 0.3;
 /// Iterations after which one of the starts is chosen, and those that every picked candidate gets.
 const CHOICE: u64 = 4;
 const FIRST_LOOK: u64 = 6;
-/// A candidate is refitted in full when its cost is within this factor of the best after the first look, or among the best three.
+/// A candidate is refitted in full when its cost is within this factor of the best after the first look ([`hopeful`]).
 const HOPEFUL: f64 = 10.0;
 /// Iterations of a refit in full.
 const REFIT_ITERATIONS: u64 = 40;
@@ -132,7 +133,10 @@ impl Bench<'_> {
     pub fn refit_all(&self, picked: &[Score], scores: &[Score], watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         let first: Vec<(usize, Score)> =
             picked.iter().enumerate().flat_map(|(k, s)| starts(s, scores, self.trials).into_iter().map(move |s| (k, s))).collect();
-        let begun: Vec<Result<Fitted, String>> = first.par_iter().map(|(_, score)| self.first_look(score)).collect();
+        // Which is worth it shows in coarser steps as well.
+        let rough = self.case.coarser();
+        let look = Bench { case: rough.as_ref().unwrap_or(self.case), ..*self };
+        let begun: Vec<Result<Fitted, String>> = first.par_iter().map(|(_, score)| look.first_look(score)).collect();
         let mut chosen: Vec<Result<Fitted, String>> = picked.iter().map(|_| Err("it was not begun".to_string())).collect();
         for ((k, _), look) in first.iter().zip(begun) {
             let better = match (&chosen[*k], &look) {
@@ -144,17 +148,16 @@ impl Bench<'_> {
                 chosen[*k] = look;
             }
         }
-        let looks: Vec<Result<Fitted, String>> = chosen.into_par_iter().map(|l| l.and_then(|f| self.go_on(f, FIRST_LOOK))).collect();
-        let hopeful = threshold(looks.iter().flatten().map(|f| f.outcome.cost).collect(), HOPEFUL);
+        let looks: Vec<Result<Fitted, String>> = chosen.into_par_iter().map(|l| l.and_then(|f| look.go_on(f, FIRST_LOOK))).collect();
+        let in_full = |f: Fitted| if rough.is_some() { self.from(&f.system) } else { self.go_on(f, REFIT_ITERATIONS) };
+        let hopeful = hopeful(&looks);
         let mut before: Vec<f64> = looks.iter().map(cost_of).collect();
-        let mut fitted: Vec<Result<Fitted, String>> = looks
-            .into_par_iter()
-            .map(|l| l.and_then(|f| if f.outcome.cost <= hopeful { self.go_on(f, REFIT_ITERATIONS) } else { Ok(f) }))
-            .collect();
+        let mut fitted: Vec<Result<Fitted, String>> =
+            looks.into_par_iter().zip(&hopeful).map(|(l, hopeful)| l.and_then(|f| if *hopeful { in_full(f) } else { Ok(f) })).collect();
         let moved: Vec<(usize, Result<Fitted, String>)> = fitted
             .par_iter()
             .enumerate()
-            .filter_map(|(k, f)| Some((k, f.as_ref().ok().filter(|f| f.outcome.cost <= hopeful)?)))
+            .filter_map(|(k, f)| Some((k, f.as_ref().ok().filter(|_| hopeful[k])?)))
             .flat_map(|(k, f)| self.off_plateau(f).into_par_iter().map(move |system| (k, self.from(&system))))
             .collect();
         moved.into_iter().for_each(|(k, f)| {
@@ -274,11 +277,20 @@ fn among_three(mut costs: Vec<f64>) -> f64 {
     (HOPEFUL * best).min(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
 }
 
-/// A cost up to which something is worth going on with: that of the third best, or a factor of the best.
-fn threshold(mut costs: Vec<f64>, factor: f64) -> f64 {
-    costs.sort_by(f64::total_cmp);
-    let best = costs.first().copied().unwrap_or(0.0);
-    (factor * best).max(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
+/// What is worth a refit in full after the first look: a cost within a factor of the best, or among the best three. Once the best is at the
+/// noise the others must be within the factor, or have fewer parameters: nothing else can take its place.
+fn hopeful(looks: &[Result<Fitted, String>]) -> Vec<bool> {
+    let mut order: Vec<&Fitted> = looks.iter().flatten().collect();
+    order.sort_by(|a, b| a.outcome.cost.total_cmp(&b.outcome.cost));
+    let Some(best) = order.first() else { return vec![false; looks.len()] };
+    let n = best.outcome.n_residuals;
+    let explained = at_floor(((2.0 * best.outcome.cost / n.max(1) as f64).sqrt(), n));
+    let third = order.get(2).or(order.last()).map_or(0.0, |f| f.outcome.cost);
+    let worth = |f: &Fitted| {
+        let among_three = f.outcome.cost <= third && (!explained || f.free.len() < best.free.len());
+        f.outcome.cost <= HOPEFUL * best.outcome.cost || among_three
+    };
+    looks.iter().map(|l| l.as_ref().is_ok_and(worth)).collect()
 }
 
 fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {

@@ -73,16 +73,26 @@ pub fn projected(
 ) -> Result<Projected, DiagnoseError> {
     let mut augmented = system.clone();
     augmented.instances.extend(trials.iter().map(|t| t.instance.clone()));
-    let problem = Problem::new(plans.to_vec(), augmented);
     let own = system.free().len();
-    let p = problem.variables();
-    let computed = problem.jacobian(&p).map_err(|e| crate::identify::IdentifyError::StartFails { reason: e.reason })?;
-    let (r, j) = computed;
+    let failed = |e: crate::identify::EvalError| crate::identify::IdentifyError::StartFails { reason: e.reason };
+    let at = |plans: Vec<&Plan>, system: System| {
+        let problem = Problem::new(plans, system);
+        let p = problem.variables();
+        problem.jacobian(&p).map(|(r, j)| (p, r, j)).map_err(failed)
+    };
+    // What a candidate does need not be known as closely as what the model says: a slope off by a hundredth changes no order.
+    let coarser: Vec<Option<Plan>> = plans.iter().map(|p| p.coarser()).collect();
+    let of_trials: Vec<&Plan> = plans.iter().zip(&coarser).map(|(p, c)| c.as_ref().unwrap_or(p)).collect();
+    let (p, mut r, j) = at(of_trials, augmented)?;
+    let mut of_own = j.columns(0, own).into_owned();
+    if coarser.iter().any(Option::is_some) {
+        (_, r, of_own) = at(plans.to_vec(), system.clone())?;
+    }
     let rows = r.len() + priors.len();
     let cost: f64 = 0.5 * r.norm_squared();
     // Prior rows belong to the columns of the model's own parameters.
     let mut base = DMatrix::zeros(rows, own);
-    base.view_mut((0, 0), (r.len(), own)).copy_from(&j.columns(0, own));
+    base.view_mut((0, 0), (r.len(), own)).copy_from(&of_own);
     let mut extended = DVector::zeros(rows);
     extended.rows_mut(0, r.len()).copy_from(&r);
     for (k, (index, mean, sigma)) in priors.iter().enumerate() {
@@ -194,7 +204,8 @@ fn null_distribution(columns: &[DVector<f64>], two_sided: &[bool], seed: u64) ->
         return vec![];
     }
     let g = DMatrix::from_columns(columns);
-    let mut correlation = g.tr_mul(&g);
+    // A product, not `tr_mul`: that goes column by column.
+    let mut correlation = g.transpose() * &g;
     for k in 0..m {
         correlation[(k, k)] += 1e-9 + 1e-12 * m as f64;
     }

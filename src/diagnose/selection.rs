@@ -46,7 +46,7 @@ pub fn select(r: &DVector<f64>, columns: &[Column], level: f64) -> Vec<(usize, f
     }
     let g = DMatrix::from_columns(&signed.iter().map(|(k, sign, _)| columns[*k].g * *sign).collect::<Vec<_>>());
     let z = DVector::from_iterator(signed.len(), signed.iter().map(|s| s.2));
-    let inner = g.tr_mul(&g);
+    let inner = g.transpose() * &g;
     let Some(sparse) = nonnegative(&inner, &z, level.max(PRICE * best)) else { return vec![] };
     let largest = sparse.iter().copied().fold(0.0, f64::max);
     let entered: Vec<usize> = (0..sparse.len()).filter(|k| sparse[*k] > ENTERED * largest).collect();

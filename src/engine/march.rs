@@ -20,12 +20,14 @@ use super::spatial::{self, Joint};
 
 mod broyden;
 mod method;
+mod probe;
 mod sensitivities;
 mod space;
 mod statics;
 
 use broyden::Broyden;
 use method::{Alpha, Rates};
+pub use probe::Probe;
 use space::Spatial;
 
 /// What drives the structure, sampled at the ends of the steps (index 0: the start).
@@ -37,19 +39,6 @@ pub struct Loads {
     pub prescribed: Vec<(usize, Vec<[f64; 3]>)>,
     /// External general forces [N or N m].
     pub forces: Vec<(usize, Vec<f64>)>,
-}
-
-/// What is observed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Probe {
-    /// Displacement of a degree of freedom.
-    Dof(usize),
-    /// Relative displacement of a place.
-    Relative(usize),
-    /// Force of a place's element.
-    Force(usize),
-    /// Force that holds a prescribed degree of freedom, inertia included.
-    Reaction(usize),
 }
 
 /// State of a march, values and sensitivities. Sensitivity arrays hold one column after the other.
@@ -311,11 +300,7 @@ impl<'a> March<'a> {
             if stage == Stage::Newton {
                 let d = self.sensed[e].inputs(0);
                 let k = d[0] + rates.v * d[1] + rates.a * d[2] + d[3];
-                for (slot, sign) in link.slots.iter().zip([k, k, -k, -k]) {
-                    if let Some(slot) = slot {
-                        self.matrix.add_at(*slot, sign);
-                    }
-                }
+                add_link(&mut self.matrix, &link.slots, k);
             }
         }
         scale
@@ -402,8 +387,8 @@ impl<'a> March<'a> {
                 if norm < base_norm || factor < SHORTEST || iteration < patience {
                     base_norm = norm;
                     factor = 1.0;
-                    for (base, &d) in self.base.iter_mut().zip(&self.free_dofs) {
-                        *base = state.q[d];
+                    for (i, &d) in self.free_dofs.iter().enumerate() {
+                        self.base[i] = state.q[d];
                     }
                     if !self.keep {
                         self.broyden.clear();
@@ -447,35 +432,26 @@ impl<'a> March<'a> {
         state.s.copy_from_slice(&self.new_s);
         Ok(())
     }
+}
 
-    /// What a probe reads after a step, with its sensitivities written to `d` (one per column).
-    pub fn read(&self, probe: Probe, state: &State, d: &mut [f64]) -> f64 {
-        let (n, n_elements) = (self.mass.len(), self.links.len());
-        match probe {
-            Probe::Dof(dof) => {
-                d.iter_mut().enumerate().for_each(|(c, out)| *out = state.dq[c * n + dof]);
-                state.q[dof]
-            }
-            Probe::Relative(place) => {
-                if let Some(spatial) = &self.spatial {
-                    let (connector, axis) = self.places[place];
-                    return self.read_relative(spatial, connector, axis, state, d);
-                }
-                let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
-                let link = &self.links[e];
-                let rel = |u: &[f64], c: usize| link.to.map_or(0.0, |k| u[c * n + k]) - link.from.map_or(0.0, |k| u[c * n + k]);
-                d.iter_mut().enumerate().for_each(|(c, out)| *out = rel(&state.dq, c));
-                rel(&state.q, 0)
-            }
-            Probe::Force(place) => {
-                let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
-                d.iter_mut().enumerate().for_each(|(c, out)| *out = self.h[c * n_elements + e]);
-                self.forces[e]
-            }
-            Probe::Reaction(dof) => {
-                d.iter_mut().enumerate().for_each(|(c, out)| *out = state.dg[c * n + dof]);
-                state.g[dof]
-            }
+/// Sum of the products. By index: an iterator's adapters are not inlined everywhere.
+#[inline]
+fn inner(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len().min(b.len());
+    let (a, b, mut sum) = (&a[..n], &b[..n], 0.0);
+    for k in 0..n {
+        sum += a[k] * b[k];
+    }
+    sum
+}
+
+/// Adds a stiffness between two degrees of freedom, at the slots that are free: (to, to), (from, from), (to, from), (from, to).
+#[inline]
+fn add_link(matrix: &mut BlockTri<f64>, slots: &[Option<usize>; 4], k: f64) {
+    let signed = [k, k, -k, -k];
+    for at in 0..signed.len() {
+        if let Some(slot) = slots[at] {
+            matrix.add_at(slot, signed[at]);
         }
     }
 }

@@ -126,7 +126,7 @@ impl Element {
         } else if law.linear() {
             let mut t = Tangent::default();
             law.tangent(&Inputs::default(), 1.0, &mut [], &p, &vec![false; p.len()], &mut t);
-            self.linear_sum.iter_mut().zip(t.inputs(0)).for_each(|(sum, d)| *sum += d);
+            add(&mut self.linear_sum, t.inputs(0), 1.0);
             let p = self.push_params(p, chains);
             self.linear.push(ForcePiece { law, recurs: false, p, s: 0..0 });
         } else {
@@ -256,7 +256,7 @@ impl Element {
             let (p, active) = (&self.p[piece.p.clone()], &self.active[piece.p.clone()]);
             piece.law.tangent(&inner, dt, &mut [], p, active, &mut scratch.piece);
             let row = out.row_mut(0);
-            row[INPUTS + self.n_states + piece.p.start..].iter_mut().zip(scratch.piece.params(0)).for_each(|(o, d)| *o += d);
+            add(&mut row[INPUTS + self.n_states + piece.p.start..], scratch.piece.params(0), 1.0);
         }
         for (k, piece) in self.forces.iter().enumerate() {
             let (p, active) = (&self.p[piece.p.clone()], &self.active[piece.p.clone()]);
@@ -265,8 +265,8 @@ impl Element {
                 let unit = r.advance(&inner, &mut s[piece.s.clone()]);
                 out.f += p[0] * unit;
                 let row = out.row_mut(0);
-                row[..INPUTS].iter_mut().zip(&r.force).for_each(|(o, d)| *o += p[0] * d);
-                row[INPUTS + piece.s.start..].iter_mut().zip(&r.by_state).for_each(|(o, d)| *o += p[0] * d);
+                add(&mut row[..INPUTS], &r.force, p[0]);
+                add(&mut row[INPUTS + piece.s.start..], &r.by_state, p[0]);
                 if full && active[0] {
                     row[INPUTS + self.n_states + piece.p.start] += unit;
                 }
@@ -285,9 +285,9 @@ impl Element {
             out.f += t.f;
             for k in 0..=piece.s.len() {
                 let row = out.row_mut(if k == 0 { 0 } else { piece.s.start + k });
-                row[..INPUTS].iter_mut().zip(t.inputs(k)).for_each(|(o, d)| *o += d);
-                row[INPUTS + piece.s.start..].iter_mut().zip(t.states(k)).for_each(|(o, d)| *o += d);
-                row[INPUTS + self.n_states + piece.p.start..].iter_mut().zip(t.params(k)).for_each(|(o, d)| *o += d);
+                add(&mut row[..INPUTS], t.inputs(k), 1.0);
+                add(&mut row[INPUTS + piece.s.start..], t.states(k), 1.0);
+                add(&mut row[INPUTS + self.n_states + piece.p.start..], t.params(k), 1.0);
             }
         }
         if full {
@@ -476,6 +476,15 @@ impl Element {
             }
         }
         Ok((z / denominator, dz * outer, by_x * outer / (1.0 + slope * z.re)))
+    }
+}
+
+/// to += factor from.
+#[inline]
+fn add(to: &mut [f64], from: &[f64], factor: f64) {
+    let n = to.len().min(from.len());
+    for k in 0..n {
+        to[k] += factor * from[k];
     }
 }
 

@@ -155,8 +155,9 @@ fn from_frfs(system: &System, group: &Group, drawn: &mut Vec<Drawn>, charts: &mu
     let dofs: Vec<Option<usize>> = places(group).iter().map(|p| system.model.dof(p)).collect();
     let mut measured = vec![None; modes.len()];
     let pairs = pair(&found, modes, &dofs);
-    let row = |(k, (m, partner)): (usize, (&crate::data::modal_fit::Mode, &Option<(usize, Option<f64>)>))| {
-        let of = partner.map(|p| (&modes[p.0], families[p.0], p.1));
+    let row = |k: usize| {
+        let m = &found.modes[k];
+        let of = pairs[k].map(|p| (&modes[p.0], families[p.0], p.1));
         vec![
             (k + 1).to_string(),
             of.map_or("-".into(), |o| o.1.word().into()),
@@ -169,7 +170,7 @@ fn from_frfs(system: &System, group: &Group, drawn: &mut Vec<Drawn>, charts: &mu
             digits(m.complexity, 2),
         ]
     };
-    let rows: Vec<Vec<String>> = found.modes.iter().zip(&pairs).enumerate().map(row).collect();
+    let rows: Vec<Vec<String>> = (0..found.modes.len()).map(row).collect();
     for (m, partner) in found.modes.iter().zip(&pairs) {
         if let Some((k, _)) = partner {
             measured[*k] = Some(m.frequency);

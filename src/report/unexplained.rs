@@ -29,7 +29,8 @@ pub fn section(input: &ReportInput, charts: &mut Charts) -> String {
         percent(u.error_after)
     );
     let loops = largest(u);
-    let axes: [(&str, fn(&Missed) -> &[f64]); 3] =
+    type Along = fn(&Missed) -> &[f64];
+    let axes: [(&str, Along); 3] =
         [("relative displacement [SI]", |m| &m.x), ("relative velocity [SI]", |m| &m.v), ("phase in the cycle [rad]", |m| &m.phase)];
     out += "<div class=\"figures\">\n";
     for (title, along) in axes {

@@ -288,7 +288,8 @@ impl Plan {
     }
 
     /// The plan with as many steps as its noise asks for at the system's present values: they are doubled until the computed response
-    /// moves by less than [`STEP_ERROR`] of sigma. `None` where they are enough.
+    /// moves by less than [`STEP_ERROR`] of sigma, that of a record by less than [`RECORD_ERROR`] along the whole of it. `None` where they
+    /// are enough.
     pub fn refined(&self, system: &System) -> Option<Plan> {
         let mut best: Option<Plan> = None;
         loop {
@@ -316,6 +317,20 @@ impl Plan {
             }
             best = Some(finer);
         }
+    }
+
+    /// The same test in a quarter of the time steps, as far as it has them: for slopes that need be known to a hundredth, where the values
+    /// are needed to a part of the noise. `None` where it has no steps to spare.
+    pub fn coarser(&self) -> Option<Plan> {
+        let work = match &self.work {
+            Work::Cycle(cycle) => {
+                let coarser = cycle.coarser(cycle.steps() / 4);
+                (coarser.steps() < cycle.steps()).then_some(Work::Cycle(coarser))
+            }
+            Work::Transient(record) => record.coarser(4).map(Work::Transient),
+            _ => None,
+        };
+        work.map(|work| Plan { work, ..self.clone() })
     }
 
     /// A cycle test with at most `points` points a loop, evenly taken; others as they are.

@@ -83,12 +83,19 @@ impl TransientPlan {
     /// The same test with twice as many steps; `None` where they would be too many.
     pub(super) fn finer(&self) -> Option<Self> {
         let stride = 2 * self.stride;
-        if self.samples.len().saturating_mul(stride) > MOST_STEPS {
-            return None;
-        }
+        (self.samples.len().saturating_mul(stride) <= MOST_STEPS).then(|| self.marched(stride))
+    }
+
+    /// The same test with this part of its steps, one per sample at least; `None` where it has no more.
+    pub(super) fn coarser(&self, part: usize) -> Option<Self> {
+        let stride = (self.stride / part).max(1);
+        (stride < self.stride).then(|| self.marched(stride))
+    }
+
+    fn marched(&self, stride: usize) -> Self {
         let (control, dof, sign) = self.drive;
         let loads = site::loads(control, dof, sign, self.dt / stride as f64, &between(control, &self.samples, self.dt, stride));
-        Some(TransientPlan { stride, loads, ..self.clone() })
+        TransientPlan { stride, loads, ..self.clone() }
     }
 
     pub(super) fn dt(&self) -> f64 {

@@ -112,7 +112,7 @@ fn on_connector(kind: Kind, mut draw: Draw) -> Generated {
         let name = draw.pick(&ON_CONNECTOR).unwrap_or("coulomb");
         // In series with another effect, or as the damper of a model without one: alone.
         let alone = ["backlash", "support_compliance", "viscous"].contains(&name);
-        if !(count == 2 && alone) && !names.contains(&name) {
+        if (count != 2 || !alone) && !names.contains(&name) {
             names.push(name);
         }
     }

@@ -165,7 +165,7 @@ impl Problem<'_> {
             }
         }
         d -= &q * q.tr_mul(&d);
-        State { cost: residual.norm_squared(), gradient: d.tr_mul(&residual), normal: d.tr_mul(&d), linear: vec![c] }
+        State { cost: residual.norm_squared(), gradient: d.tr_mul(&residual), normal: d.transpose() * &d, linear: vec![c] }
     }
 
     /// Levenberg-Marquardt over the poles.

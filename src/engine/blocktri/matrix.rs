@@ -210,8 +210,9 @@ impl<T: Entry> BlockTri<T> {
                     }
                     let factor = target[0] * inverse;
                     target[0] = factor;
-                    for (t, s) in target[1..].iter_mut().zip(source) {
-                        *t -= factor * *s;
+                    let target = &mut target[1..];
+                    for c in 0..span {
+                        target[c] -= factor * source[c];
                     }
                 }
             }

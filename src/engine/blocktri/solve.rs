@@ -38,14 +38,15 @@ impl<T: Entry> BlockTri<T> {
         let layout = Arc::clone(&self.layout);
         let n = layout.n();
         let (work, _) = self.work.as_chunks_mut::<C>();
-        for (w, &dof) in work.iter_mut().zip(&layout.levels.order) {
-            *w = std::array::from_fn(|c| rhs[c * n + dof]);
+        let order = &layout.levels.order;
+        for k in 0..n {
+            (0..C).for_each(|c| work[k][c] = rhs[c * n + order[k]]);
         }
         self.forward::<C>(&layout);
         self.backward::<C>(&layout);
         let (work, _) = self.work.as_chunks::<C>();
-        for (w, &dof) in work.iter().zip(&layout.levels.order) {
-            (0..C).for_each(|c| rhs[c * n + dof] = w[c]);
+        for k in 0..n {
+            (0..C).for_each(|c| rhs[c * n + order[k]] = work[k][c]);
         }
     }
 
@@ -62,8 +63,9 @@ impl<T: Entry> BlockTri<T> {
                 let to = r.min(end);
                 let factors = &self.values[rows[r].at(begin)..rows[r].at(to)];
                 let mut sum = work[r];
-                for (f, w) in factors.iter().zip(&work[begin..to]) {
-                    (0..C).for_each(|c| sum[c] -= *f * w[c]);
+                let known = &work[begin..to];
+                for k in 0..known.len() {
+                    (0..C).for_each(|c| sum[c] -= factors[k] * known[k][c]);
                 }
                 work[r] = sum;
             }
@@ -79,8 +81,9 @@ impl<T: Entry> BlockTri<T> {
             for r in (levels.start[level]..levels.start[level + 1]).rev() {
                 let factors = &self.values[rows[r].at(r) + 1..rows[r].at(width)];
                 let mut sum = work[r];
-                for (f, w) in factors.iter().zip(&work[r + 1..width]) {
-                    (0..C).for_each(|c| sum[c] -= *f * w[c]);
+                let known = &work[r + 1..width];
+                for k in 0..known.len() {
+                    (0..C).for_each(|c| sum[c] -= factors[k] * known[k][c]);
                 }
                 (0..C).for_each(|c| sum[c] *= self.inverse[r]);
                 work[r] = sum;

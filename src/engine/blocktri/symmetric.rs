@@ -2,7 +2,8 @@
 //!
 //! Assembly, elimination and forward substitution go together level by level, so that a level's panel is still in the first cache
 //! when it is used. Where only a few responses are wanted the factors are not even kept: with Z = L D L', H_oi = y_o' D^-1 y_i for the
-//! forward-substituted unit loads y = L^-1 e, accumulated on the way. What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to
+//! forward-substituted unit loads y = L^-1 e, accumulated on the way. Loops go by index: the crate is compiled in many units without
+//! optimisation across them, where adapters of iterators over the lane types stay calls (half the speed). What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to
 //! z_kk|, the factors satisfy |Z - L D L'|_kl <= c eps g sqrt(s_k s_l), g = max_k sum_j |l_kj|^2 |d_j| / s_k. Lines whose g
 //! exceeds [`GROWTH`], or that meet a zero pivot, are reported for the pivoting factorisation.
 
@@ -170,8 +171,8 @@ impl Batch {
         if self.factors.len() < factors {
             self.factors.resize(factors, C4::ZERO);
         }
-        for (m, z) in self.magnitude.iter_mut().zip(&self.coefficients) {
-            Cv::<V>::load(z).magnitude().store(m);
+        for group in 0..self.magnitude.len() {
+            Cv::<V>::load(&self.coefficients[group]).magnitude().store(&mut self.magnitude[group]);
         }
         self.schur.fill(C4::ZERO);
         self.growth.fill(F4([0.0; WIDTH]));
@@ -186,9 +187,9 @@ impl Batch {
         let count = row_start(n + m, n);
         self.assemble::<V>(plan.table, base, count);
         let panel = &mut self.panel[..count];
-        for (p, s) in panel[..row_start(n, n)].iter_mut().zip(&self.schur) {
+        for at in 0..row_start(n, n) {
             let one = Cv { re: V::splat(1.0), im: V::splat(0.0) };
-            Cv::<V>::load(p).sub_mul(one, Cv::load(s)).store(p);
+            Cv::<V>::load(&panel[at]).sub_mul(one, Cv::load(&self.schur[at])).store(&mut panel[at]);
         }
         let kept = if plan.keep { base } else { 0 };
         let factors = &mut self.factors[kept..kept + count];
@@ -242,12 +243,13 @@ impl Batch {
     fn assemble<V: Lanes>(&mut self, table: &Table, base: usize, count: usize) {
         let inertia = V::load(&self.inertia);
         let slots = &table.slots[base..base + count + 1];
-        for (p, pair) in self.panel[..count].iter_mut().zip(slots.windows(2)) {
-            let mut z = Cv { re: V::splat(pair[0].stiffness).add_mul(inertia, V::splat(pair[0].mass)), im: V::splat(0.0) };
-            for term in &table.terms[pair[0].first_term..pair[1].first_term] {
+        for at in 0..count {
+            let (own, next) = (&slots[at], &slots[at + 1]);
+            let mut z = Cv { re: V::splat(own.stiffness).add_mul(inertia, V::splat(own.mass)), im: V::splat(0.0) };
+            for term in &table.terms[own.first_term..next.first_term] {
                 z = z.add_scaled(V::splat(term.value), Cv::load(&self.coefficients[term.group]));
             }
-            z.store(p);
+            z.store(&mut self.panel[at]);
         }
     }
 
@@ -278,16 +280,17 @@ impl Batch {
         if plan.keep {
             return;
         }
-        for (h, &(input, output)) in self.h.iter_mut().zip(plan.pairs) {
+        for at in 0..plan.pairs.len() {
+            let (input, output) = plan.pairs[at];
             if !(begin..end).contains(&input) || !(begin..end).contains(&output) {
                 continue;
             }
-            let mut sum = Cv::<V>::load(h);
+            let mut sum = Cv::<V>::load(&self.h[at]);
             for k in 0..n {
                 let scaled = Cv::load(&x[k * stride + input]).mul(Cv::load(&factors[row_start(k, n) + k]));
                 sum = sum.add_mul(scaled, Cv::load(&x[k * stride + output]));
             }
-            sum.store(h);
+            sum.store(&mut self.h[at]);
         }
         // The next level's rows move to the front of the window.
         x.copy_within(n * stride.., 0);
@@ -320,14 +323,15 @@ impl Batch {
         self.sensitivity.resize(plan.pairs.len() * groups, C4::ZERO);
         self.relative.resize(columns, C4::ZERO);
         for Element { group, row } in &plan.table.elements {
-            for (c, relative) in self.relative.iter_mut().enumerate() {
+            for c in 0..columns {
                 let mut sum = Cv::<V>::zero();
                 for &(position, b) in row {
                     sum = sum.add_scaled(V::splat(b), Cv::load(&self.x[position * columns + c]));
                 }
-                sum.store(relative);
+                sum.store(&mut self.relative[c]);
             }
-            for (at, &(input, output)) in plan.pairs.iter().enumerate() {
+            for at in 0..plan.pairs.len() {
+                let (input, output) = plan.pairs[at];
                 let target = &mut self.sensitivity[at * groups + group];
                 let (a, b) = (Cv::<V>::load(&self.relative[input]), Cv::load(&self.relative[output]));
                 Cv::<V>::load(target).sub_mul(a, b).store(target);
@@ -371,8 +375,8 @@ fn forward_columns<V: Lanes, const C: usize>(factors: &[C4], x: &mut [C4], strid
         for k in 0..r.min(n) {
             let l = Cv::load(&factors[row + k]);
             let source = &x[k * stride + c..][..C];
-            for (s, y) in sum.iter_mut().zip(source) {
-                *s = s.sub_mul(l, Cv::load(y));
+            for i in 0..C {
+                sum[i] = sum[i].sub_mul(l, Cv::load(&source[i]));
             }
         }
         store_columns(sum, &mut x[r * stride + c..]);
@@ -385,14 +389,14 @@ fn backward_columns<V: Lanes, const C: usize>(factors: &[C4], x: &mut [C4], stri
     for k in (0..n).rev() {
         let inverse = Cv::load(&factors[row_start(k, n) + k]);
         let mut sum: [Cv<V>; C] = load_columns(&x[k * stride + c..]);
-        for s in &mut sum {
-            *s = s.mul(inverse);
+        for i in 0..C {
+            sum[i] = sum[i].mul(inverse);
         }
         for r in k + 1..rows {
             let l = Cv::load(&factors[row_start(r, n) + k]);
             let source = &x[r * stride + c..][..C];
-            for (s, y) in sum.iter_mut().zip(source) {
-                *s = s.sub_mul(l, Cv::load(y));
+            for i in 0..C {
+                sum[i] = sum[i].sub_mul(l, Cv::load(&source[i]));
             }
         }
         store_columns(sum, &mut x[k * stride + c..]);
@@ -402,16 +406,17 @@ fn backward_columns<V: Lanes, const C: usize>(factors: &[C4], x: &mut [C4], stri
 
 #[inline(always)]
 fn load_columns<V: Lanes, const C: usize>(from: &[C4]) -> [Cv<V>; C] {
-    let mut all = [Cv::zero(); C];
-    for (a, f) in all.iter_mut().zip(&from[..C]) {
-        *a = Cv::load(f);
+    let (mut all, from) = ([Cv::zero(); C], &from[..C]);
+    for i in 0..C {
+        all[i] = Cv::load(&from[i]);
     }
     all
 }
 
 #[inline(always)]
 fn store_columns<V: Lanes, const C: usize>(all: [Cv<V>; C], to: &mut [C4]) {
-    for (a, t) in all.iter().zip(&mut to[..C]) {
-        a.store(t);
+    let to = &mut to[..C];
+    for i in 0..C {
+        all[i].store(&mut to[i]);
     }
 }

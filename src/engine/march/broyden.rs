@@ -4,6 +4,8 @@
 //! sec. 7.3): `z = -H r`, then `z += s_(j+1) (s_j.z)/|s_j|^2` for the steps before, and `s = z / (1 - s_n.z/|s_n|^2)`. It costs a few inner
 //! products, where each evaluation that it saves costs the whole model.
 
+use super::inner;
+
 /// Steps that are remembered.
 const MOST: usize = 12;
 /// A divisor below this would leave the neighbourhood of the factors.
@@ -14,10 +16,6 @@ const LEAST: f64 = 0.2;
 pub(super) struct Broyden {
     steps: Vec<f64>,
     squares: Vec<f64>,
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl Broyden {
@@ -34,17 +32,17 @@ impl Broyden {
         let mut divisor = 1.0;
         if let Some(last) = count.checked_sub(1) {
             for j in 0..last {
-                let share = dot(step(j), z) / self.squares[j];
+                let share = inner(step(j), z) / self.squares[j];
                 z.iter_mut().zip(step(j + 1)).for_each(|(z, s)| *z += share * s);
             }
-            divisor -= dot(step(last), z) / self.squares[last];
+            divisor -= inner(step(last), z) / self.squares[last];
         }
         if divisor.is_nan() || divisor < LEAST || count == MOST {
             self.clear();
         } else {
             z.iter_mut().for_each(|z| *z /= divisor);
         }
-        let square = dot(z, z);
+        let square = inner(z, z);
         if square > 0.0 {
             self.steps.extend_from_slice(z);
             self.squares.push(square);

@@ -2,7 +2,7 @@
 
 use super::super::EngineError;
 use super::space::Spatial;
-use super::{March, State};
+use super::{March, State, add_link, inner};
 
 impl March<'_> {
     /// Direct differentiation of the converged step. Columns beyond the free parameters are perturbations of the start.
@@ -41,7 +41,7 @@ impl March<'_> {
                 let rel = |u: &[f64]| link.to.map_or(0.0, |k| u[c * n + k]) - link.from.map_or(0.0, |k| u[c * n + k]);
                 let mut h = d[1] * rel(&state.dv) + d[2] * rel(&state.da) - d[3] * rel(&self.old.dq);
                 let old = &self.old.ds[c * ns + link.s0..c * ns + link.s0 + by_state.len()];
-                h += by_state.iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
+                h += inner(by_state, old);
                 self.h[c * n_elements + e] = h;
             }
             for (p, chain) in element.chains.iter().enumerate().filter(|_| self.by_parameter) {
@@ -120,11 +120,7 @@ impl March<'_> {
                     let old = &self.old.ds[c * ns + link.s0..c * ns + link.s0 + n_s];
                     for r in 0..n_s {
                         let d = sensed.inputs(1 + r);
-                        state.ds[c * ns + link.s0 + r] = d[0] * dx
-                            + d[1] * dv
-                            + d[2] * da
-                            + d[3] * step
-                            + sensed.states(1 + r).iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
+                        state.ds[c * ns + link.s0 + r] = d[0] * dx + d[1] * dv + d[2] * da + d[3] * step + inner(sensed.states(1 + r), old);
                     }
                 }
             }
@@ -151,11 +147,7 @@ impl March<'_> {
         for (link, sensed) in self.links.iter().zip(&self.sensed) {
             let d = sensed.inputs(0);
             let k = d[0] + rates.v * d[1] + rates.a * d[2] + d[3];
-            for (slot, value) in link.slots.iter().zip([k, k, -k, -k]) {
-                if let Some(slot) = slot {
-                    self.matrix.add_at(*slot, value);
-                }
-            }
+            add_link(&mut self.matrix, &link.slots, k);
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::model::space::{InPlane, Inertial, PlaneJoint, Pose, Relative, Space};
 use super::super::EngineError;
 use super::super::blocktri::Layout;
 use super::super::spatial::{Joint, Measured, dot, joints, slots};
-use super::{March, Rates, Stage, State};
+use super::{March, Rates, Stage, State, inner};
 
 /// The spatial side of a march.
 pub(super) struct Spatial {
@@ -250,7 +250,7 @@ impl March<'_> {
                     let a = dot(row, &da) + 2.0 * dot(&work.now.rate[axis], &dv);
                     let mut h = d[1] * v + d[2] * a - d[3] * dot(&work.before.b[axis], &dq0);
                     let old = &self.old.ds[c * ns + s0..c * ns + s0 + by_state.len()];
-                    h += by_state.iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
+                    h += inner(by_state, old);
                     self.h[c * n_elements + e] += h;
                     let h = self.h[c * n_elements + e];
                     for (k, d) in &work.live {
@@ -302,11 +302,7 @@ impl March<'_> {
                     for r in 0..n_s {
                         let d = sensed.inputs(1 + r);
                         let old = &self.old.ds[at..at + n_s];
-                        state.ds[at + r] = d[0] * x
-                            + d[1] * v
-                            + d[2] * a
-                            + d[3] * step
-                            + sensed.states(1 + r).iter().zip(old).map(|(a, b)| a * b).sum::<f64>();
+                        state.ds[at + r] = d[0] * x + d[1] * v + d[2] * a + d[3] * step + inner(sensed.states(1 + r), old);
                     }
                 }
                 for (k, d) in work.live.iter().filter(|_| reactions) {

@@ -226,7 +226,7 @@ fn the_bootstrap_of_a_line_has_the_deviations_of_regression() {
     let count = |_: &Replicate| {
         seen.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
     };
-    let all = bootstrap(&problem, &found, &o, &[0..n], (&indices, 11), &Monitor::default(), &count).unwrap();
+    let all = bootstrap(&problem, &found, &o, std::slice::from_ref(&(0..n)), (&indices, 11), &Monitor::default(), &count).unwrap();
     assert_eq!((all.len(), seen.into_inner()), (400, 400));
     let inverse = (problem.a.transpose() * &problem.a).try_inverse().unwrap();
     let scatter = (2.0 * found.cost / (n - 2) as f64).sqrt();
@@ -240,7 +240,7 @@ fn the_bootstrap_of_a_line_has_the_deviations_of_regression() {
         assert!((mean - found.p[k]).abs() < 4.0 * std / 20.0, "{mean} {}", found.p[k]);
     }
     // Replicate 7 alone is replicate 7 among all.
-    let again = bootstrap(&problem, &found, &o, &[0..n], (&[7], 11), &Monitor::default(), &|_| {}).unwrap();
+    let again = bootstrap(&problem, &found, &o, std::slice::from_ref(&(0..n)), (&[7], 11), &Monitor::default(), &|_| {}).unwrap();
     assert_eq!(again[0], all[7]);
     assert_eq!(quantile(&[1.0, 2.0, 4.0], 0.75), 3.0);
 }
