@@ -34,6 +34,9 @@ const FLAT: f64 = 1e-3;
 const OFF: [f64; 4] = [-1.4, -0.6, 0.6, 1.4];
 const UNMOVED: f64 = 1e-6;
 
+/// Fall of the cost that a setting must be worth to be fitted.
+const WORTH_FREEING: f64 = 4.0;
+
 /// Folds of a cross-validation.
 const FOLDS: usize = 4;
 /// Stretches that a test is cut into where its parts are the folds.
@@ -165,6 +168,17 @@ impl Bench<'_> {
                 fitted[k] = f;
             }
         });
+        let freed: Vec<(usize, Result<Fitted, String>)> = fitted
+            .par_iter()
+            .enumerate()
+            .filter_map(|(k, f)| Some((k, freed(f.as_ref().ok().filter(|_| hopeful[k])?)?)))
+            .map(|(k, system)| (k, self.from(&system)))
+            .collect();
+        freed.into_iter().for_each(|(k, f)| {
+            if cost_of(&f) < cost_of(&fitted[k]) - WORTH_FREEING {
+                fitted[k] = f;
+            }
+        });
         for round in (1..=CONTINUED).rev() {
             let now: Vec<f64> = fitted.iter().map(cost_of).collect();
             let (best, near) = (now.iter().copied().fold(f64::INFINITY, f64::min), among_three(now.clone()));
@@ -264,6 +278,18 @@ impl Bench<'_> {
         }
         Err(failed)
     }
+}
+
+/// The candidate with a setting free that was taken from a grid; none where it has no such.
+fn freed(fitted: &Fitted) -> Option<System> {
+    let mut system = fitted.system.clone();
+    let last = system.instances.last_mut()?;
+    let info = last.effect.info();
+    let mut any = false;
+    for (value, p) in last.params.iter_mut().zip(info.params).filter(|(_, p)| matches!(p.grid, Grid::OfMiddle(_))) {
+        (value.free, value.min, value.max, any) = (true, p.min, p.max, true);
+    }
+    any.then_some(system)
 }
 
 fn cost_of(fitted: &Result<Fitted, String>) -> f64 {

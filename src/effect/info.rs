@@ -182,6 +182,9 @@ pub enum Grid {
     OfLowest(&'static [f64]),
     /// Multiples of the highest frequency of the tests, one over the shortest period [Hz].
     OfHighest(&'static [f64]),
+    /// Multiples of the middle of the frequencies of the tests, on a logarithmic scale [Hz]; 0 where they show none. A setting
+    /// that is then fitted where that is worth a parameter.
+    OfMiddle(&'static [f64]),
     /// These values, whatever the tests show.
     Values(&'static [f64]),
     /// These values, whatever the tests show, from which a setting is then fitted.
@@ -221,6 +224,10 @@ impl Grid {
             Grid::OfF(f) => times(f, scales.f),
             Grid::OfLowest(f) => times(f, scales.periods.1.recip()),
             Grid::OfHighest(f) => times(f, scales.periods.0.recip()),
+            Grid::OfMiddle(f) => {
+                let middle = times(f, (scales.periods.0 * scales.periods.1).sqrt().recip());
+                if middle.is_empty() { vec![0.0] } else { middle }
+            }
             Grid::Values(v) | Grid::Starts(v) => v.to_vec(),
             Grid::Time(n) => {
                 let (lo, hi) = (scales.periods.0 / std::f64::consts::TAU, scales.periods.1 / std::f64::consts::TAU);
@@ -322,6 +329,8 @@ impl Ports {
     pub const A: Ports = Ports { x: false, v: false, a: true, dx: false };
     /// Reads the displacement increment only.
     pub const DX: Ports = Ports { x: false, v: false, a: false, dx: true };
+    /// Reads displacement and displacement increment.
+    pub const XDX: Ports = Ports { x: true, v: false, a: false, dx: true };
     /// Reads displacement and velocity.
     pub const XV: Ports = Ports { x: true, v: true, a: false, dx: false };
     /// Reads displacement, velocity and displacement increment.

@@ -17,7 +17,7 @@ pub struct Prony {
 pub fn prony(effect: &str, p: &[f64]) -> Option<Prony> {
     match (effect, p.len()) {
         ("maxwell", 2) => Some(Prony { spring: 0.0, damper: 0.0, branches: vec![(1.0, 1.0 / p[1])] }),
-        ("structural_damping", 3) => Some(structural_damping::prony(p)),
+        ("structural_damping", 4) => Some(structural_damping::prony(p)),
         ("springpot", 5) => Some(springpot::prony(p)),
         _ => None,
     }
@@ -32,9 +32,11 @@ mod tests {
 
     #[test]
     fn a_series_is_the_dynamic_stiffness_of_its_law() {
-        for (name, p) in
-            [("maxwell", vec![300.0, 0.02]), ("structural_damping", vec![50.0, 0.1, 1e3]), ("springpot", vec![80.0, 0.3, 2.0, 0.1, 1e3])]
-        {
+        for (name, p) in [
+            ("maxwell", vec![300.0, 0.02]),
+            ("structural_damping", vec![50.0, 0.1, 1e3, 4.0]),
+            ("springpot", vec![80.0, 0.3, 2.0, 0.1, 1e3]),
+        ] {
             let series = prony(name, &p).unwrap();
             let Effect::Force(law) = find(name).unwrap() else { panic!("{name}") };
             for w in [0.3, 20.0, 2000.0] {

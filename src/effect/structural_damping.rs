@@ -2,7 +2,7 @@
 
 use num_complex::Complex;
 
-use super::info::{Dim, Info, Param, Ports, Role, Sign};
+use super::info::{Dim, Grid, Info, Param, Ports, Role, Sign};
 use super::prony::Prony;
 use super::{Force, Inputs, Num};
 
@@ -14,17 +14,25 @@ impl Force for StructuralDamping {
         name: "structural_damping",
         role: Role::Force,
         claim: "loss per cycle nearly independent of frequency; flat modal damping",
-        equation: "F = sum_j g s_j,  ds_j/dt = v - s_j/tau_j,  g = 2 h ln(r)/pi,  tau_j spaced by the ratio r over the band",
+        equation: "F = sum_j g (s_j - w^2 tau_j^2/(1 + w^2 tau_j^2) x),  ds_j/dt = v - s_j/tau_j,  g = 2 h ln(r)/pi,  tau_j spaced by the ratio r over the band,  w = 2 pi f_ref",
         params: &[
             Param::strength("h", Dim::F_PER_X, Sign::NonNegative, "loss modulus: h = eta k for a loss factor eta on a stiffness k"),
             Param::setting("f_low", Dim::PER_T, Sign::Positive, 0.01, "lower end of the band"),
             Param::setting("f_high", Dim::PER_T, Sign::Positive, 1e4, "upper end of the band"),
+            Param::setting(
+                "f_ref",
+                Dim::PER_T,
+                Sign::NonNegative,
+                0.0,
+                "frequency at which the effect adds loss alone, so that the spring beside it has its dynamic stiffness there; 0: at rest",
+            )
+            .tried(Grid::OfMiddle(&[0.25, 0.5, 1.0, 2.0, 4.0])),
         ],
         states: BRANCHES,
-        ports: Ports::DX,
+        ports: Ports::XDX,
         family: "viscoelastic",
         source: "Biot (1958) continuous relaxation spectrum; Park and Schapery, Int. J. Solids Struct. 36 (1999)",
-        range: "inside the band; the storage modulus rises by (2/pi) h per e-fold of frequency, as causality demands",
+        range: "inside the band; the storage modulus rises by (2/pi) h per e-fold of frequency, as causality demands, and is negative below f_ref",
     };
 
     const SUPERPOSES: bool = true;
@@ -32,18 +40,18 @@ impl Force for StructuralDamping {
     fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {
         let (g, tau) = series(p);
         let mut sum = T::from(0.0);
-        for (state, tau) in s.iter_mut().zip(tau) {
+        for (state, tau) in s.iter_mut().zip(&tau) {
             let ratio = tau.recip() * dt;
             let decay = (-ratio).exp();
             *state = *state * decay - u.dx * (-ratio).exp_m1() / ratio;
             sum += *state;
         }
-        p[0] * g * sum
+        p[0] * g * (sum - u.x * stored(&tau, p[3]))
     }
 
     fn stiffness<T: Num>(s: Complex<T>, p: &[T]) -> Result<Complex<T>, &'static str> {
         let (g, tau) = series(p);
-        let mut sum = Complex::new(T::from(0.0), T::from(0.0));
+        let mut sum = Complex::new(-stored(&tau, p[3]), T::from(0.0));
         for tau in tau {
             let st = s * tau;
             sum += st / (st + T::from(1.0));
@@ -58,7 +66,17 @@ const BRANCHES: usize = 12;
 /// The law as a series of branches.
 pub(super) fn prony(p: &[f64]) -> Prony {
     let (weight, tau) = series(p);
-    Prony { spring: 0.0, damper: 0.0, branches: tau.iter().map(|t| (weight, 1.0 / t)).collect() }
+    Prony { spring: -weight * stored(&tau, p[3]), damper: 0.0, branches: tau.iter().map(|t| (weight, 1.0 / t)).collect() }
+}
+
+/// What the branches, of modulus 1 each, store at the frequency `f` [Hz].
+fn stored<T: Num>(tau: &[T], f: T) -> T {
+    let mut sum = T::from(0.0);
+    for tau in tau {
+        let turned = (*tau * f * std::f64::consts::TAU).powi(2);
+        sum += turned / (turned + T::from(1.0));
+    }
+    sum
 }
 
 /// Modulus of each branch per unit of loss modulus, and the relaxation times.

@@ -8,7 +8,7 @@
 //! | the fit | [`fit()`]: constrained Levenberg-Marquardt ([`lm`]) under a [`Monitor`]; [`multi_start`] runs several |
 //! | after | [`uncertainty()`]: covariance, named null space; [`profile()`]: interval of one parameter by refitting; [`bootstrap()`]: scatter of refits to resampled residuals |
 //!
-//! [`nist`] scores the solver against certified answers.
+//! The tests score the solver against NIST's certified answers.
 
 mod bootstrap;
 mod constraints;
@@ -21,7 +21,6 @@ mod linalg;
 pub mod lm;
 mod monitor;
 mod multi_start;
-pub mod nist;
 mod problem;
 mod profile;
 mod qp;

@@ -28,7 +28,12 @@ fn elements_with_openings_have_exact_tangents() {
         &[("linear_stiffness", &[1.0]), ("support_compliance", &[0.5])],
         &[("linear_stiffness", &[1.0]), ("viscous", &[0.3]), ("support_compliance", &[0.5]), ("backlash", &[0.4, 0.2])],
         &[("elastic_slip", &[0.5, 0.2]), ("film", &[0.4, 0.3, 0.1]), ("backlash", &[0.4, 0.2]), ("linear_stiffness", &[0.2])],
-        &[("maxwell", &[0.5, 0.2]), ("support_compliance", &[0.5]), ("cubic_stiffness", &[0.5]), ("structural_damping", &[0.2, 0.1, 10.0])],
+        &[
+            ("maxwell", &[0.5, 0.2]),
+            ("support_compliance", &[0.5]),
+            ("cubic_stiffness", &[0.5]),
+            ("structural_damping", &[0.2, 0.1, 10.0, 0.7]),
+        ],
     ];
     for set in sets {
         let system = one_place(set);

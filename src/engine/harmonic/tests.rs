@@ -139,7 +139,7 @@ fn one_harmonic_of_a_jenkins_element_is_its_describing_function() {
 #[test]
 fn linear_structures_and_tiny_amplitudes_give_the_receptance() {
     let omega: Vec<f64> = (1..40).map(|k| 5.0 * k as f64).collect();
-    let linear = with(&[("maxwell", "c0.x", &[500.0, 0.04]), ("structural_damping", "c1.x", &[150.0, 0.1, 100.0])]);
+    let linear = with(&[("maxwell", "c0.x", &[500.0, 0.04]), ("structural_damping", "c1.x", &[150.0, 0.1, 100.0, 3.0])]);
     let slipping = with(&[
         ("elastic_slip", "c1.x", &[1.2, 4e-4]),
         ("maxwell", "c0.x", &[500.0, 0.04]),
@@ -230,7 +230,7 @@ const MIXED: [(&str, &str, &[f64]); 8] = [
     ("cubic_stiffness", "c0.x", &[2e8]),
     ("backlash", "c1.x", &[2e-4, 0.5]),
     ("support_compliance", "c2.x", &[4e-5]),
-    ("structural_damping", "c1.x", &[150.0, 0.1, 100.0]),
+    ("structural_damping", "c1.x", &[150.0, 0.1, 100.0, 3.0]),
     ("coulomb", "c0.x", &[0.3, 2e-2]),
 ];
 

@@ -1,6 +1,7 @@
 //! Tests of the identification stage as a whole, through its public functions.
 
 mod after;
+mod nist;
 mod property;
 mod solver;
 

@@ -3,8 +3,7 @@
 //! Source: NIST/ITL StRD, nonlinear regression. The data stand in `datasets/nist-strd`, in the project's own form. Jacobians are exact
 //! (dual numbers); no start, scale or bound beyond NIST's own is given to the solver.
 
-use super::{EvalError, FitOptions, FitOutcome, IdentifyError, LeastSquares, Monitor, fit};
-use nalgebra::{DMatrix, DVector};
+use super::*;
 use num_dual::{Dual64, DualNum, DualNumCopy};
 use serde::Deserialize;
 
@@ -12,8 +11,6 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Deserialize)]
 pub struct Certified {
     pub name: String,
-    /// lower, average or higher
-    pub difficulty: String,
     pub starts: [Vec<f64>; 2],
     pub certified: Vec<f64>,
     /// standard deviations of the parameters, rescaled by the residual standard deviation
@@ -122,7 +119,6 @@ impl LeastSquares for Certified {
 #[derive(Debug, Clone)]
 pub struct Score {
     pub name: String,
-    pub difficulty: String,
     /// 1 (far) or 2 (near)
     pub start: usize,
     /// correct digits of the worst parameter, -log10 |b - certified| / |certified|, at most 11 (the digits certified)
@@ -149,8 +145,8 @@ pub fn score(options: impl Fn(&mut FitOptions)) -> Result<Vec<Score>, IdentifyEr
             let outcome = fit(problem, start, &stated, &Monitor::default())?;
             let worst = outcome.p.iter().zip(&problem.certified).map(|(&p, &c)| digits(p, c)).fold(11.0, f64::min);
             let rss_digits = digits(2.0 * outcome.cost, problem.certified_rss);
-            let (name, difficulty) = (problem.name.clone(), problem.difficulty.clone());
-            scores.push(Score { name, difficulty, start: k + 1, digits: worst, rss_digits, outcome });
+            let name = problem.name.clone();
+            scores.push(Score { name, start: k + 1, digits: worst, rss_digits, outcome });
         }
     }
     Ok(scores)
@@ -176,26 +172,21 @@ pub fn table(scores: &[Score]) -> String {
     out + &format!("{good} of {} fits reach 6 digits in every parameter\n", scores.len())
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+#[test]
+fn nist_strd_54() {
+    let scores = score(|_| {}).unwrap();
+    println!("{}", table(&scores));
+    assert_eq!(scores.len(), 54);
+    let good = scores.iter().filter(|s| s.digits >= 6.0).count();
+    assert!(good >= 52, "{good} of 54");
+}
 
-    #[test]
-    fn nist_strd_54() {
-        let scores = score(|_| {}).unwrap();
-        println!("{}", table(&scores));
-        assert_eq!(scores.len(), 54);
-        let good = scores.iter().filter(|s| s.digits >= 6.0).count();
-        assert!(good >= 52, "{good} of 54");
-    }
-
-    #[test]
-    fn published_models_reproduce_the_certified_sum_of_squares() {
-        for problem in problems().unwrap() {
-            let rss = problem.residuals(&problem.certified).unwrap().norm_squared();
-            // Lanczos1's certified sum (1.4e-25) is below what ten certified digits of the parameters reproduce
-            let floor = if problem.name == "Lanczos1" { 1e-18 } else { 0.0 };
-            assert!((rss - problem.certified_rss).abs() <= 1e-7 * problem.certified_rss + floor, "{}: {rss:e}", problem.name);
-        }
+#[test]
+fn published_models_reproduce_the_certified_sum_of_squares() {
+    for problem in problems().unwrap() {
+        let rss = problem.residuals(&problem.certified).unwrap().norm_squared();
+        // Lanczos1's certified sum (1.4e-25) is below what ten certified digits of the parameters reproduce
+        let floor = if problem.name == "Lanczos1" { 1e-18 } else { 0.0 };
+        assert!((rss - problem.certified_rss).abs() <= 1e-7 * problem.certified_rss + floor, "{}: {rss:e}", problem.name);
     }
 }
