@@ -19,9 +19,15 @@ pub fn at_floor((rms, n): (f64, usize)) -> bool {
     rms * rms < (AT_FLOOR * AT_FLOOR).max(1.0 + CHANCE * (2.0 / n.max(1) as f64).sqrt())
 }
 
+/// Root mean square of whitened residuals and their number.
+pub fn rms(w: &Whitened) -> (f64, usize) {
+    let n: usize = w.iter().map(Vec::len).sum();
+    ((2.0 * cost(w) / n.max(1) as f64).sqrt(), n)
+}
+
 /// Whether these residuals are far from the noise.
 pub fn far(w: &Whitened) -> bool {
-    2.0 * cost(w) > FAR * FAR * w.iter().map(Vec::len).sum::<usize>() as f64
+    rms(w).0 > FAR
 }
 
 /// Mean improvement of the squared whitened residual and its standard error, paired over chunks of every test.

@@ -4,7 +4,7 @@ use crate::identify::Monitor;
 use crate::model::Site;
 
 use super::Case;
-use super::accept::{STANDARD_ERRORS, earns_its_place, far, improvement};
+use super::accept::{STANDARD_ERRORS, at_floor, earns_its_place, far, improvement, rms};
 use super::refit::{Proof, Whitened, cost, cross_validated};
 use super::results::SplitName;
 
@@ -39,7 +39,8 @@ impl<'a> Judge<'a> {
 
     /// Whether the candidate that `proof` added last has earned its place, and what was weighed beside the improvement.
     ///
-    /// The cost on the fit tests must fall by more than its parameters buy by chance; on select the pairs decide. Without select tests
+    /// The cost on the fit tests must fall by more than its parameters buy by chance; on select the pairs decide, unless the effect brings
+    /// the fit tests from beyond the noise down to it and the select tests do not rise. Without select tests
     /// each fit test in turn stands for them; with one test alone the fall must be worth the name. An error of the instrument of one
     /// fitted test shows nowhere else: there the cost must fall by more than Schwarz's price and the select tests must not object.
     pub fn earned(&self, proof: &Proof) -> (bool, String) {
@@ -54,7 +55,14 @@ impl<'a> Judge<'a> {
             return (false, "; next to nothing of a misfit that is far from the noise".into());
         }
         if !self.before.select.is_empty() {
-            return (gain > BY_CHANCE * added && earns_its_place(&self.before.select, &proof.select), String::new());
+            if gain > BY_CHANCE * added && earns_its_place(&self.before.select, &proof.select) {
+                return (true, String::new());
+            }
+            // Select tests that hardly show the effect cannot prove it; nor need they, where it brings the fitted tests down to the noise.
+            let explains = !at_floor(rms(&self.before.fit)) && at_floor(rms(&proof.fit)) && gain > priced;
+            let borne = improvement(&self.before.select, &proof.select).0 >= 0.0;
+            let text = if explains && borne { "; brings the fitted tests to the noise, and the select tests hardly show it" } else { "" };
+            return (explains && borne, text.into());
         }
         if gain <= priced {
             return (false, "; less than its parameters gain by chance".into());

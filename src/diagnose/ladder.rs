@@ -7,7 +7,7 @@ use crate::identify::Monitor;
 use crate::model::System;
 use crate::response::Plan;
 
-use super::accept::{at_floor, far};
+use super::accept::{at_floor, far, rms};
 use super::candidates::Name;
 use super::case::{Case, Fitted, compare, effects, fit, parameters};
 use super::findings::{findings, unsettled};
@@ -107,7 +107,7 @@ fn verdict(step: &Step, stopped: bool) -> Verdict {
 fn left_by(case: &Case, system: &System) -> (f64, usize) {
     let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
     let n: usize = plans.iter().map(|p| p.len()).sum();
-    whitened(&plans, system).map_or((f64::INFINITY, n), |w| ((2.0 * cost(&w) / n.max(1) as f64).sqrt(), n))
+    whitened(&plans, system).map_or((f64::INFINITY, n), |w| rms(&w))
 }
 
 /// Whether what was added takes most of what the first model failed by.

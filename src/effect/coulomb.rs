@@ -18,7 +18,7 @@ impl Force for Coulomb {
         params: &[
             Param::strength("f", Dim::F, Sign::NonNegative, "friction force"),
             Param {
-                grid: Grid::OfLeastV(&[0.01]),
+                grid: Grid::OfLeastV(&[0.01, 0.001]),
                 ..Param::setting(
                     "vr",
                     Dim::X_PER_T,

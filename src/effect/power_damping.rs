@@ -26,7 +26,7 @@ impl Force for PowerDamping {
                 1e-6,
                 "velocity below which the force is linear; small against every tested one",
             )
-            .tried(Grid::OfLeastV(&[0.01])),
+            .tried(Grid::OfLeastV(&[0.01, 0.001])),
         ],
         states: 0,
         ports: Ports::V,

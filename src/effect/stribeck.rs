@@ -26,7 +26,7 @@ impl Force for Stribeck {
                 1e-6,
                 "velocity below which the sign is regularised; small against vs and every tested velocity",
             )
-            .tried(Grid::OfLeastV(&[0.01])),
+            .tried(Grid::OfLeastV(&[0.01, 0.001])),
         ],
         states: 0,
         ports: Ports::V,

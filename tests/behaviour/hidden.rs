@@ -6,7 +6,7 @@ use std::path::Path;
 use nalgebra::{Complex, Matrix3, Vector3};
 use serde_json::Value;
 
-use super::rig::{misfit, noise};
+use super::rig::{chain, misfit, noise};
 
 fn study(folder: &Path, dataset: &str, study: &str) {
     std::fs::create_dir(folder.join("data")).unwrap();
@@ -57,22 +57,7 @@ fn climbs_to(truth: (f64, f64), effect: &str, at: &str, strength: (&str, f64)) {
         )
         .unwrap();
     }
-    let text = r#"split = { select = ["b"], held_out = ["c"] }
-[[body]]
-name = "ground"
-fixed = true
-[[body]]
-name = "m"
-count = 3
-mass = "0.4 kg"
-free = ["x"]
-[[connector]]
-name = "base"
-from = "ground"
-to = "m1"
-[[connector]]
-name = "c"
-chain = "m"
+    let effects = r#"
 [[effect]]
 effect = "linear_stiffness"
 at = "base.x"
@@ -90,7 +75,8 @@ effect = "viscous"
 at = "c1-2.x"
 c = { start = "0.02 N s/mm", min = "0 N s/mm" }
 "#;
-    study(folder.path(), &dataset, text);
+    let text = format!("split = {{ select = [\"b\"], held_out = [\"c\"] }}\n{}{effects}", chain(3, "0.4 kg"));
+    study(folder.path(), &dataset, &text);
     files.iter().for_each(|(name, csv)| std::fs::write(folder.path().join("data").join(name), csv).unwrap());
     let l = json("ladder", folder.path());
     let missing = l["missing"].as_array().unwrap_or_else(|| panic!("{l}"));

@@ -190,3 +190,22 @@ pub fn misfit(arguments: &[&str]) -> Ran {
         stderr: String::from_utf8(output.stderr).unwrap(),
     }
 }
+
+/// The tables of a study for `count` bodies m1, m2, ... in a row along x: a connector `base` from the ground, `c1`, `c2`, ... between them.
+pub fn chain(count: usize, mass: &str) -> String {
+    format!(
+        r#"[[body]]
+name = "m"
+count = {count}
+mass = "{mass}"
+free = ["x"]
+[[connector]]
+name = "base"
+from = "ground"
+to = "m1"
+[[connector]]
+name = "c"
+chain = "m"
+"#
+    )
+}

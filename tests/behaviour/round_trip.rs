@@ -2,7 +2,21 @@
 
 use std::fmt::Write;
 
-use super::rig::{Rig, misfit};
+use super::rig::{Rig, chain, misfit};
+
+const EFFECTS: &str = r#"[[effect]]
+effect = "linear_stiffness"
+at = "base.x"
+k = { start = "40 N/mm", min = "0 N/mm" }
+[[effect]]
+effect = "linear_stiffness"
+at = "c1.x"
+k = { start = "25 N/mm", min = "0 N/mm" }
+[[effect]]
+effect = "viscous"
+at = ["base.x", "c1.x"]
+c = { start = "0.05 N s/mm", min = "0 N s/mm" }
+"#;
 
 /// A chain of two bodies with an FRF, a swept record, a table of energies.
 fn rig() -> Rig {
@@ -59,36 +73,7 @@ kind = "modal"
 rows = [ { mode = 1, frequency = "50 Hz", damping = "2 %" }, { mode = 2, frequency = "150 Hz", damping = "2 %" } ]
 "#,
     );
-    rig.write(
-        "study.toml",
-        r#"schema = 1
-dataset = "data"
-[[body]]
-name = "m"
-count = 2
-mass = "0.1 kg"
-free = ["x"]
-[[connector]]
-name = "base"
-from = "ground"
-to = "m1"
-[[connector]]
-name = "c"
-chain = "m"
-[[effect]]
-effect = "linear_stiffness"
-at = "base.x"
-k = { start = "40 N/mm", min = "0 N/mm" }
-[[effect]]
-effect = "linear_stiffness"
-at = "c1.x"
-k = { start = "25 N/mm", min = "0 N/mm" }
-[[effect]]
-effect = "viscous"
-at = ["base.x", "c1.x"]
-c = { start = "0.05 N s/mm", min = "0 N s/mm" }
-"#,
-    );
+    rig.write("study.toml", &format!("schema = 1\ndataset = \"data\"\n{}{EFFECTS}", chain(2, "0.1 kg"),));
     rig
 }
 

@@ -34,21 +34,7 @@ fn worst(study: &Path) -> f64 {
     worst
 }
 
-const GRAPH: &str = r#"
-schema = 1
-dataset = "."
-[[body]]
-name = "m"
-count = 3
-mass = "0.2 kg"
-free = ["x"]
-[[connector]]
-name = "base"
-from = "ground"
-to = "m1"
-[[connector]]
-name = "c"
-chain = "m"
+const EFFECTS: &str = r#"
 [[effect]]
 effect = "linear_stiffness"
 at = "base.x"
@@ -79,7 +65,11 @@ s = "0.005 mm/N"
 
 fn study(dataset: &str, effects: &str, csv: &str) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("study.toml"), format!("{GRAPH}{effects}")).unwrap();
+    std::fs::write(
+        dir.path().join("study.toml"),
+        format!("schema = 1\ndataset = \".\"\n{}{EFFECTS}{effects}", super::rig::chain(3, "0.2 kg")),
+    )
+    .unwrap();
     std::fs::write(dir.path().join("dataset.toml"), format!("schema = 1\n{dataset}")).unwrap();
     std::fs::write(dir.path().join("data.csv"), csv).unwrap();
     dir
