@@ -59,10 +59,12 @@ impl<'a> Judge<'a> {
                 return (true, String::new());
             }
             // Select tests that hardly show the effect cannot prove it; nor need they, where it brings the fitted tests down to the noise.
-            let explains = !at_floor(rms(&self.before.fit)) && at_floor(rms(&proof.fit)) && gain > priced;
-            let borne = improvement(&self.before.select, &proof.select).0 >= 0.0;
-            let text = if explains && borne { "; brings the fitted tests to the noise, and the select tests hardly show it" } else { "" };
-            return (explains && borne, text.into());
+            let explains = gain > priced
+                && !at_floor(rms(&self.before.fit))
+                && at_floor(rms(&proof.fit))
+                && improvement(&self.before.select, &proof.select).0 >= 0.0;
+            let text = if explains { "; brings the fitted tests to the noise, and the select tests hardly show it" } else { "" };
+            return (explains, text.into());
         }
         if gain <= priced {
             return (false, "; less than its parameters gain by chance".into());

@@ -73,7 +73,7 @@ kind = "modal"
 rows = [ { mode = 1, frequency = "50 Hz", damping = "2 %" }, { mode = 2, frequency = "150 Hz", damping = "2 %" } ]
 "#,
     );
-    rig.write("study.toml", &format!("schema = 1\ndataset = \"data\"\n{}{EFFECTS}", chain(2, "0.1 kg"),));
+    rig.write("study.toml", &format!("schema = 1\ndataset = \"data\"\n{}{EFFECTS}", chain(2, "0.1 kg")));
     rig
 }
 

@@ -3,8 +3,9 @@
 //! Assembly, elimination and forward substitution go together level by level, so that a level's panel is still in the first cache
 //! when it is used. Where only a few responses are wanted the factors are not even kept: with Z = L D L', H_oi = y_o' D^-1 y_i for the
 //! forward-substituted unit loads y = L^-1 e, accumulated on the way. Loops go by index: the crate is compiled in many units without
-//! optimisation across them, where adapters of iterators over the lane types stay calls (half the speed). What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to
-//! z_kk|, the factors satisfy |Z - L D L'|_kl <= c eps g sqrt(s_k s_l), g = max_k sum_j |l_kj|^2 |d_j| / s_k. Lines whose g
+//! optimisation across them, where adapters of iterators over the lane types stay calls (half the speed).
+//!
+//! What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to z_kk|, the factors satisfy |Z - L D L'|_kl <= c eps g sqrt(s_k s_l), g = max_k sum_j |l_kj|^2 |d_j| / s_k. Lines whose g
 //! exceeds [`GROWTH`], or that meet a zero pivot, are reported for the pivoting factorisation.
 
 use super::lanes::{C4, Cv, F4, Lanes, WIDTH};
