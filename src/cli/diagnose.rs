@@ -125,6 +125,9 @@ fn told(d: &Diagnosis, study: &str) -> String {
     if let Some(next) = &d.next_test {
         text += &format!("A test that would separate the tied: {}\n", next.describe);
     }
+    if let Some(why) = &d.no_next_test {
+        text += &format!("No test is proposed: {why}.\n");
+    }
     if let (Verdict::Missing, Some(first)) = (d.verdict, d.missing.first()) {
         text += &format!("Next: `misfit add {study} {} --at {}`, or `misfit ladder {study}`.\n", first.effect, first.at);
     }

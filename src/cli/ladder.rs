@@ -85,5 +85,8 @@ fn told(result: &LadderResult) -> String {
     if let Some(next) = &result.next_test {
         text += &format!("A test that would separate the tied: {}\n", next.describe);
     }
+    if let Some(why) = &result.no_next_test {
+        text += &format!("No test is proposed: {why}.\n");
+    }
     text + &format!("It ended because {}.\n", result.ended)
 }

@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let each = |r: &CaseResult| -> Result<(), TrialError> {
         kept.add(r)?;
         if let (Some(dir), true) = (&args.write, r.failed()) {
-            trial::write_case(&options, r.index, &dir.join(format!("case-{}", r.index)))?;
+            trial::write_case(&options, r.index, r.next_test.as_ref(), &dir.join(format!("case-{}", r.index)))?;
         }
         if let Ok(mut tally) = tally.lock() {
             tally.0 += 1;
@@ -155,6 +155,9 @@ fn tell(options: &Options, told: &trial::Table, results: &[CaseResult]) -> Strin
     }
     for r in results.iter().filter(|r| r.failed()) {
         text += &format!("case {}: {} -> {}; {}\n", r.index, r.truth.join(" + "), r.said.join(" + "), r.ended);
+        if let Some(next) = r.next_test.as_ref().filter(|n| !n.broken) {
+            text += &format!("  its next test did not break the tie: {}; then named: {}\n", next.test.describe, next.said.join(" + "));
+        }
     }
     text
 }

@@ -35,6 +35,14 @@ pub fn improvement(before: &Whitened, after: &Whitened) -> (f64, f64) {
     paired(before, after, |b, a| b - a)
 }
 
+/// Whether these tests cannot decide: they neither object to an effect, nor does it move their responses by so much that, were it true, their
+/// improvement would exceed two standard errors. (A true effect improves the mean square by the mean square of what it moves.)
+pub fn undecided(before: &Whitened, after: &Whitened) -> bool {
+    let (mean, error) = improvement(before, after);
+    let (moved, n) = before.iter().flatten().zip(after.iter().flatten()).fold((0.0, 0.0), |(s, n), (b, a)| (s + (b - a).powi(2), n + 1.0));
+    mean >= -STANDARD_ERRORS * error && moved < STANDARD_ERRORS * error * f64::max(n, 1.0)
+}
+
 /// Mean and standard error of a comparison of the mean squares of every chunk.
 fn paired(before: &Whitened, after: &Whitened, gain: impl Fn(f64, f64) -> f64) -> (f64, f64) {
     let mut gains = Vec::new();

@@ -1,10 +1,12 @@
 //! Whether a refitted candidate has earned its place.
 
+use std::sync::OnceLock;
+
 use crate::identify::Monitor;
 use crate::model::Site;
 
 use super::Case;
-use super::accept::{STANDARD_ERRORS, at_floor, earns_its_place, far, improvement, rms};
+use super::accept::{STANDARD_ERRORS, at_floor, earns_its_place, far, improvement, rms, undecided};
 use super::refit::{Proof, Whitened, cost, cross_validated};
 use super::results::SplitName;
 
@@ -24,25 +26,24 @@ const OWN_PART: f64 = 0.5;
 pub struct Judge<'a> {
     case: &'a Case,
     before: &'a Proof,
-    /// The model without a candidate on tests it was not fitted to, where there are no select tests.
-    folds: Option<Whitened>,
+    /// The model without a candidate on parts of the fit tests that it was not fitted to, once they are asked for.
+    folds: OnceLock<Option<Whitened>>,
     monitor: &'a Monitor<'a>,
 }
 
 impl<'a> Judge<'a> {
     /// `before`: the model without a candidate.
     pub fn new(case: &'a Case, before: &'a Proof, monitor: &'a Monitor<'a>) -> Judge<'a> {
-        let several = before.select.is_empty() && before.fit.len() > 1;
-        let folds = if several { cross_validated(case, &before.fitted.system, monitor).ok() } else { None };
-        Judge { case, before, folds, monitor }
+        Judge { case, before, folds: OnceLock::new(), monitor }
     }
 
     /// Whether the candidate that `proof` added last has earned its place, and what was weighed beside the improvement.
     ///
-    /// The cost on the fit tests must fall by more than its parameters buy by chance; on select the pairs decide, unless the effect brings
-    /// the fit tests from beyond the noise down to it and the select tests do not rise. Without select tests
-    /// each fit test in turn stands for them; with one test alone the fall must be worth the name. An error of the instrument of one
-    /// fitted test shows nowhere else: there the cost must fall by more than Schwarz's price and the select tests must not object.
+    /// The cost on the fit tests must fall by more than its parameters buy by chance; on select the pairs decide. Where the select tests
+    /// hardly show the effect they cannot, and then it must bring the fit tests from beyond the noise down to it, or hold in parts of the
+    /// fit tests that it was not fitted to. So it must where there are no select tests; with one test alone the fall must be worth the
+    /// name. An error of the instrument of one fitted test shows nowhere else: there the cost must fall by more than Schwarz's price and
+    /// the select tests must not object.
     pub fn earned(&self, proof: &Proof) -> (bool, String) {
         let gain = cost(&self.before.fit) - cost(&proof.fit);
         let added = (proof.fitted.free.len() - self.before.fitted.free.len()) as f64;
@@ -58,25 +59,32 @@ impl<'a> Judge<'a> {
             if gain > BY_CHANCE * added && earns_its_place(&self.before.select, &proof.select) {
                 return (true, String::new());
             }
-            // Select tests that hardly show the effect cannot prove it; nor need they, where it brings the fitted tests down to the noise.
-            let explains = gain > priced
-                && !at_floor(rms(&self.before.fit))
-                && at_floor(rms(&proof.fit))
-                && improvement(&self.before.select, &proof.select).0 >= 0.0;
-            let text = if explains { "; brings the fitted tests to the noise, and the select tests hardly show it" } else { "" };
-            return (explains, text.into());
+            if gain <= priced || !undecided(&self.before.select, &proof.select) {
+                return (false, String::new());
+            }
+            if !at_floor(rms(&self.before.fit)) && at_floor(rms(&proof.fit)) {
+                return (true, "; brings the fitted tests to the noise, and the select tests hardly show it".into());
+            }
+            let (holds, text) = self.elsewhere(proof).unwrap_or_default();
+            return (holds, format!("; the select tests hardly show it{text}"));
         }
         if gain <= priced {
             return (false, "; less than its parameters gain by chance".into());
         }
-        let Some(before) = &self.folds else { return (gain > WORTH_ALONE * cost(&self.before.fit), String::new()) };
-        match cross_validated(self.case, &proof.fitted.system, self.monitor) {
+        self.elsewhere(proof).unwrap_or_else(|| (gain > WORTH_ALONE * cost(&self.before.fit), String::new()))
+    }
+
+    /// Whether it holds in parts of the fit tests that it was not fitted to; none where there is but one.
+    fn elsewhere(&self, proof: &Proof) -> Option<(bool, String)> {
+        let folds = || cross_validated(self.case, &self.before.fitted.system, self.monitor).ok();
+        let before = (self.before.fit.len() > 1).then(|| self.folds.get_or_init(folds).as_ref()).flatten()?;
+        Some(match cross_validated(self.case, &proof.fitted.system, self.monitor) {
             Ok(after) => {
                 let (mean, error) = improvement(before, &after);
-                (earns_its_place(before, &after), format!("; on tests it was not fitted to by {mean:.3} +- {error:.3}"))
+                (earns_its_place(before, &after), format!("; on parts it was not fitted to by {mean:.3} +- {error:.3}"))
             }
             Err(reason) => (false, format!("; it could not be cross-validated: {reason}")),
-        }
+        })
     }
 
     /// The fit test whose channel the candidate is about, if it is about one alone.

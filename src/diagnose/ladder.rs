@@ -39,7 +39,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     let would = if verdict == Verdict::NothingMissing { detectable(case, &fitted.system, &step.visible) } else { vec![] };
     let formula = if verdict == Verdict::Unexplained { suggestion(&searched, &step.base, monitor, watch) } else { None };
     let tie = step.accepted.as_ref().and_then(|(name, best, _)| Tie::new(&searched, name, &best.fitted, &step.tied));
-    let next_test = tie.and_then(|tie| tie.next_test(started, monitor, watch));
+    let (next_test, no_next_test) = next_test(tie.as_ref(), started, monitor, watch);
     Ok((
         result,
         Diagnosis {
@@ -49,6 +49,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
             verdict,
             missing,
             next_test,
+            no_next_test,
             unexplained: formula,
             would_have_been_seen: would,
         },
@@ -245,7 +246,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     };
     // Only what still stands is worth a test of its own, and only now is it known how long the search for it took.
     let stands = |tie: &&Tie| missing.iter().any(|m| m.effect == tie.name.effect && m.at == tie.name.at && !m.tied_with.is_empty());
-    let next = ties_left.iter().find(stands).and_then(|tie| tie.next_test(started, monitor, watch));
+    let (next_test, no_next_test) = next_test(ties_left.iter().find(stands), started, monitor, watch);
     let before = compare(&case, &first_system, &[SplitName::HeldOut])?;
     let after = compare(&case, &fitted.system, &[SplitName::HeldOut])?;
     let held_out = HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&after, |t| t.floor) };
@@ -268,7 +269,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         unexplained: formula,
         whitened_rms: left,
         would_have_been_seen: would,
-        next_test: next,
+        next_test,
+        no_next_test,
         ended,
         interrupted: stopped,
         wall_s: started.elapsed().as_secs_f64(),
@@ -354,13 +356,14 @@ impl Tie {
         let tie = || Tie { case: case.clone(), name: name.clone(), best: best.clone(), rivals: rivals.to_vec() };
         (!rivals.is_empty()).then(tie)
     }
+}
 
-    /// The test that separates them; the search for it takes a share of the time since `started`.
-    fn next_test(&self, started: std::time::Instant, monitor: &Monitor, watch: Watch) -> Option<NextTest> {
-        if trace::stopped(monitor) {
-            return None;
-        }
-        watch("looking for the test that separates what is tied");
-        super::next::separating(&self.case, &self.best, &self.rivals, started.elapsed(), monitor)
+/// The test that separates what is tied, or why there is none; the search for it takes a share of the time since `started`.
+fn next_test(tie: Option<&Tie>, started: std::time::Instant, monitor: &Monitor, watch: Watch) -> (Option<NextTest>, Option<String>) {
+    let Some(tie) = tie.filter(|_| !trace::stopped(monitor)) else { return (None, None) };
+    watch("looking for the test that separates what is tied");
+    match super::next::separating(&tie.case, &tie.best, &tie.rivals, started.elapsed(), monitor) {
+        Ok(test) => (Some(test), None),
+        Err(why) => (None, Some(format!("{} at {} is in a tie, and {why}", tie.name.effect, tie.name.at))),
     }
 }

@@ -101,8 +101,9 @@ struct Tied<'a> {
     rivals: &'a [(Name, Fitted)],
 }
 
-/// The test that separates `best` from every rival. `spent`: the time that was taken to find them.
-pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: Duration, monitor: &Monitor) -> Option<NextTest> {
+/// The test that separates `best` from every rival, proposed only where the tie broke in its simulation or there was no time to simulate it;
+/// or why there is none. `spent`: the time that was taken to find them.
+pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: Duration, monitor: &Monitor) -> Result<NextTest, String> {
     let clock = Clock { started: Instant::now(), budget: spent.mul_f64(SHARE).max(LEAST) };
     let monitor = clock.limit(monitor);
     let tied = Tied { case, best, rivals };
@@ -144,7 +145,14 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
         found.cut_short = true;
         found.describe += &format!(" (the search for this test was cut short after {:.0} s)", clock.started.elapsed().as_secs_f64());
     }
-    found
+    let names: Vec<String> = rivals.iter().map(|(n, _)| format!("{} at {}", n.effect, n.at)).collect();
+    let none =
+        || format!("no test from a third of the least to {REACH:.0} times the most that was tested separates it from {}", names.join(", "));
+    match found {
+        Some(found) if found.breaks || found.cut_short => Ok(found),
+        Some(found) => Err(format!("{}; the best found: {}", none(), found.describe)),
+        None => Err(none()),
+    }
 }
 
 /// Whether as many separate well as are simulated.

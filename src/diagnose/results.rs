@@ -1,6 +1,6 @@
 //! What the verbs give: the JSON of contract.md, with the curves a report draws beside it.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::unexplained::Unexplained;
 
@@ -270,7 +270,7 @@ pub struct Share {
 }
 
 /// A test that would separate tied candidates.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NextTest {
     /// In words.
     pub describe: String,
@@ -324,6 +324,8 @@ pub struct Diagnosis {
     pub missing: Vec<EffectAt>,
     /// Test that separates the tied.
     pub next_test: Option<NextTest>,
+    /// Where candidates are tied and no test within reach separates them: so much in words.
+    pub no_next_test: Option<String>,
     /// Where something is unexplained: the force that would explain it, and a formula fitted to it.
     pub unexplained: Option<Unexplained>,
     /// Strength of each candidate that would have been seen, where nothing is missing: name and value with unit.
@@ -416,6 +418,8 @@ pub struct LadderResult {
     pub findings: Vec<Finding>,
     /// Test that separates the tied.
     pub next_test: Option<NextTest>,
+    /// Where candidates are tied and no test within reach separates them: so much in words.
+    pub no_next_test: Option<String>,
     /// Why the ladder ended, in words.
     pub ended: String,
     /// Whether it was stopped: what was not found says nothing then.

@@ -280,6 +280,7 @@ fn ladder(n: usize) -> LadderResult {
             breaks: true,
             cut_short: false,
         }),
+        no_next_test: None,
         ended: "nothing earns its place".into(),
         interrupted: false,
         wall_s: 12.3,
@@ -303,6 +304,7 @@ fn diagnosis(verdict: Verdict) -> Diagnosis {
         verdict,
         missing,
         next_test: None,
+        no_next_test: None,
         unexplained: (verdict == Verdict::Unexplained).then(missed),
         would_have_been_seen: if verdict == Verdict::NothingMissing { vec!["coulomb at c1.x: 0.02 N".into()] } else { vec![] },
     }

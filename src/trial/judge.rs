@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnose::DiagnoseError;
-use crate::diagnose::results::{Candidate, LadderResult, Missing, Verdict};
+use crate::diagnose::results::{Candidate, LadderResult, Missing, NextTest, Verdict};
 use crate::effect::{Role, find};
 
 use super::Kind;
@@ -56,18 +56,33 @@ pub struct CaseResult {
     pub held_out: Option<f64>,
     /// Whether each step refitted what was hidden and not yet found: the score test can lose it only where it did not.
     pub weighed: bool,
-    /// Where the truth was tied: whether the proposed next test, run on the bench, tells it from what it was tied with.
-    pub tie_broken: Option<bool>,
+    /// Where the truth was tied and a test is proposed that the bench can run: what came of it.
+    pub next_test: Option<Followed>,
     /// What the first step said of the truth and of the best: for the reader of a failure.
     pub evidence: Vec<String>,
     /// Wall time [s].
     pub wall_s: f64,
 }
 
+/// A proposed next test, run on the bench.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Followed {
+    /// The proposal.
+    pub test: NextTest,
+    /// What was tied.
+    pub among: Vec<String>,
+    /// What is named after it.
+    pub said: Vec<String>,
+    /// What each of these is then tied with.
+    pub tied: Vec<Vec<String>>,
+    /// Whether the truth comes first, tied with nothing it was tied with before.
+    pub broken: bool,
+}
+
 impl CaseResult {
     /// Whether it is worth a look.
     pub fn failed(&self) -> bool {
-        !self.with_ties
+        !self.with_ties || self.next_test.as_ref().is_some_and(|n| !n.broken)
     }
 }
 
@@ -111,7 +126,7 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
         whitened_rms: None,
         held_out: None,
         weighed: false,
-        tie_broken: None,
+        next_test: None,
         evidence: vec![],
         wall_s,
     };
@@ -264,13 +279,16 @@ pub struct Table {
     pub held_out_over_floor: Option<f64>,
 }
 
-/// Whether the ladder after the next test names the truth first and ties it with nothing it was tied with before.
-pub fn broken(after: &LadderResult, truth: &str, rivals: &[String]) -> bool {
-    after
-        .missing
-        .iter()
-        .find(|m| !is_instrument(&m.effect))
-        .is_some_and(|m| format!("{} at {}", m.effect, m.at) == truth && !m.tied_with.iter().any(|t| rivals.contains(t)))
+/// What the ladder after the next test says: the tie is broken where it names the truth first, tied with none of those it was tied with.
+pub fn followed(next: &NextTest, among: Vec<String>, after: &LadderResult, truth: &str) -> Followed {
+    let first = after.missing.iter().find(|m| !is_instrument(&m.effect));
+    Followed {
+        test: next.clone(),
+        said: after.missing.iter().map(|m| format!("{} at {}", m.effect, m.at)).collect(),
+        tied: after.missing.iter().map(|m| m.tied_with.clone()).collect(),
+        broken: first.is_some_and(|m| format!("{} at {}", m.effect, m.at) == truth && !m.tied_with.iter().any(|t| among.contains(t))),
+        among,
+    }
 }
 
 /// Sums up.
@@ -290,8 +308,8 @@ pub fn table(results: &[CaseResult]) -> Table {
             c.with_extra += usize::from(r.extra > 0);
             c.failed += usize::from(r.verdict == "failed");
             c.weighed += usize::from(r.weighed);
-            c.next_tests += usize::from(r.tie_broken.is_some());
-            c.ties_broken += usize::from(r.tie_broken == Some(true));
+            c.next_tests += usize::from(r.next_test.is_some());
+            c.ties_broken += usize::from(r.next_test.as_ref().is_some_and(|n| n.broken));
         }
         *confusion.entry((told(&r.truth, &[]), said(r))).or_default() += 1;
     }

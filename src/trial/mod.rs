@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnose::results::LadderResult;
+use crate::diagnose::results::{LadderResult, NextTest};
 use crate::diagnose::{self, Case};
 use crate::identify::Monitor;
 use crate::study::Study;
@@ -33,7 +33,7 @@ use law::Law;
 
 pub use error::TrialError;
 pub use generate::NONCENTRALITY;
-pub use judge::{CaseResult, Confusion, Counts, Table, table};
+pub use judge::{CaseResult, Confusion, Counts, Followed, Table, table};
 pub use kept::Kept;
 
 /// What is hidden in a case.
@@ -113,15 +113,32 @@ impl Generated {
         mean == 0.0 || !self.planted.iter().any(creeps)
     }
 
+    /// Adds a proposed test to those that are fitted, and has the search look among these effects alone; not what the bench cannot run.
+    fn add(&mut self, next: &NextTest, among: &[String]) -> bool {
+        let Some(base) = self.tests.iter().find(|t| t.id == next.test).cloned() else { return false };
+        let Drive::Loop { discard, bodies, .. } = base.drive.clone() else { return false };
+        if next.kind != "cycle" || !self.runs_about(next.mean) {
+            return false;
+        }
+        let drive = Drive::Loop { frequency: next.frequency, amplitude: next.amplitude, mean: next.mean, discard, bodies };
+        self.tests.push(Test { id: "next".into(), drive, split: "fit", ..base });
+        let effects: Vec<String> = among.iter().map(|n| format!("\"{}\"", n.split(" at ").next().unwrap_or(n))).collect();
+        self.search = Some(format!("search = {{ effects = [{}] }}\n", effects.join(", ")));
+        true
+    }
+
     fn title(&self, options: &Options, index: usize) -> String {
         let what = if self.bench.bodies == 0 { "one connector".into() } else { format!("chain of {} bodies", self.bench.bodies) };
         format!("Trial {index} of seed {}: {what}", options.seed)
     }
 }
 
-/// Writes case `index` as a study into `folder`, with its truth beside it.
-pub fn write_case(options: &Options, index: usize, folder: &Path) -> Result<(), TrialError> {
+/// Writes case `index` as a study into `folder`, with its truth beside it; with the next test where one was followed.
+pub fn write_case(options: &Options, index: usize, followed: Option<&Followed>, folder: &Path) -> Result<(), TrialError> {
     let mut made = generate(options, index);
+    if let Some(next) = followed {
+        made.add(&next.test, &next.among);
+    }
     let title = made.title(options, index);
     write::write(&mut made, &title, folder)
 }
@@ -142,7 +159,7 @@ pub fn run_case(options: &Options, index: usize, monitor: &Monitor) -> Result<Op
     }
     let mut result = judge::judge(options.kind(index), index, &made, climbed.as_ref(), started.elapsed().as_secs_f64());
     if let Ok(ladder) = &climbed {
-        result.tie_broken = next_test(options, index, ladder, &result, monitor)?;
+        result.next_test = next_test(options, index, ladder, &result, monitor)?;
     }
     Ok(Some(result))
 }
@@ -155,31 +172,24 @@ fn next_test(
     ladder: &LadderResult,
     result: &CaseResult,
     monitor: &Monitor,
-) -> Result<Option<bool>, TrialError> {
+) -> Result<Option<Followed>, TrialError> {
     let (Kind::One, true, Some(next), Some(first), [truth]) =
         (options.kind(index), result.with_ties, &ladder.next_test, ladder.missing.first(), result.truth.as_slice())
     else {
         return Ok(None);
     };
-    let mut names = first.tied_with.clone();
-    names.push(format!("{} at {}", first.effect, first.at));
+    let mut among = first.tied_with.clone();
+    among.push(format!("{} at {}", first.effect, first.at));
     let mut made = generate(options, index);
-    if !names.contains(truth) || next.kind != "cycle" || !made.runs_about(next.mean) {
+    if !among.contains(truth) || !made.add(next, &among) {
         return Ok(None);
     }
-    let Some(base) = made.tests.iter().find(|t| t.id == next.test).cloned() else { return Ok(None) };
-    let Drive::Loop { discard, bodies, .. } = base.drive.clone() else { return Ok(None) };
-    let drive = Drive::Loop { frequency: next.frequency, amplitude: next.amplitude, mean: next.mean, discard, bodies };
-    made.tests.push(Test { id: "next".into(), drive, split: "fit", ..base });
-    let effects: Vec<String> = names.iter().map(|n| format!("\"{}\"", n.split(" at ").next().unwrap_or(n))).collect();
-    made.search = Some(format!("search = {{ effects = [{}] }}\n", effects.join(", ")));
     let folder = tempfile::tempdir().map_err(|e| TrialError::Write { path: std::env::temp_dir(), reason: e.to_string() })?;
     let title = made.title(options, index);
     write::write(&mut made, &title, folder.path())?;
     let study = Study::load(folder.path(), None)?;
     let again = Case::from_study(&study, options.seed).and_then(|case| diagnose::ladder(&case, &monitor.quiet(), &|_| {}));
-    let rivals: Vec<String> = names.into_iter().filter(|n| n != truth).collect();
-    Ok(again.ok().filter(|(l, _)| !l.interrupted).map(|(l, _)| judge::broken(&l, truth, &rivals)))
+    Ok(again.ok().filter(|(l, _)| !l.interrupted).map(|(l, _)| judge::followed(next, among, &l, truth)))
 }
 
 /// Runs the cases of `0..cases` that are not in `done`, as many at a time as there are threads, and hands each to `each` as it ends. Stops

@@ -96,9 +96,9 @@ fn a_case_follows_from_seed_and_index() {
         all
     };
     let (a, b, c) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    write_case(&options, 3, a.path()).unwrap();
-    write_case(&options, 3, b.path()).unwrap();
-    write_case(&options, 13, c.path()).unwrap();
+    write_case(&options, 3, None, a.path()).unwrap();
+    write_case(&options, 3, None, b.path()).unwrap();
+    write_case(&options, 13, None, c.path()).unwrap();
     assert!(read(a.path()) == read(b.path()) && read(a.path()) != read(c.path()));
 }
 
