@@ -77,7 +77,13 @@ pub(super) fn code(termination: &str) -> u8 {
     }
 }
 
-fn fitted(session: &Session, case: &Case, folder: &RunFolder, resume: Option<&Path>) -> Result<(Case, Fitted, FitResult), Failure> {
+/// Fits into a folder of a run, from the best state of an earlier one where it is resumed.
+pub(super) fn fitted(
+    session: &Session,
+    case: &Case,
+    folder: &RunFolder,
+    resume: Option<&Path>,
+) -> Result<(Case, Fitted, FitResult), Failure> {
     if let Some(old) = resume {
         take_over(old, folder)?;
     }
@@ -100,7 +106,7 @@ fn fitted(session: &Session, case: &Case, folder: &RunFolder, resume: Option<&Pa
 fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
     let file = if old.is_file() { old.to_path_buf() } else { RunFolder { path: old.to_path_buf() }.checkpoint() };
     let bytes = std::fs::read(&file).map_err(|e| {
-        let accepted = "the folder of a `fit`, which keeps checkpoint.json";
+        let accepted = "the folder of a `fit` or `predict`, which keeps checkpoint.json";
         Failure::new("identify", file.display().to_string(), format!("no best state to go on from: {e}"), accepted)
     })?;
     folder.write("checkpoint.json", &bytes)?;

@@ -1,9 +1,11 @@
 //! `misfit predict`: the study's predictions from the calibrated model, with their standard deviations.
 
+use std::path::PathBuf;
+
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::diagnose::{self, Fitted};
+use crate::diagnose::Fitted;
 use crate::identify::{Replicate, UncertaintyOptions, uncertainty};
 use crate::report::{ReportInput, html_with};
 use crate::study::{Predicted, PredictionSpec, Study};
@@ -12,7 +14,7 @@ use crate::units::Dimension;
 use super::failure::Failure;
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
-use super::{Outcome, fit, report, scatter, text};
+use super::{INTERRUPTED, Outcome, fit, report, scatter, text};
 
 mod tolerance;
 mod value;
@@ -24,6 +26,9 @@ pub(super) struct Args {
     /// Intervals from refits to this many measurements made of the residuals, beside the standard deviations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     bootstrap: Option<u32>,
+    /// Go on with the fit and the replicates of an interrupted run, kept in its folder
+    #[arg(long, value_name = "RUNDIR")]
+    resume: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -38,14 +43,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         ));
     }
     let case = session.case(&study)?;
-    session.progress.say("fit");
-    let (case, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
-    let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
     let folder = session.folder(&study, "predict")?;
+    let done = fit::fitted(&session, &case, &folder, args.resume.as_deref());
+    let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
+    let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
     let replicates = match args.bootstrap {
-        Some(n) => scatter::replicates(&session, &case, &fitted, &folder, n as usize).inspect_err(|_| folder.discard())?,
+        Some(n) => scatter::replicates(&session, &case, &fitted, &folder, n as usize)?,
         None => vec![],
     };
+    let stopped = session.interrupted() && args.bootstrap.is_some_and(|n| replicates.len() < n as usize);
     session.progress.say("predictions");
     let mut rows = Vec::new();
     let mut predictions: Vec<Value> = Vec::new();
@@ -113,10 +119,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     value["predictions"] = predictions.into();
     let input = ReportInput { study: &study, system: Some(&fitted.system), fit: Some(&result), diagnosis: None, ladder: None };
     folder.write(report::FILE, html_with(&input, outcome.as_ref())?.as_bytes())?;
-    let value = fit::json(&value, &folder)?;
+    let mut value = fit::json(&value, &folder)?;
+    if stopped {
+        text += &format!("Stopped; to go on: --resume {}\n", folder.path.display());
+        value["termination"] = "interrupted".into();
+    }
     folder.result(&value)?;
     text += &format!("Run: {}\n", folder.path.display());
-    Ok(Outcome { json: value, text, code: fit::code(&result.termination) })
+    Ok(Outcome { json: value, text, code: if stopped { INTERRUPTED } else { fit::code(&result.termination) } })
 }
 
 /// A prediction over the replicates; none without them.

@@ -102,3 +102,23 @@ fn alike(a: &Whitened, b: &Whitened) -> bool {
         square < a.len() as f64
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One test of 240 residuals: noise of no law, and a sine of amplitude `a` that an effect takes away or brings.
+    fn test(a: f64) -> Whitened {
+        let noise = |k: f64| (12.9898 * k).sin() * 1.2 + (78.233 * k * k).cos() * 0.9;
+        vec![(0..240).map(|k| noise(f64::from(k)) + a * (0.1 * f64::from(k)).sin()).collect()]
+    }
+
+    #[test]
+    fn tests_that_an_effect_hardly_moves_do_not_decide() {
+        // Taken away: far below the noise, and beyond it.
+        assert!(undecided(&test(0.02), &test(0.0)) && !earns_its_place(&test(0.0), &test(0.02)));
+        assert!(!undecided(&test(2.0), &test(0.0)) && earns_its_place(&test(2.0), &test(0.0)));
+        // Brought in: they object.
+        assert!(!undecided(&test(0.0), &test(2.0)) && !earns_its_place(&test(0.0), &test(2.0)));
+    }
+}

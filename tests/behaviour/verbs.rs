@@ -207,6 +207,25 @@ fn predictions_against_the_closed_form() {
 }
 
 #[test]
+fn a_prediction_stopped_in_its_bootstrap_goes_on() {
+    let rig = Rig::new();
+    with_predictions(&rig);
+    let run =
+        |name: &str, more: &[&str]| rig.json("predict", &[&["--out", &rig.path(name).display().to_string(), "--seed", "3"], more].concat());
+    let whole = run("whole", &["--bootstrap", "8"]);
+    run("half", &["--bootstrap", "5"]);
+    let half = rig.path("half").display().to_string();
+    let on = run("on", &["--bootstrap", "8", "--resume", &half]);
+    let width = |v: &serde_json::Value| {
+        let interval = &v["predictions"][0]["bootstrap"]["interval"];
+        interval[1].as_f64().unwrap() - interval[0].as_f64().unwrap()
+    };
+    assert!((width(&on) / width(&whole) - 1.0).abs() < 1e-3, "{} {}", width(&on), width(&whole));
+    let replicates = rig.read("on/bootstrap.jsonl");
+    assert!(replicates.starts_with(&rig.read("half/bootstrap.jsonl")) && replicates.lines().count() == 9);
+}
+
+#[test]
 fn a_model_without_losses_dissipates_nothing() {
     let rig = Rig::new();
     let study = rig.read("study.toml");
