@@ -1,14 +1,11 @@
 //! Test by test: loops, FRFs, records and tables of every stage over the measurement, and the whitened residuals.
 
-use plotly::common::MarkerSymbol;
-use plotly::{Plot, Scatter};
-
 use crate::data::{Condition, Record};
 use crate::diagnose::results::{Curve, Factor};
 use crate::response::BlockKind;
 
 use super::ReportInput;
-use super::chart::{self, Along, Charts, decades, frequencies, line, linear, pick, points, shown, stage_colour, thin};
+use super::chart::{self, Along, Chart, Charts, decades, frequencies, line, linear, pick, points, shown, stage_colour, thin};
 use super::stage::{Stage, ids, over_floor, split_words, test};
 use super::summary::{difference_words, worst_words};
 use super::text::{digits, esc, percent, plain, ratio, table};
@@ -17,7 +14,7 @@ use super::text::{digits, esc, percent, plain, ratio, table};
 const POINTS: usize = 800;
 /// Points per trace at least; where even these are too many, the tests that fit best are not drawn.
 const FEWEST: usize = 60;
-/// Points on the page: some 20 bytes each, beside the 4.7 MB of the script.
+/// Points on the page: some 20 bytes each, beside the 1.1 MB of the script.
 const BUDGET: usize = 130_000;
 /// Rows of a table shown.
 const ROWS: usize = 60;
@@ -223,9 +220,9 @@ fn with_unit(name: &str, unit: &str) -> String {
 }
 
 /// Measured with its band and computed over an abscissa. A `closed` curve ends where it began.
-fn over(series: &Series, x: &[f64], y: &(String, f64), closed: bool, titles: (&Along, &Along), as_line: bool) -> Plot {
+fn over(series: &Series, x: &[f64], y: &(String, f64), closed: bool, titles: (&Along, &Along), as_line: bool) -> Chart {
     let c = series.any();
-    let (mut plot, layout) = chart::chart(titles.0, titles.1);
+    let mut plot = Chart::new(titles.0, titles.1);
     let close = |mut indices: Vec<usize>| {
         if closed && indices.len() > 2 {
             indices.push(indices[0]);
@@ -236,8 +233,8 @@ fn over(series: &Series, x: &[f64], y: &(String, f64), closed: bool, titles: (&A
     let sigma = scaled(&c.sigma, y);
     let at = close(thin(&measured, series.limit));
     let edge = |side: f64| -> Vec<f64> { at.iter().map(|i| measured[*i] + side * 2.0 * sigma[*i]).collect() };
-    plot.add_trace(chart::band(&pick(x, &at), &edge(-1.0), &edge(1.0)));
-    plot.add_trace(if as_line {
+    plot.add(chart::band(&pick(x, &at), &edge(-1.0), &edge(1.0)));
+    plot.add(if as_line {
         line(pick(x, &at), pick(&measured, &at), "measured", chart::INK)
     } else {
         points(pick(x, &at), pick(&measured, &at), "measured", chart::INK, 4)
@@ -245,9 +242,8 @@ fn over(series: &Series, x: &[f64], y: &(String, f64), closed: bool, titles: (&A
     for (k, name, c) in &series.on {
         let computed = scaled(&c.computed, y);
         let at = close(thin(&computed, series.limit));
-        plot.add_trace(shown(line(pick(x, &at), pick(&computed, &at), name, stage_colour(*k, series.stages)), *k, series.stages));
+        plot.add(shown(line(pick(x, &at), pick(&computed, &at), name, stage_colour(*k, series.stages)), *k, series.stages));
     }
-    plot.set_layout(layout);
     plot
 }
 
@@ -256,36 +252,36 @@ fn whitened(c: &Curve) -> Vec<f64> {
 }
 
 /// Whitened residuals of the first and the last stage over an abscissa, one panel each, as their sizes differ by far.
-fn residuals(series: &Series, x: &[f64], title: &Along) -> Plot {
+fn residuals(series: &Series, x: &[f64], title: &Along) -> Chart {
     let ends = series.ends();
-    let (mut plot, mut layout) = chart::chart(title, &linear("residual / σ"));
+    let y = linear("residual / σ");
+    let mut plot = Chart::new(title, &y);
     let finite = x.iter().copied().filter(|v| v.is_finite());
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
     if ends.len() == 2 {
-        layout = layout
-            .x_axis(chart::axis(title).anchor("y2"))
-            .y_axis(chart::axis(&linear("residual / σ")).domain(&[0.56, 1.0]))
-            .y_axis2(chart::axis(&linear("residual / σ")).domain(&[0.0, 0.44]));
+        plot = plot
+            .with("xaxis", chart::axis(title).set("anchor", "y2"))
+            .with("yaxis", chart::axis(&y).set("domain", [0.56, 1.0]))
+            .with("yaxis2", chart::axis(&y).set("domain", [0.0, 0.44]));
     }
     for (panel, (k, name, c)) in ends.iter().enumerate() {
         let axis = if panel == 0 { "y" } else { "y2" };
         let colour = stage_colour(*k, series.stages);
-        let within = chart::band(&[low, high], &[-2.0; 2], &[2.0; 2]).name("± 2").y_axis(axis).show_legend(panel == 0);
-        plot.add_trace(within);
+        let within = chart::band(&[low, high], &[-2.0; 2], &[2.0; 2]).set("name", "± 2");
+        plot.add(within.set("yaxis", axis).set("showlegend", panel == 0));
         let r = whitened(c);
         if c.kind == BlockKind::Frf {
-            for (part, symbol) in [("real", MarkerSymbol::Circle), ("imaginary", MarkerSymbol::CircleOpen)] {
+            for (part, symbol) in [("real", "circle"), ("imaginary", "circle-open")] {
                 let r: Vec<f64> = r.iter().skip(usize::from(part == "imaginary")).step_by(2).copied().collect();
                 let at = thin(&r, series.limit);
-                let marker = plotly::common::Marker::new().color(colour).size(4).symbol(symbol);
-                plot.add_trace(points(pick(x, &at), pick(&r, &at), &format!("{name}, {part}"), colour, 4).marker(marker).y_axis(axis));
+                let trace = points(pick(x, &at), pick(&r, &at), &format!("{name}, {part}"), colour, 4);
+                plot.add(trace.set("marker", chart::marker(colour, 4, symbol)).set("yaxis", axis));
             }
         } else {
             let at = thin(&r, series.limit);
-            plot.add_trace(points(pick(x, &at), pick(&r, &at), name, colour, 4).y_axis(axis));
+            plot.add(points(pick(x, &at), pick(&r, &at), name, colour, 4).set("yaxis", axis));
         }
     }
-    plot.set_layout(layout);
     plot
 }
 
@@ -299,13 +295,13 @@ fn loops(series: &Series, unit: &Units, charts: &mut Charts) -> String {
     let (shape, height) = if c.v.is_empty() { ("", 300) } else { ("tall", 600) };
     if c.x.is_empty() {
         let plot = over(series, &phase, &unit.y, false, (&linear("phase in the cycle [deg]"), &linear(&y)), false);
-        out += &charts.figure(&plot, height, &format!("{} <span>against phase</span>", esc(&c.label)), shape);
+        out += &charts.figure(plot, height, &format!("{} <span>against phase</span>", esc(&c.label)), shape);
     } else {
         let x = with_unit(series.driven, &unit.x.0);
         let plot = over(series, &scaled(&c.x, &unit.x), &unit.y, true, (&linear(&x), &linear(&y)), false);
-        out += &charts.figure(&plot, height, &format!("{} <span>over the drive: the loop</span>", esc(&c.label)), shape);
+        out += &charts.figure(plot, height, &format!("{} <span>over the drive: the loop</span>", esc(&c.label)), shape);
     }
-    out += &charts.figure(&residuals(series, &phase, &linear("phase in the cycle [deg]")), 300, "Residual <span>against phase</span>", "");
+    out += &charts.figure(residuals(series, &phase, &linear("phase in the cycle [deg]")), 300, "Residual <span>against phase</span>", "");
     out += &against_velocity(series, unit, charts);
     format!("<div class=\"figures\">{out}</div>\n")
 }
@@ -320,15 +316,15 @@ fn against_velocity(series: &Series, unit: &Units, charts: &mut Charts) -> Strin
         return String::new();
     }
     let title = if unit.x.0 == "SI" { "driven velocity [SI]".into() } else { format!("driven velocity [{}/s]", unit.x.0) };
-    charts.figure(&residuals(series, &scaled(&c.v, &unit.x), &linear(&title)), 300, "Residual <span>against velocity</span>", "")
+    charts.figure(residuals(series, &scaled(&c.v, &unit.x), &linear(&title)), 300, "Residual <span>against velocity</span>", "")
 }
 
 fn record(series: &Series, unit: &Units, charts: &mut Charts) -> String {
     let c = series.any();
     let title = linear_title(&c.label, &unit.y.0);
     let plot = over(series, &c.abscissa, &unit.y, false, (&linear("time [s]"), &linear(&title)), true);
-    let mut out = charts.figure(&plot, 360, &format!("{} <span>against time</span>", esc(&c.label)), "wide");
-    out += &charts.figure(&residuals(series, &c.abscissa, &linear("time [s]")), 300, "Residual <span>against time</span>", "");
+    let mut out = charts.figure(plot, 360, &format!("{} <span>against time</span>", esc(&c.label)), "wide");
+    out += &charts.figure(residuals(series, &c.abscissa, &linear("time [s]")), 300, "Residual <span>against time</span>", "");
     out += &against_velocity(series, unit, charts);
     format!("<div class=\"figures\">{out}</div>\n")
 }
@@ -353,36 +349,35 @@ fn frf(series: &Series, unit: &Units, charts: &mut Charts) -> String {
     let wide = high > 30.0 * low && f.iter().all(|v| *v > 0.0);
     let x = if wide { frequencies("frequency [Hz]") } else { linear("frequency [Hz]") };
     let y = linear_title(&c.label, &unit.y.0);
-    let (mut plot, layout) = chart::chart(&x, &decades(&y));
+    let mut plot = Chart::new(&x, &decades(&y))
+        .with("xaxis", chart::axis(&x).set("anchor", "y2"))
+        .with("yaxis", chart::axis(&decades(&y)).set("domain", [0.42, 1.0]))
+        .with("yaxis2", chart::axis(&linear("phase [deg]")).set("domain", [0.0, 0.34]));
     let (m, p) = polar(&scaled(&c.measured, &unit.y), None);
     let sigma: Vec<f64> = scaled(&c.sigma, &unit.y).iter().step_by(2).copied().collect();
     let at = thin(&m, series.limit);
     let part = |f: &dyn Fn(usize) -> f64| -> Vec<f64> { at.iter().map(|i| f(*i)).collect() };
     // A magnitude below a hundredth of the measured one is not drawn: the axis is logarithmic.
     let lower = part(&|i| (m[i] - 2.0 * sigma[i]).max(0.01 * m[i]));
-    plot.add_trace(chart::band(&pick(f, &at), &lower, &part(&|i| m[i] + 2.0 * sigma[i])));
+    plot.add(chart::band(&pick(f, &at), &lower, &part(&|i| m[i] + 2.0 * sigma[i])));
     let spread = |i: usize| (2.0 * sigma[i] / m[i]).to_degrees().min(180.0);
-    plot.add_trace(chart::band(&pick(f, &at), &part(&|i| p[i] - spread(i)), &part(&|i| p[i] + spread(i))).y_axis("y2").show_legend(false));
-    plot.add_trace(points(pick(f, &at), pick(&m, &at), "measured", chart::INK, 4));
-    plot.add_trace(points(pick(f, &at), pick(&p, &at), "measured", chart::INK, 4).y_axis("y2").show_legend(false));
+    plot.add(
+        chart::band(&pick(f, &at), &part(&|i| p[i] - spread(i)), &part(&|i| p[i] + spread(i))).set("yaxis", "y2").set("showlegend", false),
+    );
+    plot.add(points(pick(f, &at), pick(&m, &at), "measured", chart::INK, 4));
+    plot.add(points(pick(f, &at), pick(&p, &at), "measured", chart::INK, 4).set("yaxis", "y2").set("showlegend", false));
     for (k, name, c) in &series.on {
         let (cm, cp) = polar(&scaled(&c.computed, &unit.y), Some(&p));
         let at = thin(&cm, series.limit);
-        let trace = |y: &[f64]| -> Box<Scatter<f64, f64>> {
-            let curve = line(pick(f, &at), pick(y, &at), name, stage_colour(*k, series.stages)).legend_group(*name);
+        let trace = |y: &[f64]| {
+            let curve = line(pick(f, &at), pick(y, &at), name, stage_colour(*k, series.stages)).set("legendgroup", *name);
             shown(curve, *k, series.stages)
         };
-        plot.add_trace(trace(&cm));
-        plot.add_trace(trace(&cp).y_axis("y2").show_legend(false));
+        plot.add(trace(&cm));
+        plot.add(trace(&cp).set("yaxis", "y2").set("showlegend", false));
     }
-    plot.set_layout(
-        layout
-            .x_axis(chart::axis(&x).anchor("y2"))
-            .y_axis(chart::axis(&decades(&y)).domain(&[0.42, 1.0]))
-            .y_axis2(chart::axis(&linear("phase [deg]")).domain(&[0.0, 0.34])),
-    );
-    let mut out = charts.figure(&plot, 440, &format!("{} <span>magnitude and phase</span>", esc(&c.label)), "");
-    out += &charts.figure(&residuals(series, f, &x), 440, "Residual <span>against frequency</span>", "");
+    let mut out = charts.figure(plot, 440, &format!("{} <span>magnitude and phase</span>", esc(&c.label)), "");
+    out += &charts.figure(residuals(series, f, &x), 440, "Residual <span>against frequency</span>", "");
     format!("<div class=\"figures\">{out}</div>\n")
 }
 
@@ -413,8 +408,8 @@ fn rows(series: &Series, charts: &mut Charts) -> String {
         let wide = c.abscissa.iter().all(|f| *f > 0.0);
         let x = if wide { frequencies("frequency [Hz]") } else { linear("frequency [Hz]") };
         let plot = over(series, &c.abscissa, &(c.unit.clone(), 1.0), false, (&x, &linear(&y)), false);
-        figures += &charts.figure(&plot, 340, &format!("{} <span>against frequency</span>", esc(&c.label)), "");
-        figures += &charts.figure(&residuals(series, &c.abscissa, &x), 340, "Residual <span>against frequency</span>", "");
+        figures += &charts.figure(plot, 340, &format!("{} <span>against frequency</span>", esc(&c.label)), "");
+        figures += &charts.figure(residuals(series, &c.abscissa, &x), 340, "Residual <span>against frequency</span>", "");
     }
     format!("{}{more}<div class=\"figures\">{figures}</div>\n", table(&esc(&c.label), &header, &right, &rows))
 }

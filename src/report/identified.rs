@@ -2,13 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use plotly::Scatter;
-use plotly::common::{AxisSide, Line, Marker, MarkerSymbol, Mode as Draw};
-
 use crate::data::modal_fit::{FrfSet, ModalFit, Settings, fit};
 use crate::data::{Condition, Dataset, Frf, Record, Test};
 
-use super::chart::{self, Charts};
+use super::chart::{self, Chart, Charts};
 use super::text::{esc, plain};
 
 /// FRF tests at the same conditions over the same lines.
@@ -83,32 +80,26 @@ pub fn identify(group: &Group) -> Result<ModalFit, String> {
 /// Poles over the order of the fit with the sum of the FRFs behind them.
 pub fn diagram(group: &Group, found: &ModalFit, charts: &mut Charts, caption: &str) -> String {
     let Some(first) = group.frfs.first() else { return String::new() };
-    let (mut plot, layout) = chart::chart(&chart::linear("frequency [Hz]"), &chart::linear("order"));
+    let second = chart::axis(&chart::decades("sum of magnitudes")).set("overlaying", "y").set("side", "right").set("showgrid", false);
+    let mut plot = Chart::new(&chart::linear("frequency [Hz]"), &chart::linear("order")).with("yaxis2", second);
     let from = first.frequency.iter().take_while(|f| **f <= 0.0).count();
     let x = first.frequency[from..].to_vec();
     let sum: Vec<f64> = (from..first.frequency.len()).map(|k| group.frfs.iter().map(|f| f.measured[k].norm()).sum()).collect();
     let keep = chart::thin(&sum, 500);
     let (low, high) = (x.first().copied().unwrap_or(0.0), x.last().copied().unwrap_or(1.0));
-    let behind = Scatter::new(chart::pick(&x, &keep), chart::pick(&sum, &keep))
-        .name("sum of magnitudes")
-        .mode(Draw::Lines)
-        .line(Line::new().color("#c9c9c9").width(1.5))
-        .y_axis("y2");
-    plot.add_trace(behind);
-    for (stable, name, colour, symbol) in
-        [(false, "pole", "#b5b5b5", MarkerSymbol::CircleOpen), (true, "stable pole", chart::LAST, MarkerSymbol::Circle)]
+    let behind = chart::scatter(chart::pick(&x, &keep), chart::pick(&sum, &keep), "sum of magnitudes", "lines");
+    plot.add(behind.set("line", chart::stroke("#c9c9c9", 1.5)).set("yaxis", "y2"));
+    for (stable, name, colour, size, symbol) in
+        [(false, "pole", "#b5b5b5", 4, "circle-open"), (true, "stable pole", chart::LAST, 6, "circle")]
     {
         let here = found.diagram.iter().filter(|p| p.stable == stable && p.frequency >= low && p.frequency <= high);
         let (f, order): (Vec<f64>, Vec<f64>) = here.map(|p| (p.frequency, p.order as f64)).unzip();
-        let marker = Marker::new().color(colour).size(if stable { 6 } else { 4 }).symbol(symbol);
-        plot.add_trace(chart::points(f, order, name, colour, 4).marker(marker));
+        plot.add(chart::points(f, order, name, colour, size).set("marker", chart::marker(colour, size, symbol)));
     }
     let highest = found.diagram.iter().map(|p| p.order).max().unwrap_or(1) as f64;
     for (k, mode) in found.modes.iter().enumerate() {
         let picked = chart::dashed(vec![mode.frequency; 2], vec![0.0, highest], "picked");
-        plot.add_trace(picked.show_legend(k == 0));
+        plot.add(picked.set("showlegend", k == 0));
     }
-    let second = chart::axis(&chart::decades("sum of magnitudes")).overlaying("y").side(AxisSide::Right).show_grid(false);
-    plot.set_layout(layout.y_axis2(second));
-    charts.figure(&plot, 360, caption, "wide")
+    charts.figure(plot, 360, caption, "wide")
 }

@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 
 use num_complex::Complex64;
-use plotly::Bar;
-use plotly::common::Marker;
 
 use crate::data::modal_fit::{ModalFit, mac};
 use crate::data::{Record, Test};
@@ -14,7 +12,7 @@ use crate::model::{Bound, System};
 use crate::response::{Family, Plan};
 
 use super::ReportInput;
-use super::chart::{self, Charts};
+use super::chart::{self, Chart, Charts};
 use super::identified::{self, Group};
 use super::shapes;
 use super::text::{digits, esc, percent, table};
@@ -118,14 +116,11 @@ fn bars(pairs: &[(String, f64, f64)], charts: &mut Charts, caption: &str) -> Str
     if pairs.is_empty() {
         return String::new();
     }
-    let (mut plot, layout) = chart::chart(&chart::linear("mode"), &chart::linear("frequency [Hz]"));
+    let mut plot = Chart::new(&chart::linear("mode"), &chart::linear("frequency [Hz]"));
     let names: Vec<String> = pairs.iter().map(|p| format!("mode {}", p.0)).collect();
-    let put =
-        |values: Vec<f64>, name: &str, colour: &'static str| Bar::new(names.clone(), values).name(name).marker(Marker::new().color(colour));
-    plot.add_trace(put(pairs.iter().map(|p| p.1).collect(), "measured", chart::INK));
-    plot.add_trace(put(pairs.iter().map(|p| p.2).collect(), "computed", chart::LAST));
-    plot.set_layout(layout);
-    charts.figure(&plot, 280, caption, "")
+    plot.add(chart::bars(names.clone(), pairs.iter().map(|p| p.1).collect(), "measured", chart::INK));
+    plot.add(chart::bars(names, pairs.iter().map(|p| p.2).collect(), "computed", chart::LAST));
+    charts.figure(plot, 280, caption, "")
 }
 
 /// Modes identified from FRFs, each with the nearest of the model's.
@@ -266,7 +261,7 @@ fn pictures(system: &System, d: &Drawn, charts: &mut Charts) -> String {
                 family.word(),
                 percent(mode.damping)
             );
-            charts.figure(&shapes::picture(&system.model, &mode.shape), 280, &caption, "")
+            charts.figure(shapes::picture(&system.model, &mode.shape), 280, &caption, "")
         })
         .collect();
     if figures.is_empty() {

@@ -1,10 +1,7 @@
 //! Every test in a table, and its error against the rungs by name.
 
-use plotly::Scatter;
-use plotly::common::{DashType, Line, Marker, Mode};
-
 use super::ReportInput;
-use super::chart::{self, Charts};
+use super::chart::{self, Chart, Charts};
 use super::stage::{Stage, ids, over_floor, split_words, test};
 use super::summary::{difference_words, rung_axis, worst_words};
 use super::text::{esc, label, percent, ratio, table};
@@ -70,28 +67,27 @@ pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> Stri
     format!("{reading}{}{charts}", table("", header, right, &rows))
 }
 
-const DASHES: [DashType; 3] = [DashType::Solid, DashType::Dash, DashType::Dot];
+const DASHES: [&str; 3] = ["solid", "dash", "dot"];
 
 fn error_over_floor(stages: &[Stage], charts: &mut Charts) -> String {
-    let (mut plot, layout) = chart::chart(&chart::linear(""), &chart::ratios("error / noise floor"));
+    let mut plot = Chart::new(&chart::linear(""), &chart::ratios("error / noise floor")).with("xaxis", rung_axis(stages));
     let colours = [chart::LAST, chart::FIRST].into_iter().chain(chart::OTHERS).collect::<Vec<_>>();
     let ids = ids(stages);
     for (n, id) in ids.iter().enumerate() {
         let over = |(k, s): (usize, &Stage)| test(s, id).map(|t| (k as f64, over_floor(t.error, t.floor)));
         let (x, y): (Vec<f64>, Vec<f64>) = stages.iter().enumerate().filter_map(over).unzip();
         let colour = colours[n % colours.len()];
-        let line = Line::new().color(colour).width(1.8).dash(DASHES[(n / colours.len()) % DASHES.len()].clone());
-        plot.add_trace(Scatter::new(x, y).mode(Mode::LinesMarkers).line(line).marker(Marker::new().color(colour).size(7)).name(label(id)));
+        let line = chart::stroke(colour, 1.8).set("dash", DASHES[(n / colours.len()) % DASHES.len()]);
+        plot.add(chart::scatter(x, y, id, "lines+markers").set("line", line).set("marker", chart::marker(colour, 7, "circle")));
     }
-    plot.add_trace(chart::dashed(vec![0.0, (stages.len() - 1) as f64], vec![1.0, 1.0], "noise floor"));
-    plot.set_layout(layout.x_axis(rung_axis(stages)));
-    charts.figure(&plot, 300 + 12 * ids.len().min(24), "Error over floor, test by test", "")
+    plot.add(chart::dashed(vec![0.0, (stages.len() - 1) as f64], vec![1.0, 1.0], "noise floor"));
+    charts.figure(plot, 300 + 12 * ids.len().min(24), "Error over floor, test by test", "")
 }
 
 /// Error over floor of the tests that declare a drive frequency, against it.
 fn against_frequency(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> String {
     let frequency = |id: &str| input.study.dataset.test(id)?.conditions.get("frequency").map(|c| c.value).filter(|f| *f > 0.0);
-    let (mut plot, layout) = chart::chart(&chart::frequencies("drive frequency [Hz]"), &chart::ratios("error / noise floor"));
+    let mut plot = Chart::new(&chart::frequencies("drive frequency [Hz]"), &chart::ratios("error / noise floor"));
     let n = stages.len();
     let mut most = 0;
     for (k, stage) in stages.iter().enumerate().filter(|(k, _)| *k == 0 || k + 1 == n) {
@@ -100,11 +96,10 @@ fn against_frequency(input: &ReportInput, stages: &[Stage], charts: &mut Charts)
         most = most.max(found.len());
         let (x, y) = found.iter().map(|f| (f.0, f.1)).unzip();
         let names: Vec<String> = found.into_iter().map(|f| f.2).collect();
-        plot.add_trace(chart::points(x, y, &stage.name, chart::stage_colour(k, n), 10).text_array(names));
+        plot.add(chart::points(x, y, &stage.name, chart::stage_colour(k, n), 10).set("text", names));
     }
     if most < 2 {
         return String::new();
     }
-    plot.set_layout(layout);
-    charts.figure(&plot, 300, "Error over floor <span>against the frequency of the drive</span>", "")
+    charts.figure(plot, 300, "Error over floor <span>against the frequency of the drive</span>", "")
 }

@@ -1,15 +1,12 @@
 //! Pictures of mode shapes: the undeformed chain in grey, the deformed one over it, one picture a mode (the paper's Fig. 13).
 
 use num_complex::Complex64;
-use plotly::common::{HoverInfo, Line, Mode as Draw};
-use plotly::layout::Axis as PlotAxis;
-use plotly::{Plot, Scatter};
 
 use crate::model::space::Space;
 use crate::model::space::rotation::{V3, add, cross, dot, sub};
 use crate::model::{Axis, Model};
 
-use super::chart;
+use super::chart::{self, Attributes, Chart};
 
 /// Largest displacement drawn, against the length of the chain.
 const SWING: f64 = 0.12;
@@ -17,7 +14,7 @@ const SWING: f64 = 0.12;
 const HALF: f64 = 0.05;
 
 /// A mode on the chain; the shape's components turn together to where they are largest.
-pub fn picture(model: &Model, shape: &[Complex64]) -> Plot {
+pub fn picture(model: &Model, shape: &[Complex64]) -> Chart {
     let largest = shape.iter().copied().max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_default();
     let turn = if largest.norm() > 0.0 { largest.conj() / largest.norm() } else { Complex64::from(1.0) };
     let real: Vec<f64> = shape.iter().map(|x| (x * turn).re).collect();
@@ -27,16 +24,16 @@ pub fn picture(model: &Model, shape: &[Complex64]) -> Plot {
     }
 }
 
-fn trace(points: (Vec<f64>, Vec<f64>), name: &str, colour: &'static str, width: f64, draw: Draw) -> Box<Scatter<f64, f64>> {
-    Scatter::new(points.0, points.1).name(name).mode(draw).line(Line::new().color(colour).width(width)).hover_info(HoverInfo::Skip)
+fn trace((x, y): (Vec<f64>, Vec<f64>), name: &str, colour: &str, width: f64, mode: &str) -> Attributes {
+    chart::scatter(x, y, name, mode).set("line", chart::stroke(colour, width)).set("hoverinfo", "skip")
 }
 
 /// Bodies along a line at equal distance, displacements across it, one trace an axis.
-fn line(model: &Model, shape: &[f64]) -> Plot {
-    let (mut plot, layout) = chart::chart(&chart::linear("body"), &chart::linear("displacement, scaled"));
+fn line(model: &Model, shape: &[f64]) -> Chart {
+    let mut plot = Chart::new(&chart::linear("body"), &chart::linear("displacement, scaled"));
     let moving: Vec<usize> = (0..model.bodies.len()).filter(|b| !model.bodies[*b].free.is_empty()).collect();
     let number = |b: usize| moving.iter().position(|m| *m == b).map_or(0.0, |k| k as f64 + 1.0);
-    plot.add_trace(trace((vec![1.0, moving.len().max(2) as f64], vec![0.0; 2]), "undeformed", chart::GREY, 1.5, Draw::Lines));
+    plot.add(trace((vec![1.0, moving.len().max(2) as f64], vec![0.0; 2]), "undeformed", chart::GREY, 1.5, "lines"));
     let colours = [chart::LAST, chart::FIRST, chart::OTHERS[0], chart::OTHERS[1], chart::OTHERS[2], chart::OTHERS[3]];
     for axis in Axis::ALL {
         let here: Vec<(usize, f64)> = model.dofs.iter().zip(shape).filter(|(d, _)| d.axis == axis).map(|(d, x)| (d.body, *x)).collect();
@@ -47,9 +44,8 @@ fn line(model: &Model, shape: &[f64]) -> Plot {
             continue;
         }
         let points = here.iter().map(|(b, x)| (number(*b), x / size)).unzip();
-        plot.add_trace(trace(points, axis.name(), colours[axis as usize], 2.0, Draw::LinesMarkers));
+        plot.add(trace(points, axis.name(), colours[axis as usize], 2.0, "lines+markers"));
     }
-    plot.set_layout(layout);
     plot
 }
 
@@ -103,8 +99,11 @@ fn bars(model: &Model, space: &Space) -> Vec<Bar> {
     (0..space.parts.len()).filter_map(|part| Some(Bar { part, ends: of(part)? })).collect()
 }
 
-fn spatial(model: &Model, space: &Space, shape: &[f64]) -> Plot {
-    let (mut plot, layout) = chart::chart(&chart::linear("along the chain [mm]"), &chart::linear("across [mm]"));
+fn spatial(model: &Model, space: &Space, shape: &[f64]) -> Chart {
+    let across = chart::linear("across [mm]");
+    // One scale in both directions.
+    let scaled = chart::axis(&across).set("scaleanchor", "x");
+    let mut plot = Chart::new(&chart::linear("along the chain [mm]"), &across).with("yaxis", scaled);
     let bars = bars(model, space);
     let (Some(first), Some(last)) = (bars.first(), bars.last()) else { return plot };
     let (start, end) = (first.ends[0], last.ends[1]);
@@ -136,10 +135,7 @@ fn spatial(model: &Model, space: &Space, shape: &[f64]) -> Plot {
         }
         points.into_iter().unzip()
     };
-    plot.add_trace(trace(outline(0.0), "undeformed", "#b5b5b5", 1.0, Draw::Lines));
-    plot.add_trace(trace(outline(scale), "deformed", chart::LAST, 1.6, Draw::Lines));
-    // One scale in both directions.
-    let y: PlotAxis = chart::axis(&chart::linear("across [mm]")).scale_anchor("x");
-    plot.set_layout(layout.y_axis(y));
+    plot.add(trace(outline(0.0), "undeformed", "#b5b5b5", 1.0, "lines"));
+    plot.add(trace(outline(scale), "deformed", chart::LAST, 1.6, "lines"));
     plot
 }

@@ -3,7 +3,7 @@
 use crate::diagnose::results::{SplitName, TestResult, Verdict};
 use crate::effect;
 
-use super::chart::{self, Charts};
+use super::chart::{self, Attributes, Chart, Charts};
 use super::stage::{FITS, Stage, effect_at, of_split, over_floor, pooled, split_words};
 use super::text::{digits, esc, label, list, percent, probability, ratio, words};
 use super::{ReportInput, page};
@@ -316,10 +316,8 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
 
 /// Error of every test against the rungs, coloured by split; with one stage a dot per test.
 fn overall_chart(stages: &[Stage], charts: &mut Charts) -> String {
-    use plotly::Scatter;
-    use plotly::common::{DashType, Line, Marker, MarkerSymbol, Mode};
     let Some(last) = stages.last().filter(|s| !s.tests.is_empty()) else { return String::new() };
-    let (mut plot, mut layout) = chart::chart(&chart::linear(""), &chart::ratios("error [%]"));
+    let mut plot = Chart::new(&chart::linear(""), &chart::ratios("error [%]"));
     let colour = |split: SplitName| match split {
         SplitName::Fit => chart::GREY,
         SplitName::Select => chart::OTHERS[2],
@@ -333,50 +331,44 @@ fn overall_chart(stages: &[Stage], charts: &mut Charts) -> String {
             if of.is_empty() {
                 continue;
             }
-            let (x, y) = of.iter().map(|t| (label(&t.id), positive(t.error))).unzip::<_, _, Vec<_>, Vec<_>>();
-            let marker = Marker::new().size(11).color(if split == SplitName::Fit { chart::LAST } else { colour(split) });
-            plot.add_trace(Scatter::new(x, y).mode(Mode::Markers).marker(marker).name(split_words(split)));
+            let (x, y): (Vec<String>, Vec<f64>) = of.iter().map(|t| (label(&t.id), positive(t.error))).unzip();
+            let marker = chart::marker(if split == SplitName::Fit { chart::LAST } else { colour(split) }, 11, "circle");
+            plot.add(chart::scatter(x, y, split_words(split), "markers").set("marker", marker));
         }
-        let floors = last.tests.iter().map(|t| positive(t.floor)).collect();
-        let marker = Marker::new().size(16).symbol(MarkerSymbol::LineEW).line(Line::new().width(2.0).color(chart::INK));
-        plot.add_trace(Scatter::new(ids, floors).mode(Mode::Markers).marker(marker).name("noise floor"));
-        plot.set_layout(layout);
-        return charts.figure(&plot, 230, "Error of every test <span>and the floor its noise sets</span>", "");
+        let floors: Vec<f64> = last.tests.iter().map(|t| positive(t.floor)).collect();
+        let marker = chart::marker(chart::INK, 16, "line-ew").set("line", chart::stroke(chart::INK, 2.0));
+        plot.add(chart::scatter(ids, floors, "noise floor", "markers").set("marker", marker));
+        return charts.figure(plot, 230, "Error of every test <span>and the floor its noise sets</span>", "");
     }
     let mut named: Vec<SplitName> = vec![];
     for id in super::stage::ids(stages) {
         let found: Vec<(usize, &TestResult)> =
             stages.iter().enumerate().filter_map(|(k, s)| Some((k, super::stage::test(s, id)?))).collect();
         let Some(split) = found.first().map(|f| f.1.split) else { continue };
-        let (x, y) = found.iter().map(|(k, t)| (*k as f64, positive(t.error))).unzip();
+        let (x, y): (Vec<f64>, Vec<f64>) = found.iter().map(|(k, t)| (*k as f64, positive(t.error))).unzip();
         let first = !named.contains(&split);
         named.push(split);
-        let line = Line::new().color(colour(split)).width(if split == SplitName::HeldOut { 2.4 } else { 1.4 });
-        let line = if split == SplitName::HeldOut { line } else { line.dash(DashType::Solid) };
-        let trace = Scatter::new(x, y)
-            .mode(Mode::LinesMarkers)
-            .line(line)
-            .marker(Marker::new().color(colour(split)).size(7))
-            .name(split_words(split))
-            .text(label(id))
-            .legend_group(split_words(split))
-            .show_legend(first);
-        plot.add_trace(trace);
+        let trace = chart::scatter(x, y, split_words(split), "lines+markers")
+            .set("line", chart::stroke(colour(split), if split == SplitName::HeldOut { 2.4 } else { 1.4 }))
+            .set("marker", chart::marker(colour(split), 7, "circle"))
+            .set("text", label(id))
+            .set("legendgroup", split_words(split))
+            .set("showlegend", first);
+        plot.add(trace);
     }
     if let Some((_, floor, _)) = overall(last) {
-        plot.add_trace(chart::dashed(vec![0.0, (stages.len() - 1) as f64], vec![positive(floor); 2], "noise floor, pooled"));
+        plot.add(chart::dashed(vec![0.0, (stages.len() - 1) as f64], vec![positive(floor); 2], "noise floor, pooled"));
     }
-    layout = layout.x_axis(rung_axis(stages));
-    plot.set_layout(layout);
-    charts.figure(&plot, 240, "Error of every test against the rungs of the ladder", "")
+    let plot = plot.with("xaxis", rung_axis(stages));
+    charts.figure(plot, 240, "Error of every test against the rungs of the ladder", "")
 }
 
 /// An axis with the stages as ticks.
-pub fn rung_axis(stages: &[Stage]) -> plotly::layout::Axis {
-    let at = (0..stages.len()).map(|k| k as f64).collect();
+pub fn rung_axis(stages: &[Stage]) -> Attributes {
+    let at: Vec<f64> = (0..stages.len()).map(|k| k as f64).collect();
     let end = stages.len().saturating_sub(1) as f64;
     chart::axis(&chart::linear(""))
-        .tick_values(at)
-        .tick_text(stages.iter().map(|s| label(&s.name)).collect::<Vec<_>>())
-        .range(vec![-0.15 * end.max(1.0), end + 0.15 * end.max(1.0)])
+        .set("tickvals", at)
+        .set("ticktext", stages.iter().map(|s| label(&s.name)).collect::<Vec<_>>())
+        .set("range", [-0.15 * end.max(1.0), end + 0.15 * end.max(1.0)])
 }

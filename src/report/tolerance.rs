@@ -2,7 +2,7 @@
 
 use crate::tolerance::Outcome;
 
-use super::chart::{Charts, chart, dashed, line, linear, points, stage_colour};
+use super::chart::{Chart, Charts, dashed, line, linear, points, stage_colour};
 use super::text::{esc, plain};
 
 /// The section.
@@ -18,8 +18,7 @@ fn surface(outcome: &Outcome, charts: &mut Charts) -> String {
     let s = &outcome.surface;
     let (mm, mj) = (1e3, 1e3);
     let title = format!("{} [mm]", s.axes[1]);
-    let (mut plot, layout) = chart(&linear(&title), &linear("W_D [mJ]"));
-    plot.set_layout(layout);
+    let mut plot = Chart::new(&linear(&title), &linear("W_D [mJ]"));
     // Cases lie at every `step`-th row and column of the surface.
     let levels = (outcome.energies.cases.len() as f64).sqrt().round().max(2.0) as usize;
     let step = ((s.shape[0] - 1) / (levels - 1)).max(1);
@@ -30,12 +29,12 @@ fn surface(outcome: &Outcome, charts: &mut Charts) -> String {
         let colour = stage_colour(k, rows.len());
         let at_cases: Vec<&[f64; 5]> = cut.iter().step_by(step).collect();
         let pick = |list: &[&[f64; 5]], j: usize, f: f64| list.iter().map(|p| p[j] * f).collect::<Vec<f64>>();
-        plot.add_trace(points(pick(&at_cases, 1, mm), pick(&at_cases, 2, mj), &format!("printed, {name}"), colour, 9));
-        plot.add_trace(line(x.clone(), cut.iter().map(|p| p[4] * mj).collect(), &format!("law, {name}"), colour));
-        plot.add_trace(dashed(x, cut.iter().map(|p| p[3] * mj).collect(), &format!("model, one scale, {name}")));
+        plot.add(points(pick(&at_cases, 1, mm), pick(&at_cases, 2, mj), &format!("printed, {name}"), colour, 9));
+        plot.add(line(x.clone(), cut.iter().map(|p| p[4] * mj).collect(), &format!("law, {name}"), colour));
+        plot.add(dashed(x, cut.iter().map(|p| p[3] * mj).collect(), &format!("model, one scale, {name}")));
     }
     let caption = "Dissipated energy per cycle over the two tolerances: points printed, lines the law taken on all cases, dashed the model under its laws in the interference, with one scale.";
-    charts.figure(&plot, 420, caption, "wide")
+    charts.figure(plot, 420, caption, "wide")
 }
 
 fn table(outcome: &Outcome) -> String {

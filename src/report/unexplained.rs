@@ -1,11 +1,9 @@
 //! What no effect explains: the missing force over displacement, velocity and phase, and the formula fitted to it.
 
-use plotly::Plot;
-
 use crate::diagnose::{Missed, Unexplained};
 
 use super::ReportInput;
-use super::chart::{self, Charts, GREY, INK, LAST, OTHERS, line, linear, points};
+use super::chart::{Chart, Charts, GREY, INK, LAST, OTHERS, line, linear, points};
 use super::text::{esc, percent};
 
 /// Loops drawn at most, those with the largest missing force.
@@ -35,7 +33,7 @@ pub fn section(input: &ReportInput, charts: &mut Charts) -> String {
     out += "<div class=\"figures\">\n";
     for (title, along) in axes {
         out += &charts.figure(
-            &picture(&loops, title, along),
+            picture(&loops, title, along),
             300,
             &format!("Missing force over {}", title.replace(" [SI]", "").replace(" [rad]", "")),
             "",
@@ -58,19 +56,14 @@ fn largest(u: &Unexplained) -> Vec<&Missed> {
     loops
 }
 
-fn picture(loops: &[&Missed], title: &str, along: fn(&Missed) -> &[f64]) -> Plot {
-    let (mut plot, layout) = chart::chart(&linear(title), &linear("force [SI]"));
+fn picture(loops: &[&Missed], title: &str, along: fn(&Missed) -> &[f64]) -> Chart {
+    let mut plot = Chart::new(&linear(title), &linear("force [SI]"));
     for (k, m) in loops.iter().enumerate() {
         let colour = [INK, GREY, OTHERS[0], OTHERS[1]][k % LOOPS];
         if !m.force.is_empty() {
-            plot.add_trace(points(along(m).to_vec(), m.force.clone(), &m.test, colour, 3));
+            plot.add(points(along(m).to_vec(), m.force.clone(), &m.test, colour, 3));
         }
-        let mut trace = line(along(m).to_vec(), m.formula.clone(), "formula", LAST);
-        if k > 0 {
-            trace = trace.show_legend(false);
-        }
-        plot.add_trace(trace);
+        plot.add(line(along(m).to_vec(), m.formula.clone(), "formula", LAST).set("showlegend", k == 0));
     }
-    plot.set_layout(layout);
     plot
 }
