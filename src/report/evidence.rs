@@ -80,6 +80,10 @@ pub fn candidates(input: &ReportInput) -> String {
         out += &candidate_table(if input.ladder.is_some() { "In the diagnosis of the study as it stands" } else { "" }, &d.candidates);
         out += &second(&d.second_opinion);
     }
+    let none = input.ladder.and_then(|l| l.no_next_test.as_ref()).or(input.diagnosis.and_then(|d| d.no_next_test.as_ref()));
+    if let Some(why) = none {
+        out += &format!("<p>No next test is proposed: {}.</p>", esc(why));
+    }
     if let Some(d) = input.diagnosis.filter(|d| !d.would_have_been_seen.is_empty()) {
         let items: String = d.would_have_been_seen.iter().map(|s| format!("<li>{}</li>", esc(s))).collect();
         out += &format!("<h3>Strengths that would have been seen</h3><ul>{items}</ul>");
@@ -90,7 +94,10 @@ pub fn candidates(input: &ReportInput) -> String {
     let split = &input.study.split;
     let fitted = input.study.dataset.tests.iter().filter(|t| split.word(&t.id) == "fit").count();
     let accepted = match (split.select.is_empty(), fitted) {
-        (false, _) => "when the error on the select tests falls by more than two standard errors",
+        (false, _) => {
+            "when the error on the select tests falls by more than two standard errors; where these hardly show it, when it holds in parts of \
+             the fitted tests that it was not fitted to"
+        }
         (true, 2..) => "when the error on the fitted tests, each left out in turn, falls by more than two standard errors",
         (true, _) => "when it takes away enough of the cost of the one fitted test",
     };

@@ -305,7 +305,7 @@ fn diagnosis(verdict: Verdict) -> Diagnosis {
         verdict,
         missing,
         next_test: None,
-        no_next_test: None,
+        no_next_test: (verdict == Verdict::Missing).then(|| "coulomb at c3<.x is in a tie".into()),
         unexplained: (verdict == Verdict::Unexplained).then(missed),
         would_have_been_seen: if verdict == Verdict::NothingMissing { vec!["coulomb at c1.x: 0.02 N".into()] } else { vec![] },
     }
@@ -387,6 +387,7 @@ fn a_ladder_is_told_from_its_first_screen_to_its_sources() {
          31\u{a0}% to 1.8\u{a0}%, 1.08 × the noise floor.",
         "film at c2.x",
         "removed: viscous at c1.x",
+        "No next test is proposed: coulomb at c3&lt;.x is in a tie.",
         "drive c1.x at 0.2 Hz, 0.1 mm",
         "residual jumps at reversal",
         "20.0 N/mm ± 0.40",
