@@ -25,16 +25,24 @@ pub const DELAY: f64 = 3e-4;
 
 /// Standard deviation of a point beside a jump, in parts of the jump: it may lie on either side of it, or between where it is read while
 /// the force turns over.
-const BESIDE: f64 = 0.5;
-/// Second differences of a loop count as a jump beyond so many standard deviations of their noise.
-const JUMP: f64 = 5.0;
+const BESIDE: f64 = 1.0;
+/// A jump counts beyond so many standard deviations of its noise.
+const JUMP: f64 = 3.0;
 
 /// Sigma of the points of a loop where those beside a jump, such as that of dry friction at a reversal, know it no better than sampling does.
+///
+/// The jump about a point is what its neighbours differ by less the differences on the outer side of either. A corner, where one slope goes
+/// over into another, makes no more of it than the steeper slope does in two steps; a jump, with the point on either side or within, does.
 pub fn sampled(signal: &[f64], sigma: &[f64]) -> Vec<f64> {
     let n = signal.len();
-    let second = |i: usize| signal[(i + 1) % n] - 2.0 * signal[i] + signal[(i + n - 1) % n];
-    let noise = |i: usize| JUMP * 6f64.sqrt() * sigma[i];
-    (0..n).map(|i| sigma[i].hypot(BESIDE * (second(i).abs() - noise(i)).max(0.0))).collect()
+    let at = |i: usize, d: usize| signal[(i + n + d - 2) % n];
+    let beside = |i: usize| -> f64 {
+        let (before, after) = (at(i, 1) - at(i, 0), at(i, 4) - at(i, 3));
+        let jump = (at(i, 3) - at(i, 1) - before - after).abs();
+        let noise = JUMP * 10f64.sqrt() * sigma[i];
+        if jump > 2.0 * before.abs().max(after.abs()) + noise { BESIDE * jump } else { 0.0 }
+    };
+    (0..n).map(|i| if n < 5 { sigma[i] } else { sigma[i].hypot(beside(i)) }).collect()
 }
 
 /// The covariance of a test beyond the noise of its points, block after block.
@@ -129,7 +137,16 @@ mod tests {
         assert_eq!(sampled(&loop_of(0.0), &sigma), sigma);
         let wider = sampled(&loop_of(1.0), &sigma);
         for (k, s) in wider.iter().enumerate() {
-            assert_eq!([0, 63, 64, 127].contains(&k), *s > 0.2, "{k}: {s}");
+            assert_eq!([0, 63, 64, 127].contains(&k), *s > 0.8, "{k}: {s}");
+            assert!([0, 63, 64, 127].contains(&k) || *s == 0.002);
+        }
+        // A sample within the jump knows nothing; the corners of a triangle and of its clean sine are no jumps.
+        let mut within = loop_of(1.0);
+        within[64] = 0.5;
+        assert!(sampled(&within, &sigma)[64] > 0.8);
+        let triangle: Vec<f64> = (0..128).map(|k| (f64::from(k) - 64.0).abs() / 64.0).collect();
+        for clean in [triangle, loop_of(0.0)] {
+            assert_eq!(sampled(&clean, &[1e-7; 128]), [1e-7; 128]);
         }
     }
 

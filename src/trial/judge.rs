@@ -69,13 +69,13 @@ pub struct CaseResult {
 pub struct Followed {
     /// The proposal.
     pub test: NextTest,
-    /// What was tied.
+    /// What was tied, the effect that was named last.
     pub among: Vec<String>,
     /// What is named after it.
     pub said: Vec<String>,
     /// What each of these is then tied with.
     pub tied: Vec<Vec<String>>,
-    /// Whether the truth comes first, tied with nothing it was tied with before.
+    /// Whether the truth comes first, tied with nothing that the test was to tell it from.
     pub broken: bool,
 }
 
@@ -140,10 +140,11 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
     let verdict = ladder.verdict;
     r.verdict = serde_json::to_value(verdict).ok().and_then(|v| v.as_str().map(str::to_string)).unwrap_or_default();
     r.ended = ladder.ended.clone();
-    // What is hidden counts as such, also where a nuisance of the same name lies on all tests.
+    // What is hidden counts as such, also where a nuisance of the same name lies on all tests or is named in a tie with it.
     let hidden = r.truth.clone();
     let is_nuisance = |m: &Missing| made.nuisances.iter().any(|f| is_there(f, &m.effect, &m.at));
-    let named = ladder.missing.iter().filter(|m| hidden.contains(&format!("{} at {}", m.effect, m.at)) || !is_nuisance(m));
+    let is_hidden = |m: &Missing| hidden.iter().any(|h| *h == format!("{} at {}", m.effect, m.at) || m.tied_with.contains(h));
+    let named = ladder.missing.iter().filter(|m| is_hidden(m) || !is_nuisance(m));
     for m in named.clone() {
         r.said.push(format!("{} at {}", m.effect, m.at));
         r.tied.push(m.tied_with.clone());
@@ -279,14 +280,17 @@ pub struct Table {
     pub held_out_over_floor: Option<f64>,
 }
 
-/// What the ladder after the next test says: the tie is broken where it names the truth first, tied with none of those it was tied with.
+/// What the ladder after the next test says. The test separates the effect that was named, the last of `among`, from each of the others: the
+/// tie is broken where the truth comes first and is no longer tied with what it was to be told from.
 pub fn followed(next: &NextTest, among: Vec<String>, after: &LadderResult, truth: &str) -> Followed {
+    let named = among.last().cloned().unwrap_or_default();
+    let told_from = |t: &String| among.contains(t) && (named == truth || *t == named);
     let first = after.missing.iter().find(|m| !is_instrument(&m.effect));
     Followed {
         test: next.clone(),
         said: after.missing.iter().map(|m| format!("{} at {}", m.effect, m.at)).collect(),
         tied: after.missing.iter().map(|m| m.tied_with.clone()).collect(),
-        broken: first.is_some_and(|m| format!("{} at {}", m.effect, m.at) == truth && !m.tied_with.iter().any(|t| among.contains(t))),
+        broken: first.is_some_and(|m| format!("{} at {}", m.effect, m.at) == truth && !m.tied_with.iter().any(told_from)),
         among,
     }
 }
