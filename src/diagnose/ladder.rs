@@ -233,8 +233,19 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         let mut system = proof.fitted.system;
         let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
         // A new effect may ask for finer steps; what is reported takes the stated sigma at its word.
-        case = case.refined(&system).unwrap_or(case);
-        fitted = as_close_as_it_shows(&case).fit_system(&system, case.plans_of(SplitName::Fit), monitor)?;
+        let finer = case.refined(&system).unwrap_or_else(|| case.clone());
+        let closer = as_close_as_it_shows(&finer).fit_system(&system, finer.plans_of(SplitName::Fit), monitor)?;
+        // Far from the noise, what improves the fit in coarse steps alone explains nothing.
+        if coarse && removed.is_empty() && closer.outcome.cost >= fitted.outcome.cost && !trace::stopped(monitor) {
+            watch(&format!("withdrew {} at {}: in finer steps it explains nothing", name.effect, name.at));
+            missing.pop();
+            (left, remainder) = (Some(step.left.0), !missing.is_empty());
+            let kept = mostly(first_left, step.left);
+            formula = suggestion(&searched, if kept { &step.base } else { &given }, monitor, watch);
+            let ended = format!("{} at {} improves the fit in coarse time steps alone, and nothing else was better", name.effect, name.at);
+            break (ended, if kept && !missing.is_empty() { Verdict::Missing } else { Verdict::Unexplained });
+        }
+        (case, fitted) = (finer, closer);
         let tests = compare(&case, &fitted.system, &seen)?;
         let added = EffectAt { effect: name.effect.into(), at: name.at };
         rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
