@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use misfit::engine::blocktri::{BlockTri, BlockTriError, Layout, Levels};
+use misfit::engine::blocktri::{Block, BlockTri, BlockTriError, Layout, Levels};
 
 use crate::chain::{Chain, DOFS, LAWS};
 
@@ -14,9 +14,9 @@ const SOFT: [f64; DOFS] = [1e-5, 1e-5, 1e-5, 1e-3, 1e-3, 1e-3];
 pub struct March {
     chain: Chain,
     matrix: BlockTri<f64>,
-    /// Storage slot of each mass entry, and of each pair of entries of each row.
+    /// Storage slot of each mass entry.
     mass_slots: Vec<usize>,
-    row_slots: Vec<Vec<usize>>,
+    connectors: Vec<Connector>,
     h: f64,
     load: usize,
     time: f64,
@@ -25,6 +25,30 @@ pub struct March {
     a: Vec<f64>,
     next: Vec<f64>,
     residual: Vec<f64>,
+}
+
+/// One connector: its degrees of freedom, its rows over them, and where its tangent lies.
+#[derive(Debug, Clone)]
+struct Connector {
+    dofs: Vec<usize>,
+    rows: [[f64; 2 * DOFS]; DOFS],
+    block: Block,
+}
+
+impl Connector {
+    fn new(rows: &[Vec<(usize, f64)>], layout: &Layout) -> Result<Self, BlockTriError> {
+        let mut dofs: Vec<usize> = rows.iter().flatten().map(|entry| entry.0).collect();
+        dofs.sort_unstable();
+        dofs.dedup();
+        let mut dense = [[0.0; 2 * DOFS]; DOFS];
+        for (dense, row) in dense.iter_mut().zip(rows) {
+            for (column, dof) in dense.iter_mut().zip(&dofs) {
+                *column = row.iter().find(|entry| entry.0 == *dof).map_or(0.0, |entry| entry.1);
+            }
+        }
+        let block = layout.block(dofs.iter().copied().map(Some))?;
+        Ok(Self { dofs, rows: dense, block })
+    }
 }
 
 const NEWTON: usize = 2;
@@ -38,11 +62,10 @@ impl March {
         let pairs: Vec<_> = chain.rows.iter().flat_map(|r| r.iter().flat_map(|a| r.iter().map(|b| (a.0, b.0)))).collect();
         let layout = Arc::new(Layout::new(Levels::new(n, &pairs)?));
         let mass_slots = chain.mass.iter().map(|m| layout.slot(m.0, m.1)).collect::<Result<_, _>>()?;
-        let slots_of = |row: &Vec<(usize, f64)>| row.iter().flat_map(|a| row.iter().map(|b| layout.slot(a.0, b.0))).collect();
-        let row_slots = chain.rows.iter().map(slots_of).collect::<Result<_, _>>()?;
+        let connectors = chain.rows.chunks(DOFS).map(|rows| Connector::new(rows, &layout)).collect::<Result<_, _>>()?;
         let (load, zero) = (chain.input(), vec![0.0; n]);
         let (q, v, a, next, residual) = (zero.clone(), zero.clone(), zero.clone(), zero.clone(), zero);
-        Ok(Self { chain, matrix: BlockTri::new(layout), mass_slots, row_slots, h, load, time: 0.0, q, v, a, next, residual })
+        Ok(Self { chain, matrix: BlockTri::new(layout), mass_slots, connectors, h, load, time: 0.0, q, v, a, next, residual })
     }
 
     /// Displacement of the loaded dof.
@@ -82,22 +105,28 @@ impl March {
             self.residual[i] = m * acceleration;
         }
         self.residual[self.load] -= (2000.0 * self.time).sin();
-        for (at, (row, slots)) in self.chain.rows.iter().zip(&self.row_slots).enumerate() {
-            let (k, soft) = (LAWS[at % DOFS].k, SOFT[at % DOFS]);
-            let (mut x, mut u) = (0.0, 0.0);
-            for &(i, b) in row {
-                x += b * self.next[i];
-                u += b * (2.0 / h * (self.next[i] - self.q[i]) - self.v[i]);
-            }
-            let force = k * (x + x * (x / soft).powi(2) + DAMPING * u);
-            let tangent = k * (1.0 + 3.0 * (x / soft).powi(2) + 2.0 / h * DAMPING);
-            row.iter().for_each(|&(i, b)| self.residual[i] += b * force);
-            let mut slots = slots.iter();
-            for &(_, a) in row {
-                for (&(_, b), &slot) in row.iter().zip(&mut slots) {
-                    self.matrix.add_at(slot, tangent * a * b);
+        for connector in &self.connectors {
+            let n = connector.dofs.len();
+            // What the six axes share is gathered here, so that the matrix is visited once a connector.
+            let (mut forces, mut stiffness) = ([0.0; 2 * DOFS], [[0.0; 2 * DOFS]; 2 * DOFS]);
+            for ((row, law), soft) in connector.rows.iter().zip(&LAWS).zip(SOFT) {
+                let (mut x, mut u) = (0.0, 0.0);
+                for (&i, b) in connector.dofs.iter().zip(row) {
+                    x += b * self.next[i];
+                    u += b * (2.0 / h * (self.next[i] - self.q[i]) - self.v[i]);
+                }
+                let force = law.k * (x + x * (x / soft).powi(2) + DAMPING * u);
+                let tangent = law.k * (1.0 + 3.0 * (x / soft).powi(2) + 2.0 / h * DAMPING);
+                for i in 0..n {
+                    forces[i] += row[i] * force;
+                    let scaled = tangent * row[i];
+                    for j in 0..n {
+                        stiffness[i][j] += scaled * row[j];
+                    }
                 }
             }
+            connector.dofs.iter().zip(forces).for_each(|(&i, f)| self.residual[i] += f);
+            self.matrix.add_block(&connector.block, |i, j| stiffness[i][j]);
         }
     }
 }

@@ -5,8 +5,6 @@ use num_dual::Dual2_64;
 use crate::model::space::{Pose, Relative, Space};
 use crate::model::{Bound, Model};
 
-use super::EngineError;
-use super::blocktri::Layout;
 
 /// A connector and what acts at it.
 #[derive(Clone, Debug)]
@@ -96,26 +94,6 @@ impl Joint {
         out.rate = path.b.map(|row| row.map(|x| x.v1));
         out.second = path.b.map(|row| row.map(|x| x.v2));
     }
-
-    /// Slots of its 12 x 12 block.
-    pub fn slots(&self, layout: &Layout, free: &[Option<usize>]) -> Result<Vec<Option<usize>>, EngineError> {
-        slots(&self.dofs, layout, free)
-    }
-}
-
-/// Slots of the full block of these degrees of freedom, row by row.
-pub(super) fn slots(dofs: &[Option<usize>], layout: &Layout, free: &[Option<usize>]) -> Result<Vec<Option<usize>>, EngineError> {
-    let at = |d: &Option<usize>| d.and_then(|d| free[d]);
-    let mut all = Vec::with_capacity(dofs.len() * dofs.len());
-    for i in dofs {
-        for j in dofs {
-            all.push(match (at(i), at(j)) {
-                (Some(i), Some(j)) => Some(layout.slot(i, j)?),
-                _ => None,
-            });
-        }
-    }
-    Ok(all)
 }
 
 /// Pairs of degrees of freedom that a spatial model couples.

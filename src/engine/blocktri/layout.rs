@@ -29,6 +29,14 @@ impl Row {
     }
 }
 
+/// Where a dense block over a few degrees of freedom lies (one connector's, one part's), for [`super::BlockTri::add_block`]: a few bytes
+/// where a list of slots would be longer than the block and, in a long chain, would be read from far away at every assembly.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Block {
+    /// Number of each free coordinate in the block, and its position in the matrix.
+    pub(super) places: Vec<(u32, u32)>,
+}
+
 impl Layout {
     /// Storage map for an ordering.
     pub fn new(levels: Levels) -> Self {
@@ -69,5 +77,19 @@ impl Layout {
             return Err(BlockTriError::OutsidePattern { row: i, column: j });
         }
         Ok(row.at(column))
+    }
+
+    /// The block over `dofs`, in the caller's dof numbers; `None` is a coordinate that does not move and has no row.
+    ///
+    /// # Errors
+    /// As [`Layout::slot`], of every pair.
+    pub fn block(&self, dofs: impl IntoIterator<Item = Option<usize>>) -> Result<Block, BlockTriError> {
+        let free: Vec<(usize, usize)> = dofs.into_iter().enumerate().filter_map(|(k, dof)| Some((k, dof?))).collect();
+        for (_, i) in &free {
+            for (_, j) in &free {
+                self.slot(*i, *j)?;
+            }
+        }
+        Ok(Block { places: free.into_iter().map(|(k, dof)| (k as u32, self.levels.position[dof] as u32)).collect() })
     }
 }

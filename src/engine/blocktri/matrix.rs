@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use num_complex::Complex;
 
-use super::{BlockTriError, Layout};
+use super::{Block, BlockTriError, Layout};
 
 /// Number type of a matrix entry: `f64` or `Complex<f64>`.
 pub trait Entry:
@@ -134,6 +134,19 @@ impl<T: Entry> BlockTri<T> {
     #[inline]
     pub fn add_at(&mut self, slot: usize, value: T) {
         self.values[slot] += value;
+        self.factored = false;
+    }
+
+    /// Adds `entry(i, j)` over a block of this matrix's [`Layout::block`]; a foreign block is a programming error and may panic.
+    #[inline]
+    pub fn add_block(&mut self, block: &Block, entry: impl Fn(usize, usize) -> T) {
+        for &(i, row) in &block.places {
+            let row = self.layout.rows[row as usize];
+            let values = &mut self.values[row.offset..];
+            for &(j, column) in &block.places {
+                values[column as usize - row.first] += entry(i as usize, j as usize);
+            }
+        }
         self.factored = false;
     }
 

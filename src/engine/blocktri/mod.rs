@@ -27,7 +27,7 @@ mod table;
 mod tests;
 
 pub use error::BlockTriError;
-pub use layout::Layout;
+pub use layout::{Block, Layout};
 pub use levels::Levels;
 pub use matrix::{BlockTri, Entry, WeakestPivot};
 pub use sweep::{FrfSystem, Response, Sweep};

@@ -5,8 +5,8 @@ use crate::model::Model;
 use crate::model::space::{InPlane, Inertial, PlaneJoint, Pose, Relative, Space};
 
 use super::super::EngineError;
-use super::super::blocktri::Layout;
-use super::super::spatial::{Joint, Measured, dot, joints, slots};
+use super::super::blocktri::{Block, Layout};
+use super::super::spatial::{Joint, Measured, dot, joints};
 use super::{March, Rates, Stage, State, inner};
 
 /// The spatial side of a march.
@@ -25,7 +25,7 @@ pub(super) struct JointWork {
     plane: Option<PlaneJoint>,
     /// Coordinates that move, by their place among the twelve, with their degree of freedom.
     live: Vec<(usize, usize)>,
-    slots: Vec<Option<usize>>,
+    block: Block,
     now: Measured,
     /// Components and derivatives at the start of the step.
     before: Measured,
@@ -38,7 +38,7 @@ pub(super) struct JointWork {
 pub(super) struct PartWork {
     part: usize,
     dofs: [Option<usize>; 6],
-    slots: Vec<Option<usize>>,
+    block: Block,
     inertial: Inertial,
     /// Moment of inertia about the origin, where the part stays in the plane.
     plane: Option<f64>,
@@ -52,14 +52,14 @@ impl Spatial {
     pub fn new(model: &Model, joints: Vec<Joint>, layout: &Layout, free: &[Option<usize>]) -> Result<Option<Self>, EngineError> {
         let Some(space) = &model.space else { return Ok(None) };
         let joints = joints.into_iter().map(|joint| {
-            let slots = joint.slots(layout, free)?;
+            let block = layout.block(joint.dofs.map(|d| d.and_then(|d| free[d])))?;
             let plane = space.plane(joint.connector, joint.from, joint.to);
             let live = joint.dofs.iter().enumerate().filter_map(|(k, d)| Some((k, (*d)?))).collect();
             Ok(JointWork {
                 joint,
                 plane,
                 live,
-                slots,
+                block,
                 now: Measured::default(),
                 before: Measured::default(),
                 geometric: [[0.0; 12]; 12],
@@ -71,7 +71,8 @@ impl Spatial {
         let moving = space.parts.iter().enumerate().filter(|(_, p)| p.dofs.iter().any(Option::is_some));
         let parts = moving.map(|(k, p)| {
             let plane = p.in_plane().then(|| p.inertia_about_origin()[2][2]);
-            Ok(PartWork { part: k, dofs: p.dofs, slots: slots(&p.dofs, layout, free)?, inertial: Inertial::default(), plane })
+            let block = layout.block(p.dofs.map(|d| d.and_then(|d| free[d])))?;
+            Ok(PartWork { part: k, dofs: p.dofs, block, inertial: Inertial::default(), plane })
         });
         let parts = parts.collect::<Result<Vec<_>, EngineError>>()?;
         let poses = vec![Pose::turned([0.0; 3]); space.parts.len()];
@@ -344,23 +345,13 @@ fn effective_row(d: &[f64], now: &Measured, c: usize, rates: &Rates) -> [f64; 12
 }
 
 fn add_joint(matrix: &mut super::BlockTri<f64>, work: &JointWork, rows: &[[f64; 12]; 6]) {
-    for i in 0..12 {
-        for j in 0..12 {
-            if let Some(slot) = work.slots[12 * i + j] {
-                let direct: f64 = (0..6).map(|c| work.now.b[c][i] * rows[c][j]).sum();
-                matrix.add_at(slot, direct + work.geometric[i][j]);
-            }
-        }
-    }
+    matrix.add_block(&work.block, |i, j| {
+        let direct: f64 = (0..6).map(|c| work.now.b[c][i] * rows[c][j]).sum();
+        direct + work.geometric[i][j]
+    });
 }
 
 fn add_part(matrix: &mut super::BlockTri<f64>, work: &PartWork, rates: &Rates) {
     let p = &work.inertial;
-    for i in 0..6 {
-        for j in 0..6 {
-            if let Some(slot) = work.slots[6 * i + j] {
-                matrix.add_at(slot, p.by_q[i][j] + rates.v * p.by_v[i][j] + rates.a * p.by_a[i][j]);
-            }
-        }
-    }
+    matrix.add_block(&work.block, |i, j| p.by_q[i][j] + rates.v * p.by_v[i][j] + rates.a * p.by_a[i][j]);
 }
