@@ -5,6 +5,7 @@
 
 pub mod explain;
 pub mod units;
+pub mod parallel;
 pub mod data;
 pub mod effect;
 pub mod model;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
+use crate::parallel;
 use serde_json::{Value, json};
 
 use crate::data::Dataset;
@@ -34,7 +34,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     match Study::load(&args.common.study, args.common.data.as_deref()) {
         Err(first) => problems = all_of(first, args),
         Ok(study) => {
-            for plan in study.dataset.tests.par_iter().map(|t| Plan::new(t, &study.system.model)).collect::<Vec<_>>() {
+            for plan in parallel::map(&study.dataset.tests, |t| Plan::new(t, &study.system.model)) {
                 match plan {
                     Ok(plan) => notes.extend(plan.notes.iter().map(|n| format!("{}: {n}", plan.id))),
                     Err(e) => problems.push(e.into()),

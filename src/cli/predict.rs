@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use rayon::prelude::*;
+use crate::parallel;
 use serde_json::{Value, json};
 
 use crate::diagnose::Fitted;
@@ -138,7 +138,7 @@ fn scattered(spec: &PredictionSpec, study: &Study, fitted: &Fitted, replicates: 
         }
         value::evaluate(spec, study, &system, &[]).ok().map(|found| found.value).filter(|v| v.is_finite())
     };
-    scatter::spread(replicates.par_iter().filter_map(at).collect())
+    scatter::spread(parallel::map(replicates, at).into_iter().flatten().collect())
 }
 
 /// In words, where a condition that a law of the model depends on lies outside those of the tests.

@@ -8,7 +8,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use rayon::prelude::*;
+use crate::parallel;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -234,7 +234,7 @@ pub(super) fn profiles(
         lines.add(&kept)?;
         Ok(Some(kept))
     };
-    let fresh: Vec<Option<Kept>> = left.par_iter().map(one).collect::<Result<_, Failure>>()?;
+    let fresh: Vec<Option<Kept>> = parallel::map(&left, one).into_iter().collect::<Result<_, Failure>>()?;
     done.extend(fresh.into_iter().flatten());
     done.retain(|d| names.contains(&d.name));
     Ok(done)

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::data::TestKind;
 use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Monitor, Prior, UncertaintyOptions};
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System};
+use crate::parallel;
 use crate::residual::{Problem, test_error, to_variable};
 use crate::response::{BlockKind, Computed, Plan};
 
@@ -76,13 +77,12 @@ impl Case {
     /// against. A plain fit takes the stated sigma at its word.
     /// `system`: the model as it stands, from which the signals are computed.
     pub fn with_instruments(&self, system: &System) -> Case {
-        use rayon::prelude::*;
         let granted = |(p, s): &(Plan, SplitName)| {
             let computed = p.evaluate(system, &[], false).ok().filter(|c| c.values.iter().all(|v| v.is_finite()));
             (computed.map_or_else(|| p.with_instruments(&p.measured), |c| p.with_instruments(&c.values)), *s)
         };
         // Held-out tests are read once, at the end: nothing of them is looked at here.
-        let plans = self.plans.par_iter().map(|p| if p.1 == SplitName::HeldOut { p.clone() } else { granted(p) }).collect();
+        let plans = parallel::map(&self.plans, |p| if p.1 == SplitName::HeldOut { p.clone() } else { granted(p) });
         Case { plans: Arc::new(plans), ..self.clone() }
     }
 
@@ -96,8 +96,7 @@ impl Case {
 
     /// The case with as many time steps in every test as the noise asks for at the system's present values; `None` where they are enough.
     pub fn refined(&self, system: &System) -> Option<Case> {
-        use rayon::prelude::*;
-        let finer: Vec<_> = self.plans.par_iter().map(|(p, _)| p.refined(system)).collect();
+        let finer = parallel::map(&self.plans, |(p, _)| p.refined(system));
         if finer.iter().all(Option::is_none) {
             return None;
         }
@@ -209,15 +208,12 @@ pub fn effects(system: &System) -> Vec<EffectAt> {
 
 /// Holds the tests of the given splits against a system.
 pub fn compare(case: &Case, system: &System, splits: &[SplitName]) -> Result<Vec<TestResult>, DiagnoseError> {
-    use rayon::prelude::*;
-    case.plans
-        .par_iter()
-        .filter(|(_, split)| splits.contains(split))
-        .map(|(plan, split)| {
-            let computed = plan.evaluate(system, &[], false)?;
-            Ok(test_result(plan, *split, system, &computed))
-        })
-        .collect()
+    let wanted: Vec<&(Plan, SplitName)> = case.plans.iter().filter(|(_, split)| splits.contains(split)).collect();
+    let one = |(plan, split): &&(Plan, SplitName)| {
+        let computed = plan.evaluate(system, &[], false)?;
+        Ok(test_result(plan, *split, system, &computed))
+    };
+    parallel::map(&wanted, one).into_iter().collect()
 }
 
 fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Computed) -> TestResult {

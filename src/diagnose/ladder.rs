@@ -1,7 +1,7 @@
 //! The ladder: diagnose, add, refit, prune until nothing earns its place.
 
 use crate::effect::Dim;
-use rayon::prelude::*;
+use crate::parallel;
 
 use crate::identify::Monitor;
 use crate::model::System;
@@ -118,13 +118,13 @@ fn mostly(first: (f64, usize), last: (f64, usize)) -> bool {
 }
 
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
-    let found = |(plan, _): &(Plan, SplitName)| -> Result<Vec<Finding>, DiagnoseError> {
+    let found = |(plan, _): &&(Plan, SplitName)| -> Result<Vec<Finding>, DiagnoseError> {
         let mut list = findings(plan, &plan.evaluate(system, &[], false)?.values);
         list.extend(unsettled(plan, system));
         Ok(list)
     };
-    let seen = case.plans.par_iter().filter(|(_, split)| *split != SplitName::HeldOut);
-    let mut list: Vec<Finding> = seen.map(found).collect::<Result<Vec<_>, _>>()?.concat();
+    let seen: Vec<&(Plan, SplitName)> = case.plans.iter().filter(|(_, split)| *split != SplitName::HeldOut).collect();
+    let mut list: Vec<Finding> = parallel::map(&seen, found).into_iter().collect::<Result<Vec<_>, _>>()?.concat();
     list.extend(case.of_data.iter().cloned());
     list.sort_by(|a, b| b.number.abs().total_cmp(&a.number.abs()));
     Ok(list)
@@ -330,7 +330,8 @@ fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missin
     // The one added last has just been judged.
     while base + 1 < system.instances.len() {
         let Some(before) = now.or_else(|| prove(case, system, monitor).ok().map(|p| whole(&p))) else { break };
-        let without = |k: usize| -> Option<(usize, f64, Proof)> {
+        let without = |at: usize| -> Option<(usize, f64, Proof)> {
+            let k = base + at;
             let mut without = system.clone();
             let gone = without.instances.remove(k);
             if without.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instance >= k)) {
@@ -341,7 +342,7 @@ fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missin
             let rise = whole(&proof) - before;
             (rise < WORTH_KEEPING * params).then_some((k, rise, proof))
         };
-        let superfluous = (base..system.instances.len() - 1).into_par_iter().filter_map(without);
+        let superfluous = parallel::over(system.instances.len() - 1 - base, without).into_iter().flatten();
         let Some((k, _, proof)) = superfluous.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
         let gone = &system.instances[k];
         let gone = EffectAt { effect: gone.name().into(), at: gone.at.clone() };

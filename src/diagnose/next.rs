@@ -12,10 +12,10 @@
 
 use std::time::{Duration, Instant};
 
+use crate::parallel;
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::identify::{Monitor, Termination};
@@ -223,7 +223,11 @@ impl Tied<'_> {
     /// Moves proposals to those weighed, the nearest of the most promising first, until enough of them separate well; whether the time was
     /// over before.
     fn weigh<'b>(&self, left: &mut Vec<Proposal<'b>>, weighed: &mut Vec<Proposal<'b>>, clock: &Clock) -> bool {
-        left.par_iter_mut().filter(|_| !clock.over(WEIGHING)).for_each(|p| p.bound = self.unadjusted(p).unwrap_or(0.0));
+        parallel::for_each(left, |p| {
+            if !clock.over(WEIGHING) {
+                p.bound = self.unadjusted(p).unwrap_or(0.0);
+            }
+        });
         let cut = clock.over(WEIGHING);
         left.retain(|p| p.bound > 0.0);
         order(left, |p| p.bound);
@@ -233,7 +237,7 @@ impl Tied<'_> {
                 return true;
             }
             let mut batch: Vec<Proposal> = left.drain(..BATCH.min(left.len())).collect();
-            batch.par_iter_mut().for_each(|p| p.separation = self.separation(p).unwrap_or(-1.0));
+            parallel::for_each(&mut batch, |p| p.separation = self.separation(p).unwrap_or(-1.0));
             weighed.extend(batch);
         }
         cut
@@ -276,7 +280,7 @@ impl Tied<'_> {
         let others: Vec<Vec<f64>> =
             self.rivals.iter().map(|(_, r)| Some(plan.evaluate(&r.system, &[], false).ok()?.values)).collect::<Option<_>>()?;
         let pairs: Vec<(usize, bool)> = (0..self.rivals.len()).flat_map(|k| [(k, true), (k, false)]).collect();
-        let gained = |(k, best_is_true): (usize, bool)| -> Option<f64> {
+        let gained = |&(k, best_is_true): &(usize, bool)| -> Option<f64> {
             let rival = &self.rivals[k].1;
             let (truth, own, wrong) = if best_is_true { (&values, self.best, rival) } else { (&others[k], rival, self.best) };
             let simulated = plan.clone().measuring(truth, noise(self.case.seed, k, plan.len()).into_iter());
@@ -289,12 +293,12 @@ impl Tied<'_> {
                 // A refit that was stopped says nothing.
                 (outcome.termination != Termination::Interrupted).then_some(outcome.cost)
             };
-            let (wrong_cost, own_cost) = rayon::join(|| cost(wrong), || cost(own));
+            let costs = parallel::map(&[wrong, own], |fitted| cost(fitted));
             // Before the new test the two may differ by a little already; what it adds is what separates.
-            let gained = wrong_cost? - own_cost? + (own.outcome.cost - wrong.outcome.cost);
+            let gained = costs[0]? - costs[1]? + (own.outcome.cost - wrong.outcome.cost);
             Some(gained.signum() * (2.0 * gained.abs()).sqrt())
         };
-        let each: Vec<f64> = pairs.into_par_iter().map(gained).collect::<Option<_>>()?;
+        let each: Vec<f64> = parallel::map(&pairs, gained).into_iter().collect::<Option<_>>()?;
         let least = each.into_iter().fold(f64::INFINITY, f64::min);
         least.is_finite().then_some(least)
     }

@@ -1,6 +1,6 @@
 //! Full refits of the best candidates: what the score predicts is proved here.
 
-use rayon::prelude::*;
+use crate::parallel;
 
 use crate::effect::{Grid, Kind, Role};
 use crate::identify::{Monitor, Termination};
@@ -111,7 +111,7 @@ fn against(plans: &[&Plan], system: &System) -> Result<(Whitened, f64), String> 
         let values = plan.evaluate(system, &[], false).map_err(|e| e.to_string())?.values;
         Ok((plan.whitened(&values).as_slice().to_vec(), test_error(plan, &values).error))
     };
-    let (rows, errors): (Whitened, Vec<f64>) = plans.par_iter().map(each).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let (rows, errors): (Whitened, Vec<f64>) = parallel::map(plans, each).into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
     Ok((rows, (errors.iter().map(|e| e * e).sum::<f64>() / plans.len().max(1) as f64).sqrt()))
 }
 
@@ -139,7 +139,7 @@ impl Bench<'_> {
         // Which is worth it shows in coarser steps as well.
         let rough = self.case.coarser();
         let look = Bench { case: rough.as_ref().unwrap_or(self.case), ..*self };
-        let begun: Vec<Result<Fitted, String>> = first.par_iter().map(|(_, score)| look.first_look(score)).collect();
+        let begun = parallel::map(&first, |(_, score)| look.first_look(score));
         let mut chosen: Vec<Result<Fitted, String>> = picked.iter().map(|_| Err("it was not begun".to_string())).collect();
         for ((k, _), look) in first.iter().zip(begun) {
             let better = match (&chosen[*k], &look) {
@@ -151,58 +151,41 @@ impl Bench<'_> {
                 chosen[*k] = look;
             }
         }
-        let looks: Vec<Result<Fitted, String>> = chosen.into_par_iter().map(|l| l.and_then(|f| look.go_on(f, FIRST_LOOK))).collect();
+        let looks = parallel::map_into(chosen, |_, l| l.and_then(|f| look.go_on(f, FIRST_LOOK)));
         let in_full = |f: Fitted| if rough.is_some() { self.from(&f.system) } else { self.go_on(f, REFIT_ITERATIONS) };
         let hopeful = hopeful(&looks);
         let mut before: Vec<f64> = looks.iter().map(cost_of).collect();
-        let mut fitted: Vec<Result<Fitted, String>> =
-            looks.into_par_iter().zip(&hopeful).map(|(l, hopeful)| l.and_then(|f| if *hopeful { in_full(f) } else { Ok(f) })).collect();
-        let moved: Vec<(usize, Result<Fitted, String>)> = fitted
-            .par_iter()
-            .enumerate()
-            .filter_map(|(k, f)| Some((k, f.as_ref().ok().filter(|_| hopeful[k])?)))
-            .flat_map(|(k, f)| self.off_plateau(f).into_par_iter().map(move |system| (k, self.from(&system))))
-            .collect();
-        moved.into_iter().for_each(|(k, f)| {
-            if cost_of(&f) < cost_of(&fitted[k]) {
-                fitted[k] = f;
-            }
+        let mut fitted = parallel::map_into(looks, |k, l| l.and_then(|f| if hopeful[k] { in_full(f) } else { Ok(f) }));
+        let off = parallel::over(fitted.len(), |k| match &fitted[k] {
+            Ok(f) if hopeful[k] => self.off_plateau(f),
+            _ => vec![],
         });
-        let freed: Vec<(usize, Result<Fitted, String>)> = fitted
-            .par_iter()
-            .enumerate()
-            .filter_map(|(k, f)| Some((k, freed(f.as_ref().ok().filter(|_| hopeful[k])?)?)))
-            .map(|(k, system)| (k, self.from(&system)))
-            .collect();
-        freed.into_iter().for_each(|(k, f)| {
-            if cost_of(&f) < cost_of(&fitted[k]) - WORTH_FREEING {
-                fitted[k] = f;
-            }
-        });
+        self.exchange(&mut fitted, off, 0.0);
+        let more_free = |(k, f): (usize, &Result<Fitted, String>)| f.as_ref().ok().filter(|_| hopeful[k]).and_then(freed);
+        let more_free = fitted.iter().enumerate().map(|f| more_free(f).into_iter().collect()).collect();
+        self.exchange(&mut fitted, more_free, WORTH_FREEING);
         for round in (1..=CONTINUED).rev() {
             let now: Vec<f64> = fitted.iter().map(cost_of).collect();
             let (best, near) = (now.iter().copied().fold(f64::INFINITY, f64::min), among_three(now.clone()));
             let expected = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop).fold(0.0, f64::max);
-            let again: Vec<(usize, Result<Fitted, String>)> = fitted
-                .par_iter()
-                .enumerate()
-                .filter_map(|(k, f)| {
-                    let f = f.as_ref().ok()?;
-                    let wanted = now[k] <= near || picked[k].drop >= expected;
-                    // At its present rate, which only slackens, it must get to where the best stands; one left at its first look has none.
-                    let fall = before[k] - now[k];
-                    let falling = fall == 0.0 || (fall > STILL_FALLING * now[k] && now[k] - best <= round as f64 * fall);
-                    let open = f.outcome.termination == Termination::MaxIterations;
-                    (wanted && falling && open && !self.monitor.stops()).then(|| (k, self.go_on(f.clone(), REFIT_ITERATIONS)))
-                })
-                .collect();
+            let open = |k: &usize| -> bool {
+                let wanted = now[*k] <= near || picked[*k].drop >= expected;
+                // At its present rate, which only slackens, it must get to where the best stands; one left at its first look has none.
+                let fall = before[*k] - now[*k];
+                let falling = fall == 0.0 || (fall > STILL_FALLING * now[*k] && now[*k] - best <= round as f64 * fall);
+                let open = fitted[*k].as_ref().is_ok_and(|f| f.outcome.termination == Termination::MaxIterations);
+                wanted && falling && open && !self.monitor.stops()
+            };
+            let again: Vec<usize> = (0..fitted.len()).filter(open).collect();
             if again.is_empty() {
                 break;
             }
             before = now;
-            again.into_iter().filter(|(_, f)| f.is_ok()).for_each(|(k, f)| fitted[k] = f);
+            let further = parallel::map(&again, |k| fitted[*k].clone().and_then(|f| self.go_on(f, REFIT_ITERATIONS)));
+            again.into_iter().zip(further).filter(|(_, f)| f.is_ok()).for_each(|(k, f)| fitted[k] = f);
         }
-        let proved = picked.par_iter().zip(fitted).map(|(score, fitted)| {
+        parallel::map_into(fitted, |k, fitted| {
+            let score = &picked[k];
             let candidate = self.trials[score.trial].candidate;
             let (name, result) = (&self.names[candidate], fitted.and_then(|f| proof(self.case, f)));
             match &result {
@@ -210,8 +193,18 @@ impl Bench<'_> {
                 Err(e) => watch(&format!("  refit {} at {} failed: {e}", name.effect, name.at)),
             }
             Refit { candidate, score: *score, result }
-        });
-        proved.collect()
+        })
+    }
+
+    /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than `worth`.
+    fn exchange(&self, fitted: &mut [Result<Fitted, String>], starts: Vec<Vec<System>>, worth: f64) {
+        let starts: Vec<(usize, System)> = starts.into_iter().enumerate().flat_map(|(k, s)| s.into_iter().map(move |s| (k, s))).collect();
+        let moved = parallel::map(&starts, |(_, system)| self.from(system));
+        for ((k, _), moved) in starts.iter().zip(moved) {
+            if cost_of(&moved) < cost_of(&fitted[*k]) - worth {
+                fitted[*k] = moved;
+            }
+        }
     }
 
     /// A fit in full from here.
@@ -254,7 +247,7 @@ impl Bench<'_> {
             let changed = cost_at(&system).is_ok_and(|cost| (cost - here).abs() > UNMOVED * here);
             changed.then_some(system)
         };
-        OFF.par_iter().filter_map(step).collect()
+        parallel::map(&OFF, step).into_iter().flatten().collect()
     }
 
     /// More iterations for what has used up its own.
@@ -356,8 +349,8 @@ fn over_tests(plans: &[&Plan], fit: impl Fn(Vec<&Plan>) -> Result<Fitted, String
     let of = |fold: usize, inside: bool| -> Vec<&Plan> {
         plans.iter().enumerate().filter(|(t, _)| (t % FOLDS == fold) == inside).map(|(_, p)| *p).collect()
     };
-    let parts: Vec<Whitened> =
-        (0..FOLDS).into_par_iter().map(|fold| whitened(&of(fold, true), &fit(of(fold, false))?.system)).collect::<Result<_, String>>()?;
+    let parts = parallel::over(FOLDS, |fold| whitened(&of(fold, true), &fit(of(fold, false))?.system));
+    let parts: Vec<Whitened> = parts.into_iter().collect::<Result<_, String>>()?;
     Ok((0..plans.len()).map(|t| parts[t % FOLDS][t / FOLDS].clone()).collect())
 }
 
@@ -372,10 +365,8 @@ fn over_stretches(plans: &[&Plan], fit: impl Fn(Vec<&Plan>) -> Result<Fitted, St
         };
         plans.iter().enumerate().map(masked).collect()
     };
-    let parts: Vec<Whitened> = (0..FOLDS)
-        .into_par_iter()
-        .map(|fold| whitened(plans, &fit(without(fold).iter().collect())?.system))
-        .collect::<Result<_, String>>()?;
+    let parts = parallel::over(FOLDS, |fold| whitened(plans, &fit(without(fold).iter().collect())?.system));
+    let parts: Vec<Whitened> = parts.into_iter().collect::<Result<_, String>>()?;
     Ok((0..plans.len()).map(|t| (0..plans[t].len()).map(|row| parts[fold_of(t, row)][t][row]).collect()).collect())
 }
 

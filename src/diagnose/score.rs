@@ -6,10 +6,10 @@
 //! (`response::Correlated`): `r~ = (I - QQ')r`, `g~ = (I - QQ')g`, `z = -g~'r~/||g~||`, one-sided where the strength has a sign; expected
 //! fall of the cost `z^2/2`.
 
+use crate::parallel;
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::effect::Sign;
@@ -116,7 +116,7 @@ pub fn projected(
         let left = project(&q, g);
         (left.norm() >= VISIBLE * size).then_some(left)
     };
-    Ok(Projected { columns: (0..trials.len()).into_par_iter().map(column).collect(), r: project(&q, extended), cost })
+    Ok(Projected { columns: parallel::over(trials.len(), column), r: project(&q, extended), cost })
 }
 
 /// Scores every trial; the largest expected drop first.
@@ -222,18 +222,16 @@ fn null_distribution(columns: &[DVector<f64>], two_sided: &[bool], seed: u64) ->
     };
     let Ok(normal) = Normal::new(0.0, 1.0) else { return vec![] };
     let block = 200;
-    let mut best: Vec<f64> = (0..DRAWS / block)
-        .into_par_iter()
-        .flat_map_iter(|stream| {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            rng.set_stream(stream as u64);
-            let z = &root * DMatrix::from_fn(m, block, |_, _| normal.inverse_cdf(rng.random_range(f64::EPSILON..1.0 - f64::EPSILON)));
-            let top = |c: nalgebra::DVectorView<f64>| {
-                c.iter().zip(two_sided).map(|(z, both)| if *both { z.abs() } else { z.max(0.0) }).fold(0.0, f64::max)
-            };
-            z.column_iter().map(top).collect::<Vec<f64>>()
-        })
-        .collect();
+    let drawn = |stream: usize| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(stream as u64);
+        let z = &root * DMatrix::from_fn(m, block, |_, _| normal.inverse_cdf(rng.random_range(f64::EPSILON..1.0 - f64::EPSILON)));
+        let top = |c: nalgebra::DVectorView<f64>| {
+            c.iter().zip(two_sided).map(|(z, both)| if *both { z.abs() } else { z.max(0.0) }).fold(0.0, f64::max)
+        };
+        z.column_iter().map(top).collect::<Vec<f64>>()
+    };
+    let mut best = parallel::over(DRAWS / block, drawn).concat();
     best.sort_by(f64::total_cmp);
     best
 }

@@ -5,7 +5,6 @@ use num_dual::Dual2_64;
 use crate::model::space::{Pose, Relative, Space};
 use crate::model::{Bound, Model};
 
-
 /// A connector and what acts at it.
 #[derive(Clone, Debug)]
 pub(super) struct Joint {

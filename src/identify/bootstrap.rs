@@ -6,10 +6,10 @@
 
 use std::ops::Range;
 
+use crate::parallel;
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -87,7 +87,7 @@ pub fn bootstrap<P: LeastSquares + ?Sized>(
         each(&replicate);
         Some(replicate)
     };
-    let mut all: Vec<Replicate> = indices.par_iter().filter_map(one).collect();
+    let mut all: Vec<Replicate> = parallel::map(indices, one).into_iter().flatten().collect();
     all.sort_by_key(|r| r.index);
     Ok(all)
 }

@@ -5,10 +5,10 @@ use super::ending::Termination;
 use super::fit::{FitOptions, FitOutcome, fit};
 use super::monitor::Monitor;
 use super::problem::LeastSquares;
+use crate::parallel;
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
 /// One start and what came of it. A start that failed says why and ranks last.
@@ -48,7 +48,7 @@ pub fn multi_start<P: LeastSquares + ?Sized>(
     options.validate(problem)?; // what no start can cure is said once
     let least = Arc::new(Mutex::new(f64::INFINITY));
     let run = |start: &Vec<f64>| StartResult { start: start.clone(), result: fit(problem, start, options, &monitor.member(&least)) };
-    let mut all: Vec<StartResult> = starts.par_iter().map(run).collect();
+    let mut all: Vec<StartResult> = parallel::map(starts, run);
     all.sort_by(|a, b| a.merit().total_cmp(&b.merit()));
     match all.first().map(|best| &best.result) {
         Some(Err(first)) => Err(IdentifyError::AllStartsFailed { count: all.len(), first: first.to_string() }),

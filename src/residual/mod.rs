@@ -4,8 +4,8 @@
 //! mean square. **floor** = the same with sigma in place of the difference. Energies, which run over decades: root mean square of
 //! `|ln(computed / measured)|`, and sigma/measured for the floor (design.md section 4).
 
+use crate::parallel;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use crate::identify::{EvalError, LeastSquares};
 use crate::model::{FreeParam, System};
@@ -50,7 +50,7 @@ impl<'a> Problem<'a> {
     /// Computed responses of every test at the given variables, tests in parallel.
     pub fn compute(&self, p: &[f64], sensitivities: bool) -> Result<Vec<Computed>, ResponseError> {
         let system = self.system_at(p);
-        self.plans.par_iter().map(|plan| plan.evaluate(&system, &self.free, sensitivities)).collect()
+        parallel::map(&self.plans, |plan| plan.evaluate(&system, &self.free, sensitivities)).into_iter().collect()
     }
 
     fn whitened(&self, computed: &[Computed]) -> DVector<f64> {

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
+use crate::parallel;
 use num_dual::Dual64;
-use rayon::prelude::*;
 
 use crate::data::{Control, EnergyTable, StoredEnergy, TableValue};
 use crate::effect::Num;
@@ -234,7 +234,7 @@ impl EnergyPlan {
             };
             Ok((row.dissipated.then_some(dissipated), row.stored.then_some(stored)))
         };
-        let (wd, ws): (Vec<_>, Vec<_>) = self.rows.par_iter().map(one).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        let (wd, ws): (Vec<_>, Vec<_>) = parallel::map(&self.rows, one).into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
         let mut out = Computed::default();
         for (value, slopes) in wd.into_iter().chain(ws).flatten() {
             out.values.push(value);

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use crate::parallel;
 use polars::prelude::{Column, DataFrame, ParquetWriter};
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::data::{OUT_OF_FAMILY, out_of_family};
@@ -33,7 +33,7 @@ impl Case {
             let plan = study.fit.points.map_or_else(|| plan.clone(), |n| plan.thinned(n));
             Ok((plan, split_of(study, &test.id)))
         };
-        let plans = study.dataset.tests.par_iter().map(plan).collect::<Result<Vec<_>, _>>()?;
+        let plans = parallel::map(&study.dataset.tests, plan).into_iter().collect::<Result<Vec<_>, _>>()?;
         let motions = |instance: &Instance| plans.iter().flat_map(|(p, _)| motions(p, &study.system, instance)).collect();
         formula::examine(&study.system, motions).map_err(|(i, e)| formula::located(&study.system.instances[i], &e))?;
         Ok(Case {

@@ -3,10 +3,10 @@
 //! For every case in turn the search sees the others only: among all laws it takes the one with the least PRESS on them, fits it, and
 //! predicts the case. What chance gives is seen by permuting the energies among the cases and repeating all of it.
 
+use crate::parallel;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::laws::Ready;
 use super::{Cases, Law, Laws, ToleranceError};
@@ -67,24 +67,22 @@ pub fn search(cases: &Cases, quantities: &[String], terms: usize, permutations: 
     let laws = Laws::new(cases, quantities, terms);
     let logs: Vec<f64> = cases.energies().iter().map(|w| w.ln()).collect();
     let others = |k: usize| (0..n).filter(|j| *j != k).collect::<Vec<usize>>();
-    let folds: Vec<Vec<Ready>> = (0..n).into_par_iter().map(|k| laws.ready(&others(k), k)).collect();
+    let folds: Vec<Vec<Ready>> = parallel::over(n, |k| laws.ready(&others(k), k));
     if let Some(k) = folds.iter().position(Vec::is_empty) {
         return Err(ToleranceError::TooFew { what: format!("a law without case {}", cases.cases[k].name), found: n, needed: n + 1 });
     }
     let whole = left_out(&folds, &logs);
     let errors: Vec<f64> = whole.iter().map(|w| w.1).collect();
     let observed = relative(&errors);
-    let as_well = (0..permutations)
-        .into_par_iter()
-        .filter(|stream| {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            rng.set_stream(*stream as u64);
-            let mut permuted = logs.clone();
-            permuted.shuffle(&mut rng);
-            let errors: Vec<f64> = left_out(&folds, &permuted).iter().map(|w| w.1).collect();
-            relative(&errors) <= observed
-        })
-        .count();
+    let at_chance = parallel::over(permutations, |stream| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(stream as u64);
+        let mut permuted = logs.clone();
+        permuted.shuffle(&mut rng);
+        let errors: Vec<f64> = left_out(&folds, &permuted).iter().map(|w| w.1).collect();
+        relative(&errors)
+    });
+    let as_well = at_chance.iter().filter(|error| **error <= observed).count();
     let p_value = (1 + as_well) as f64 / (1 + permutations) as f64;
     let chosen: Vec<String> = whole.iter().map(|w| laws.words(&laws.terms(w.0))).collect();
     let all: Vec<usize> = (0..n).collect();

@@ -1,8 +1,8 @@
 //! `[tolerance]`: the energies of the cases from the calibrated model, and what the tolerance stage makes of them.
 
+use crate::parallel;
 use nalgebra::DMatrix;
 use polars::prelude::{Column, DataFrame, ParquetWriter};
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::data::{Condition, StoredEnergy};
@@ -39,7 +39,7 @@ pub(super) fn outcome(
         let slopes = m.slopes.iter().map(|s| s / m.value).collect();
         Ok(Energy { middle: m.value, ends: (a.value, b.value), slopes, extrapolated: low < known.0 || high > known.1 })
     };
-    let predicted = (0..spec.cases.cases.len()).into_par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
+    let predicted = parallel::over(spec.cases.cases.len(), one).into_iter().collect::<Result<Vec<_>, _>>()?;
     let mut product = at(spec, spec.range.0.max(ends(spec.reference).0));
     if let Predicted::Cycle { quantity, .. } = &mut product.quantity {
         *quantity = CycleQuantity::Stored(StoredEnergy::Product);

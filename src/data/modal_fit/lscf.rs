@@ -1,9 +1,9 @@
 //! The z-domain model and its poles, order by order.
 
 use super::{FrfSet, of_pole};
+use crate::parallel;
 use nalgebra::{Complex, DMatrix, Schur};
 use num_complex::Complex64;
-use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// The band covers this part of the unit circle; the rest keeps its two ends apart.
@@ -56,10 +56,10 @@ fn lags(set: &FrfSet, theta: &[f64], n: usize) -> Lags {
     // One weight per output and line: the pooled sigma of its FRFs.
     let weight = |o: usize, k: usize| ni as f64 / (0..ni).map(|i| set.sigma[o * ni + i][k].powi(2)).sum::<f64>();
     let h = |o: usize, i: usize, k: usize| set.h[o * ni + i][k];
-    let one = (0..no).into_par_iter().map(|o| sum(&|k| Complex64::from(weight(o, k)))).collect();
-    let first = (0..no).into_par_iter().map(|o| (0..ni).map(|i| sum(&|k| h(o, i, k) * weight(o, k))).collect()).collect();
+    let one = parallel::over(no, |o| sum(&|k| Complex64::from(weight(o, k))));
+    let first = parallel::over(no, |o| (0..ni).map(|i| sum(&|k| h(o, i, k) * weight(o, k))).collect());
     let product = |i: usize, j: usize| sum(&|k| (0..no).map(|o| h(o, i, k).conj() * h(o, j, k) * weight(o, k)).sum());
-    let second = (0..ni).into_par_iter().map(|i| (0..ni).map(|j| product(i, j)).collect()).collect();
+    let second = parallel::over(ni, |i| (0..ni).map(|j| product(i, j)).collect());
     Lags { n, one, first, second }
 }
 
@@ -68,7 +68,7 @@ pub(super) fn diagram(set: &FrfSet, highest: usize) -> Vec<StablePole> {
     let (f1, f2) = (set.frequency[0], set.frequency[set.frequency.len() - 1]);
     let theta: Vec<f64> = set.frequency.iter().map(|f| TAU * CIRCLE * (f - f1) / (f2 - f1)).collect();
     let lags = lags(set, &theta, highest);
-    let by_order: Vec<Vec<StablePole>> = (2..=highest).into_par_iter().map(|n| poles(set, &lags, n).unwrap_or_default()).collect();
+    let by_order: Vec<Vec<StablePole>> = parallel::over(highest.saturating_sub(1), |k| poles(set, &lags, k + 2).unwrap_or_default());
     let mut all: Vec<StablePole> = Vec::new();
     let mut before: &[StablePole] = &[];
     for order in &by_order {

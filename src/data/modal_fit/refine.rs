@@ -2,9 +2,9 @@
 
 use super::pick::Candidate;
 use super::{FrfSet, of_pole};
+use crate::parallel;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use std::f64::consts::TAU;
 
@@ -126,7 +126,7 @@ impl Problem<'_> {
 
     /// Cost, and gradient and normal matrix over (Re s, Im s) of each pole with the linear parameters projected out (Kaufman's form).
     fn evaluate(&self, poles: &[(Complex64, usize)]) -> State {
-        let parts: Vec<State> = (0..self.columns()).into_par_iter().map(|j| self.column(poles, j)).collect();
+        let parts: Vec<State> = parallel::over(self.columns(), |j| self.column(poles, j));
         let n = 2 * poles.len();
         let mut state = State { cost: 0.0, gradient: DVector::zeros(n), normal: DMatrix::zeros(n, n), linear: Vec::new() };
         for part in parts {
