@@ -8,6 +8,7 @@ each side's best round, so that what else runs on the machine does not enter the
 rounds beside it. misfit runs on one thread and on two. The last table is the cost against the number of bodies.
 """
 import os
+import contextlib
 import statistics
 import subprocess
 import tempfile
@@ -78,14 +79,15 @@ def main():
             print(f"{name:56s} {1e3 * seconds:9.3f} {two:23.1f}x {one:9.1f}x {middle:17.1f}x")
 
         print(f"\n{'bodies':>8s} {'FRF, ms per 100 lines':>22s} {'over linear':>12s} {'march step, ms':>15s} {'over linear':>12s}   (1 thread)")
-        first = None
-        for bodies in (22, 220, 2200):
-            with tempfile.TemporaryDirectory() as other:
-                scaled = Product(program, other, bodies, 100)
-                # The least of several medians: what else runs on the machine must not pass for a cost.
-                ms = [1e3 * min(scaled.seconds(work) for _ in range(3 * ROUNDS)) for work in ("1", "march")]
-            first = first or ms
-            over = [m * 22 / (f * bodies) for m, f in zip(ms, first)]
+        sizes = (22, 220, 2200)
+        with contextlib.ExitStack() as stack:
+            folders = [stack.enter_context(tempfile.TemporaryDirectory()) for _ in sizes]
+            scaled = [Product(program, folder, bodies, 100) for folder, bodies in zip(folders, sizes)]
+            # The least of several medians, the sizes in turn: what else runs on the machine must pass neither for a cost nor for a saving.
+            times = [[[1e3 * product.seconds(work) for work in ("1", "march")] for product in scaled] for _ in range(6 * ROUNDS)]
+        least = [[min(r[k][w] for r in times) for w in (0, 1)] for k in range(len(sizes))]
+        for bodies, ms in zip(sizes, least):
+            over = [m * sizes[0] / (f * bodies) for m, f in zip(ms, least[0])]
             print(f"{bodies:8d} {ms[0]:22.3f} {over[0]:11.2f}x {ms[1]:15.3f} {over[1]:11.2f}x")
 
 
