@@ -5,6 +5,7 @@ use std::marker::PhantomData;
 use nalgebra::Const;
 use num_complex::{Complex, Complex64};
 use num_dual::{Derivative, Dual, DualSVec64};
+use smallvec::SmallVec;
 
 use super::{EffectError, Force, Formula, Info, Inputs, Num, Ports};
 
@@ -142,6 +143,8 @@ fn slope<const N: usize>(eps: &Derivative<f64, Const<N>, nalgebra::U1>, i: usize
 pub(super) trait Update {
     /// Fewest and most columns of its tangent.
     const COLUMNS: (usize, usize) = (0, MAX);
+    /// [`Force::PARALLEL`].
+    const PARALLEL: bool = false;
     /// Inputs it reads.
     fn ports(&self) -> Ports;
     /// [`Force::advance`].
@@ -150,9 +153,10 @@ pub(super) trait Update {
 
 impl<L: Force> Update for Dispatch<L> {
     const COLUMNS: (usize, usize) = {
-        let least = L::INFO.ports.count() + L::INFO.states;
+        let least = L::INFO.ports.count() + if L::PARALLEL { 1 } else { L::INFO.states };
         (least, least + L::INFO.params.len())
     };
+    const PARALLEL: bool = L::PARALLEL;
     fn ports(&self) -> Ports {
         L::INFO.ports
     }
@@ -168,44 +172,51 @@ fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &m
     let mut next = 0;
     let mut columns = [0usize; MAX];
     let constant = DualSVec64::<N>::from_re;
-    let mut pick = |on: bool, value: f64, column: usize, next: &mut usize| {
+    let mut pick = |on: bool, value: f64, column: usize| {
         if !on {
             return constant(value);
         }
-        columns[*next] = column;
-        seed::<N>(value, next)
+        columns[next] = column;
+        seed::<N>(value, &mut next)
     };
-    let inputs = Inputs {
-        x: pick(ports.x, u.x, 0, &mut next),
-        v: pick(ports.v, u.v, 1, &mut next),
-        a: pick(ports.a, u.a, 2, &mut next),
-        dx: pick(ports.dx, u.dx, 3, &mut next),
-    };
-    let mut states = [constant(0.0); MAX];
-    for k in 0..ns {
-        states[k] = pick(true, s[k], INPUTS + k, &mut next);
+    let inputs = Inputs { x: pick(ports.x, u.x, 0), v: pick(ports.v, u.v, 1), a: pick(ports.a, u.a, 2), dx: pick(ports.dx, u.dx, 3) };
+    // As many as there are and no more: an array of the most there may be costs more to fill than most laws to evaluate.
+    let params: SmallVec<[DualSVec64<N>; MAX]> = (0..np).map(|k| pick(active[k], p[k], INPUTS + ns + k)).collect();
+    let mut states: SmallVec<[DualSVec64<N>; MAX]> = SmallVec::new();
+    if A::PARALLEL {
+        let mut own = next;
+        let shared = seed::<N>(0.0, &mut own);
+        states.extend(s.iter().map(|s| shared.clone() + *s));
+    } else {
+        states.extend((0..ns).map(|k| pick(true, s[k], INPUTS + k)));
     }
-    let mut params = [constant(0.0); MAX];
-    for k in 0..np {
-        params[k] = pick(active[k], p[k], INPUTS + ns + k, &mut next);
-    }
-    let force = law.advance(&inputs, dt, &mut states[..ns], &params[..np]);
+    let force = law.advance(&inputs, dt, &mut states, &params);
     out.reset(ns, np);
     out.f = force.re;
     for (i, &column) in columns[..next].iter().enumerate() {
         out.set(0, column, slope(&force.eps, i));
-        for (k, state) in states[..ns].iter().enumerate() {
+        for (k, state) in states.iter().enumerate() {
             out.set(1 + k, column, slope(&state.eps, i));
         }
     }
-    for k in 0..ns {
-        s[k] = states[k].re;
+    if A::PARALLEL {
+        let sum: f64 = states.iter().map(|state| slope(&state.eps, next)).sum();
+        let each = if sum == 0.0 { 0.0 } else { slope(&force.eps, next) / sum };
+        for (k, state) in states.iter().enumerate() {
+            let own = slope(&state.eps, next);
+            out.set(1 + k, INPUTS + k, own);
+            out.set(0, INPUTS + k, each * own);
+        }
+    }
+    for (s, state) in s.iter_mut().zip(&states) {
+        *s = state.re;
     }
 }
 
 /// [`ForceLaw::tangent`] with dual numbers of the size that is needed.
 pub(super) fn tangent<A: Update>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
-    let columns = law.ports().count() + s.len() + active.iter().filter(|b| **b).count();
+    let states = if A::PARALLEL { 1 } else { s.len() };
+    let columns = law.ports().count() + states + active.iter().filter(|b| **b).count();
     // Only sizes that the law can need are compiled.
     macro_rules! sizes {
         ($above:literal $size:literal $($rest:literal)*) => {

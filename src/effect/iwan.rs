@@ -38,6 +38,8 @@ impl Force for Iwan {
         range: "bolted and press-fitted joints; below the first slider's slip, d/24 at chi = 0, all of them stick",
     };
 
+    const PARALLEL: bool = true;
+
     fn advance<T: Num>(u: &Inputs<T>, _dt: f64, s: &mut [T], p: &[T]) -> T {
         let step = u.dx / p[1];
         let exponent = (p[2] + 1.0).recip();

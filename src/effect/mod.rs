@@ -89,6 +89,9 @@ pub trait Force: Send + Sync + 'static {
     const LINEAR: bool = false;
     /// Whether responses superpose: linear in the motion and its history, so that [`Force::stiffness`] says all at every amplitude.
     const SUPERPOSES: bool = Self::LINEAR;
+    /// Whether every state goes on by itself, whatever the others are, and the force is one and the same multiple of each of the new ones:
+    /// their derivatives then need one column in place of one each.
+    const PARALLEL: bool = false;
 
     /// General force at the end of a step of length `dt` [s]; `s` enters with the states at its start and leaves with those at its
     /// end; `p` stands in the order of `INFO.params`.

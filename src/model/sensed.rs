@@ -10,6 +10,8 @@ pub struct Sensed {
     n_states: usize,
     n_params: usize,
     d: Vec<f64>,
+    /// Per row, the old states from the first to one past the last that it depends on.
+    spans: Vec<(usize, usize)>,
 }
 
 impl Sensed {
@@ -41,5 +43,28 @@ impl Sensed {
     /// Derivatives of a row with respect to the parameters.
     pub fn params(&self, row: usize) -> &[f64] {
         &self.row(row)[INPUTS + self.n_states..]
+    }
+    /// Finds which old states each row depends on: a state mostly goes on from itself alone, and columns are many.
+    pub fn find_spans(&mut self) {
+        let mut spans = std::mem::take(&mut self.spans);
+        spans.clear();
+        for row in 0..=self.n_states {
+            let d = self.states(row);
+            let first = d.iter().position(|v| *v != 0.0).unwrap_or(d.len());
+            let end = d.iter().rposition(|v| *v != 0.0).map_or(first, |last| last + 1);
+            spans.push((first, end));
+        }
+        self.spans = spans;
+    }
+    /// Sum of a row's derivatives with respect to the old states, each times its entry of `old`; after [`Sensed::find_spans`].
+    #[inline]
+    pub fn along_states(&self, row: usize, old: &[f64]) -> f64 {
+        let (first, end) = self.spans[row];
+        let (d, old, mut sum) = (&self.states(row)[first..end], &old[first..end], 0.0);
+        // By index: an iterator's adapters are not inlined everywhere.
+        for k in 0..d.len() {
+            sum += d[k] * old[k];
+        }
+        sum
     }
 }

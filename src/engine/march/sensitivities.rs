@@ -2,7 +2,7 @@
 
 use super::super::EngineError;
 use super::space::Spatial;
-use super::{March, State, add_link, inner};
+use super::{March, State, add_link};
 
 impl March<'_> {
     /// Direct differentiation of the converged step. Columns beyond the free parameters are perturbations of the start.
@@ -34,14 +34,15 @@ impl March<'_> {
         // h: derivative of every element's force at held q'.
         self.h.clear();
         self.h.resize(columns * n_elements, 0.0);
+        let acting = self.sensed.iter_mut().zip(&self.acts).filter(|(_, acts)| **acts);
+        acting.for_each(|(sensed, _)| sensed.find_spans());
         for (e, element) in self.bound.elements.iter().enumerate().filter(|(e, _)| self.acts[*e]) {
             let (link, sensed) = (&self.links[e], &self.sensed[e]);
-            let (d, by_state) = (sensed.inputs(0), sensed.states(0));
+            let (d, n_s) = (sensed.inputs(0), element.n_states());
             for c in (0..columns).take_while(|_| spatial.is_none()) {
                 let rel = |u: &[f64]| link.to.map_or(0.0, |k| u[c * n + k]) - link.from.map_or(0.0, |k| u[c * n + k]);
                 let mut h = d[1] * rel(&state.dv) + d[2] * rel(&state.da) - d[3] * rel(&self.old.dq);
-                let old = &self.old.ds[c * ns + link.s0..c * ns + link.s0 + by_state.len()];
-                h += inner(by_state, old);
+                h += sensed.along_states(0, &self.old.ds[c * ns + link.s0..c * ns + link.s0 + n_s]);
                 self.h[c * n_elements + e] = h;
             }
             for (p, chain) in element.chains.iter().enumerate().filter(|_| self.by_parameter) {
@@ -120,7 +121,7 @@ impl March<'_> {
                     let old = &self.old.ds[c * ns + link.s0..c * ns + link.s0 + n_s];
                     for r in 0..n_s {
                         let d = sensed.inputs(1 + r);
-                        state.ds[c * ns + link.s0 + r] = d[0] * dx + d[1] * dv + d[2] * da + d[3] * step + inner(sensed.states(1 + r), old);
+                        state.ds[c * ns + link.s0 + r] = d[0] * dx + d[1] * dv + d[2] * da + d[3] * step + sensed.along_states(1 + r, old);
                     }
                 }
             }

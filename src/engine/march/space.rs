@@ -7,7 +7,7 @@ use crate::model::space::{InPlane, Inertial, PlaneJoint, Pose, Relative, Space};
 use super::super::EngineError;
 use super::super::blocktri::{Block, Layout};
 use super::super::spatial::{Joint, Measured, dot, joints};
-use super::{March, Rates, Stage, State, inner};
+use super::{March, Rates, Stage, State};
 
 /// The spatial side of a march.
 pub(super) struct Spatial {
@@ -250,8 +250,7 @@ impl March<'_> {
                     let v = dot(row, &dv);
                     let a = dot(row, &da) + 2.0 * dot(&work.now.rate[axis], &dv);
                     let mut h = d[1] * v + d[2] * a - d[3] * dot(&work.before.b[axis], &dq0);
-                    let old = &self.old.ds[c * ns + s0..c * ns + s0 + by_state.len()];
-                    h += inner(by_state, old);
+                    h += sensed.along_states(0, &self.old.ds[c * ns + s0..c * ns + s0 + by_state.len()]);
                     self.h[c * n_elements + e] += h;
                     let h = self.h[c * n_elements + e];
                     for (k, d) in &work.live {
@@ -303,7 +302,7 @@ impl March<'_> {
                     for r in 0..n_s {
                         let d = sensed.inputs(1 + r);
                         let old = &self.old.ds[at..at + n_s];
-                        state.ds[at + r] = d[0] * x + d[1] * v + d[2] * a + d[3] * step + inner(sensed.states(1 + r), old);
+                        state.ds[at + r] = d[0] * x + d[1] * v + d[2] * a + d[3] * step + sensed.along_states(1 + r, old);
                     }
                 }
                 for (k, d) in work.live.iter().filter(|_| reactions) {
