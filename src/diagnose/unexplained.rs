@@ -97,7 +97,7 @@ struct Choice {
     left: f64,
 }
 
-/// A formula for what the fitted model leaves; none where no test has cycles or a record, or no term is worth it.
+/// A formula for what the fitted model leaves; none where no test has cycles or a record, no term is worth it, or the plain error does not fall.
 pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unexplained> {
     let all = case.plans_of(SplitName::Fit);
     // The terms have no meaning at small motion about rest, where an FRF lives.
@@ -150,7 +150,8 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     let before = proof(&timed, base.clone()).ok()?;
     let after = prove(&timed, &system, monitor).ok()?;
     let (was, is) = (cost(&before.fit), cost(&after.fit));
-    if is >= (1.0 - WORTH) * was {
+    // What an instrument within tolerance could have done counts little in the cost; a force that leaves more of the plain error is no help.
+    if is >= (1.0 - WORTH) * was || after.error >= before.error {
         return None;
     }
     let fitted = after.fitted.system.instances.last()?;

@@ -167,7 +167,8 @@ pub(super) fn numeric(cell: &str) -> bool {
 /// The cells of a line, trimmed, quotes taken off; none when a quote is not closed on the line.
 pub(super) fn cells(line: &str, separator: u8) -> Option<Vec<String>> {
     if separator == b' ' {
-        return Some(line.split_whitespace().map(str::to_string).collect());
+        let closed = |word: &str| word.matches('"').count().is_multiple_of(2);
+        return line.split_whitespace().all(closed).then(|| line.split_whitespace().map(str::to_string).collect());
     }
     let (mut all, mut cell, mut quoted) = (Vec::new(), String::new(), false);
     for c in line.chars() {

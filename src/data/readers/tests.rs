@@ -90,6 +90,7 @@ fn csv_errors_name_the_place() {
     case("t,F [N]\n0,1,5\n1,2\n", "3 cells, where the header has 2", "line 2");
     case("t,F [N]\n0,1\n1,2\n2", "stops in the middle", "line 4");
     case("t,F [N]\n0,1\n1,\"2\n", "quote is not closed", "a.csv");
+    case("t\tF [N]\r\n0\t-3e-3\r\n1.5\t\"\r\n", "quote is not closed", "a.csv");
     let e = read_bytes("a.csv", b"t,F [N]\n0,1\n1,\xff\xfe\n", &[number("t")]).unwrap_err();
     assert!(matches!(e, DataError::NotText { line: 3, .. }), "{e:?}");
     assert!(matches!(read_bytes("a.xls", b"x", &[]).unwrap_err(), DataError::NoReader { .. }));
