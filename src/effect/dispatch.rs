@@ -186,7 +186,7 @@ fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &m
     if A::PARALLEL {
         let mut own = next;
         let shared = seed::<N>(0.0, &mut own);
-        states.extend(s.iter().map(|s| shared.clone() + *s));
+        states.extend(s.iter().map(|s| shared + *s));
     } else {
         states.extend((0..ns).map(|k| pick(true, s[k], INPUTS + k)));
     }
