@@ -1,5 +1,5 @@
 //! Work spread over rayon's threads, results in order. One compiled loop serves them all: rayon's own adapters would be compiled anew for
-//! every closure, a twentieth of this crate's build.
+//! every closure. Unlike theirs, nothing is left out after an error: what can fail returns it with the rest.
 
 use std::sync::Mutex;
 

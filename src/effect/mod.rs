@@ -89,8 +89,9 @@ pub trait Force: Send + Sync + 'static {
     const LINEAR: bool = false;
     /// Whether responses superpose: linear in the motion and its history, so that [`Force::stiffness`] says all at every amplitude.
     const SUPERPOSES: bool = Self::LINEAR;
-    /// Whether every state goes on by itself, whatever the others are, and the force is one and the same multiple of each of the new ones:
-    /// their derivatives then need one column in place of one each.
+    /// Whether every state goes on by itself, whatever the others are and never falling with its old value, and the force is one and the
+    /// same multiple of the sum of the new ones, `F = w(p) sum_j s_j`: the derivatives with respect to all old states then need one column
+    /// in place of one each, `dF/ds_j = w ds_j'/ds_j`.
     const PARALLEL: bool = false;
 
     /// General force at the end of a step of length `dt` [s]; `s` enters with the states at its start and leaves with those at its
