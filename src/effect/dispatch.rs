@@ -11,7 +11,7 @@ use super::{EffectError, Force, Formula, Info, Inputs, Num, Ports};
 
 /// Derivatives of one constitutive update.
 ///
-/// Row 0 is the force, row `1 + k` the new state `k`. Columns: `x, v, a, dx`, the old states, the parameters.
+/// Row 0 is the force, row `1 + k` the new state `k`, as far as they were asked for. Columns: `x, v, a, dx`, the old states, the parameters.
 #[derive(Clone, Debug, Default)]
 pub struct Tangent {
     /// Force at the end of the step.
@@ -25,11 +25,11 @@ pub struct Tangent {
 pub const INPUTS: usize = 4;
 
 impl Tangent {
-    /// Sets the sizes and zeroes all derivatives; allocates only when it grows.
-    pub fn reset(&mut self, n_states: usize, n_params: usize) {
+    /// Sets the sizes and zeroes the first `rows` rows, all that there are then; allocates only when it grows.
+    pub fn reset(&mut self, n_states: usize, n_params: usize, rows: usize) {
         (self.n_states, self.n_params) = (n_states, n_params);
         self.d.clear();
-        self.d.resize((1 + n_states) * (INPUTS + n_states + n_params), 0.0);
+        self.d.resize(rows * (INPUTS + n_states + n_params), 0.0);
     }
     #[inline]
     fn stride(&self) -> usize {
@@ -60,6 +60,17 @@ impl Tangent {
     }
 }
 
+/// Which derivatives of an update are asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted<'a> {
+    /// Of the force with respect to the inputs: there is row 0 alone.
+    Inputs,
+    /// Of the force and the new states with respect to the inputs and the old states.
+    States,
+    /// Also with respect to the parameters marked.
+    Params(&'a [bool]),
+}
+
 /// A force law behind a pointer.
 pub trait ForceLaw: Send + Sync {
     /// What the law says of itself.
@@ -74,8 +85,8 @@ pub trait ForceLaw: Send + Sync {
     }
     /// [`Force::advance`] in plain numbers.
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64;
-    /// [`Force::advance`] with derivatives with respect to the inputs the law reads, its states, and the parameters marked active.
-    fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent);
+    /// [`Force::advance`] with its derivatives.
+    fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], wanted: Wanted, out: &mut Tangent);
     /// [`Force::stiffness`] in plain numbers.
     fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError>;
     /// Dynamic stiffness of small motion about a held displacement `x`, for a law without states; otherwise as
@@ -93,7 +104,7 @@ pub trait ForceLaw: Send + Sync {
         }
         let tangent = |x: f64, p: &[f64]| -> [f64; 3] {
             let mut t = Tangent::default();
-            self.tangent(&Inputs { x, ..Inputs::default() }, 1.0, &mut [], p, &[false; MAX][..p.len()], &mut t);
+            self.tangent(&Inputs { x, ..Inputs::default() }, 1.0, &mut [], p, Wanted::Inputs, &mut t);
             let d = t.inputs(0);
             [d[0], d[1], d[2]]
         };
@@ -166,8 +177,9 @@ impl<L: Force> Update for Dispatch<L> {
     }
 }
 
-fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
+fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], wanted: Wanted, out: &mut Tangent) {
     let (ns, np) = (s.len(), p.len());
+    let active = |k: usize| matches!(wanted, Wanted::Params(active) if active[k]);
     let ports = law.ports();
     let mut next = 0;
     let mut columns = [0usize; MAX];
@@ -181,7 +193,7 @@ fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &m
     };
     let inputs = Inputs { x: pick(ports.x, u.x, 0), v: pick(ports.v, u.v, 1), a: pick(ports.a, u.a, 2), dx: pick(ports.dx, u.dx, 3) };
     // As many as there are and no more: an array of the most there may be costs more to fill than most laws to evaluate.
-    let params: SmallVec<[DualSVec64<N>; MAX]> = (0..np).map(|k| pick(active[k], p[k], INPUTS + ns + k)).collect();
+    let params: SmallVec<[DualSVec64<N>; MAX]> = (0..np).map(|k| pick(active(k), p[k], INPUTS + ns + k)).collect();
     let mut states: SmallVec<[DualSVec64<N>; MAX]> = SmallVec::new();
     if A::PARALLEL {
         let mut own = next;
@@ -191,8 +203,16 @@ fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &m
         states.extend((0..ns).map(|k| pick(true, s[k], INPUTS + k)));
     }
     let force = law.advance(&inputs, dt, &mut states, &params);
-    out.reset(ns, np);
+    out.reset(ns, np, if wanted == Wanted::Inputs { 1 } else { 1 + ns });
     out.f = force.re;
+    for (s, state) in s.iter_mut().zip(&states) {
+        *s = state.re;
+    }
+    if wanted == Wanted::Inputs {
+        let inputs = columns[..next].iter().enumerate().filter(|(_, column)| **column < INPUTS);
+        inputs.for_each(|(i, &column)| out.set(0, column, slope(&force.eps, i)));
+        return;
+    }
     for (i, &column) in columns[..next].iter().enumerate() {
         out.set(0, column, slope(&force.eps, i));
         for (k, state) in states.iter().enumerate() {
@@ -208,21 +228,19 @@ fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &m
             out.set(0, INPUTS + k, each * own);
         }
     }
-    for (s, state) in s.iter_mut().zip(&states) {
-        *s = state.re;
-    }
 }
 
 /// [`ForceLaw::tangent`] with dual numbers of the size that is needed.
-pub(super) fn tangent<A: Update>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
+pub(super) fn tangent<A: Update>(law: &A, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], wanted: Wanted, out: &mut Tangent) {
     let states = if A::PARALLEL { 1 } else { s.len() };
-    let columns = law.ports().count() + states + active.iter().filter(|b| **b).count();
+    let active = if let Wanted::Params(active) = wanted { active.iter().filter(|b| **b).count() } else { 0 };
+    let columns = law.ports().count() + states + active;
     // Only sizes that the law can need are compiled.
     macro_rules! sizes {
         ($above:literal $size:literal $($rest:literal)*) => {
             if const { A::COLUMNS.0 <= $size && A::COLUMNS.1 > $above } {
                 if columns <= $size {
-                    return tangent_n::<A, $size>(law, u, dt, s, p, active, out);
+                    return tangent_n::<A, $size>(law, u, dt, s, p, wanted, out);
                 }
             }
             sizes!($size $($rest)*);
@@ -273,8 +291,8 @@ impl<L: Force> ForceLaw for Dispatch<L> {
         L::advance(u, dt, s, p)
     }
 
-    fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
-        tangent(self, u, dt, s, p, active, out);
+    fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], wanted: Wanted, out: &mut Tangent) {
+        tangent(self, u, dt, s, p, wanted, out);
     }
 
     fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError> {

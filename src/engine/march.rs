@@ -12,7 +12,7 @@
 use std::sync::Arc;
 
 use crate::effect::Inputs;
-use crate::model::{Bound, ElementScratch, Model, Sensed};
+use crate::model::{Bound, Depth, ElementScratch, Model, Sensed};
 
 use super::EngineError;
 use super::blocktri::{BlockTri, Layout, Levels};
@@ -28,6 +28,7 @@ mod statics;
 use broyden::Broyden;
 use method::{Alpha, Rates};
 pub use probe::Probe;
+use sensitivities::Motion;
 use space::Spatial;
 
 /// What drives the structure, sampled at the ends of the steps (index 0: the start).
@@ -41,7 +42,8 @@ pub struct Loads {
     pub forces: Vec<(usize, Vec<f64>)>,
 }
 
-/// State of a march, values and sensitivities. Sensitivity arrays hold one column after the other.
+/// State of a march, values and sensitivities. Sensitivity arrays hold a row for every value, in it one entry per column: the derivative of
+/// `q[d]` in column `c` is `dq[d * columns + c]`.
 #[derive(Clone, Debug, Default)]
 pub struct State {
     /// Displacements, velocities, accelerations of all degrees of freedom.
@@ -77,6 +79,13 @@ struct Link {
     fs0: usize,
     /// Slots of (to,to), (from,from), (to,from), (from,to) where both are free.
     slots: [Option<usize>; 4],
+}
+
+impl Link {
+    /// Degrees of freedom at its ends with the sign with which they strain it.
+    fn ends(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
+        [(self.to, 1.0), (self.from, -1.0)].into_iter().filter_map(|(d, sign)| Some((d?, sign)))
+    }
 }
 
 /// The march of one model under one set of loads.
@@ -117,6 +126,7 @@ pub struct March<'a> {
     external: Vec<f64>,
     force: Vec<f64>,
     h: Vec<f64>,
+    motion: Motion,
     forces: Vec<f64>,
     base: Vec<f64>,
     newton: Vec<f64>,
@@ -204,6 +214,7 @@ impl<'a> March<'a> {
             external: vec![0.0; n],
             force: vec![0.0; n],
             h: vec![],
+            motion: Motion::default(),
             forces: vec![0.0; bound.elements.len()],
             scale: 0.0,
             keep: false,
@@ -286,7 +297,7 @@ impl<'a> March<'a> {
                 element.value(&u, dt, s, &mut self.scratch)
             } else {
                 let out = &mut self.sensed[e];
-                element.tangent(&u, dt, s, fs, stage == Stage::Full, out, &mut self.scratch);
+                element.tangent(&u, dt, s, fs, stage.depth(), out, &mut self.scratch);
                 out.f
             };
             scale += f.abs();
@@ -465,4 +476,11 @@ enum Stage {
     Newton,
     /// Also the derivatives with respect to parameters; followers advance.
     Full,
+}
+
+impl Stage {
+    /// The derivatives of the elements that it takes.
+    fn depth(self) -> Depth {
+        if self == Stage::Full { Depth::Params } else { Depth::Inputs }
+    }
 }

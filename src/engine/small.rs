@@ -74,13 +74,9 @@ impl<'a> Small<'a> {
             Some(space) => small.spatial(model, space, q),
         }
         if let Some(s) = state.as_ref().filter(|_| columns > 0) {
-            for k in 0..columns {
-                let moved = small.along(
-                    model,
-                    q,
-                    &s.state.dq[k * n..(k + 1) * n],
-                    &s.d_elements[k * bound.elements.len()..(k + 1) * bound.elements.len()],
-                );
+            let column = |rows: &[f64], c: usize| rows.iter().skip(c).step_by(columns).copied().collect::<Vec<f64>>();
+            for c in 0..columns {
+                let moved = small.along(model, q, &column(&s.state.dq, c), &column(&s.d_elements, c));
                 small.moved.push(moved);
             }
         }

@@ -10,7 +10,7 @@
 
 use num_complex::Complex64;
 
-use crate::effect::dispatch::INPUTS;
+use crate::effect::dispatch::{INPUTS, Wanted};
 use crate::effect::{EffectError, ForceLaw, Inputs, Series, Tangent};
 
 use super::Model;
@@ -85,6 +85,17 @@ impl ElementScratch {
     }
 }
 
+/// Which derivatives of an element are asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// Of the force with respect to the inputs.
+    Inputs,
+    /// Of force and states with respect to inputs and old states.
+    States,
+    /// Also with respect to the parameters; followers advance.
+    Params,
+}
+
 impl Element {
     /// An element without effects at a place.
     pub fn new(model: &Model, place: usize) -> Element {
@@ -125,7 +136,7 @@ impl Element {
             self.n_follower_states += n;
         } else if law.linear() {
             let mut t = Tangent::default();
-            law.tangent(&Inputs::default(), 1.0, &mut [], &p, &vec![false; p.len()], &mut t);
+            law.tangent(&Inputs::default(), 1.0, &mut [], &p, Wanted::Inputs, &mut t);
             add(&mut self.linear_sum, t.inputs(0), 1.0);
             let p = self.push_params(p, chains);
             self.linear.push(ForcePiece { law, recurs: false, p, s: 0..0 });
@@ -230,19 +241,20 @@ impl Element {
         force
     }
 
-    /// Force and new states with their derivatives with respect to inputs and states, and, when `full`, to the parameters. The
-    /// followers' states `fs` advance only when `full`.
+    /// Force and new states with the derivatives asked for. The followers' states `fs` advance only with [`Depth::Params`].
     pub fn tangent(
         &self,
         u: &Inputs<f64>,
         dt: f64,
         s: &mut [f64],
         fs: &mut [f64],
-        full: bool,
+        depth: Depth,
         out: &mut Sensed,
         scratch: &mut ElementScratch,
     ) {
-        out.reset(self.n_states, self.p.len());
+        // What an opening does to the force is found from the derivatives of all.
+        let (full, narrow) = (depth == Depth::Params, depth == Depth::Inputs && !self.opening);
+        out.reset(self.n_states, self.p.len(), if narrow { 1 } else { 1 + self.n_states });
         let (mut inner, mut e, mut old) = (*u, 0.0, (0.0, 0.0));
         if self.opening {
             old = (s[0], s[1]);
@@ -254,7 +266,7 @@ impl Element {
         out.f = self.linear_force(&inner);
         for piece in self.linear.iter().filter(|_| full) {
             let (p, active) = (&self.p[piece.p.clone()], &self.active[piece.p.clone()]);
-            piece.law.tangent(&inner, dt, &mut [], p, active, &mut scratch.piece);
+            piece.law.tangent(&inner, dt, &mut [], p, Wanted::Params(active), &mut scratch.piece);
             let row = out.row_mut(0);
             add(&mut row[INPUTS + self.n_states + piece.p.start..], scratch.piece.params(0), 1.0);
         }
@@ -266,6 +278,9 @@ impl Element {
                 out.f += p[0] * unit;
                 let row = out.row_mut(0);
                 add(&mut row[..INPUTS], &r.force, p[0]);
+                if narrow {
+                    continue;
+                }
                 add(&mut row[INPUTS + piece.s.start..], &r.by_state, p[0]);
                 if full && active[0] {
                     row[INPUTS + self.n_states + piece.p.start] += unit;
@@ -278,11 +293,18 @@ impl Element {
                 }
                 continue;
             }
-            let none = [false; 16];
-            let active = if full { active } else { &none[..p.len()] };
-            piece.law.tangent(&inner, dt, &mut s[piece.s.clone()], p, active, &mut scratch.piece);
+            let wanted = match depth {
+                Depth::Params => Wanted::Params(active),
+                _ if narrow => Wanted::Inputs,
+                _ => Wanted::States,
+            };
+            piece.law.tangent(&inner, dt, &mut s[piece.s.clone()], p, wanted, &mut scratch.piece);
             let t = &scratch.piece;
             out.f += t.f;
+            if narrow {
+                add(&mut out.row_mut(0)[..INPUTS], t.inputs(0), 1.0);
+                continue;
+            }
             for k in 0..=piece.s.len() {
                 let row = out.row_mut(if k == 0 { 0 } else { piece.s.start + k });
                 add(&mut row[..INPUTS], t.inputs(k), 1.0);
@@ -377,7 +399,7 @@ impl Element {
                 scratch.old.clear();
                 scratch.old.extend_from_slice(&s[piece.s.clone()]);
                 let p = &self.p[piece.p.clone()];
-                piece.law.tangent(&inner, dt, &mut scratch.old, p, &[false; 16][..p.len()], &mut scratch.piece);
+                piece.law.tangent(&inner, dt, &mut scratch.old, p, Wanted::Inputs, &mut scratch.piece);
                 force += scratch.piece.f;
                 let d = scratch.piece.inputs(0);
                 stiffness += d[0] + 1.5 / dt * d[1] + d[3];

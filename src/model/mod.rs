@@ -13,7 +13,7 @@ mod sensed;
 mod system;
 
 pub use bound::{Acting, Bound, BoundLoad, ChannelPiece};
-pub use element::{Element, ElementScratch};
+pub use element::{Depth, Element, ElementScratch};
 pub use error::ModelError;
 pub use graph::{Axis, Body, Connector, Dof, Level, Load, Model, Place};
 pub use sensed::Sensed;

@@ -1,7 +1,7 @@
 //! The update of a law that superposes, at a fixed step: new states and force are fixed linear combinations of the motion and the old
 //! states, found once from the law's own tangent.
 
-use crate::effect::dispatch::INPUTS;
+use crate::effect::dispatch::{INPUTS, Wanted};
 use crate::effect::{ForceLaw, Inputs, Tangent};
 
 /// The update at strength 1.
@@ -37,7 +37,7 @@ impl Recurrence {
         let n = law.info().states;
         let (mut p, mut t, mut s) = (p.to_vec(), Tangent::default(), vec![0.0; n]);
         p[0] = 1.0;
-        law.tangent(&Inputs::default(), dt, &mut s, &p, &vec![false; p.len()], &mut t);
+        law.tangent(&Inputs::default(), dt, &mut s, &p, Wanted::States, &mut t);
         let of = |row: usize| std::array::from_fn(|k| t.inputs(row)[k]);
         let entries = (0..n).flat_map(|r| t.states(1 + r).iter().copied().enumerate().map(move |(c, v)| (r, c, v)).collect::<Vec<_>>());
         Recurrence {

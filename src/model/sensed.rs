@@ -2,7 +2,7 @@
 
 use crate::effect::dispatch::INPUTS;
 
-/// Derivatives of one element over a step: row 0 the force, then the states; columns `x, v, a, dx`, states, parameters.
+/// Derivatives of one element over a step: row 0 the force, then the states as far as they were asked for; columns `x, v, a, dx`, states, parameters.
 #[derive(Default)]
 pub struct Sensed {
     /// General force.
@@ -15,10 +15,10 @@ pub struct Sensed {
 }
 
 impl Sensed {
-    pub(super) fn reset(&mut self, n_states: usize, n_params: usize) {
+    pub(super) fn reset(&mut self, n_states: usize, n_params: usize, rows: usize) {
         (self.f, self.n_states, self.n_params) = (0.0, n_states, n_params);
         self.d.clear();
-        self.d.resize((1 + n_states) * self.stride(), 0.0);
+        self.d.resize(rows * self.stride(), 0.0);
     }
     fn stride(&self) -> usize {
         INPUTS + self.n_states + self.n_params
@@ -56,15 +56,10 @@ impl Sensed {
         }
         self.spans = spans;
     }
-    /// Sum of a row's derivatives with respect to the old states, each times its entry of `old`; after [`Sensed::find_spans`].
+    /// The old states that a row depends on, by their place, with its derivatives; after [`Sensed::find_spans`].
     #[inline]
-    pub fn along_states(&self, row: usize, old: &[f64]) -> f64 {
+    pub fn states_at(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let (first, end) = self.spans[row];
-        let (d, old, mut sum) = (&self.states(row)[first..end], &old[first..end], 0.0);
-        // By index: an iterator's adapters are not inlined everywhere.
-        for k in 0..d.len() {
-            sum += d[k] * old[k];
-        }
-        sum
+        (first..end).zip(self.states(row)[first..end].iter().copied())
     }
 }

@@ -372,8 +372,8 @@ impl ForceLaw for Formula {
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64 {
         self.advance(u, dt, s, p)
     }
-    fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], active: &[bool], out: &mut Tangent) {
-        dispatch::tangent(self, u, dt, s, p, active, out);
+    fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], wanted: dispatch::Wanted, out: &mut Tangent) {
+        dispatch::tangent(self, u, dt, s, p, wanted, out);
     }
     fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError> {
         self.stiffness_tangent(s, p, &mut vec![Complex64::ZERO; p.len()]).map(|z| z.0)

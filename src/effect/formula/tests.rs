@@ -156,7 +156,7 @@ fn tangents_with_states_equal_central_differences() {
         let (mut s, mut t) = (vec![0.0; ns], Tangent::default());
         for k in 1..80 {
             let (u, old) = (motion(k, dt), s.clone());
-            law.tangent(&u, dt, &mut s, &p, &vec![true; np], &mut t);
+            law.tangent(&u, dt, &mut s, &p, dispatch::Wanted::Params(&vec![true; np]), &mut t);
             let run = |u: &Inputs<f64>, s0: &[f64], p: &[f64]| {
                 let mut s = s0.to_vec();
                 let f = law.value(u, dt, &mut s, p);

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::dispatch::{INPUTS, Tangent};
+use super::dispatch::{INPUTS, Tangent, Wanted};
 use super::info::Kind;
 use super::*;
 
@@ -101,7 +101,7 @@ fn tangents_equal_central_differences() {
         for k in 1..150 {
             let u = motion(k, dt);
             let old = s.clone();
-            law.tangent(&u, dt, &mut s, &p, &active, &mut t);
+            law.tangent(&u, dt, &mut s, &p, Wanted::Params(&active), &mut t);
             if k % 7 != 0 {
                 continue;
             }

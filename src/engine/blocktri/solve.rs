@@ -20,33 +20,54 @@ impl<T: Entry> BlockTri<T> {
         if n == 0 || !rhs.len().is_multiple_of(n) {
             return if rhs.is_empty() { Ok(()) } else { Err(BlockTriError::Length { len: rhs.len(), n }) };
         }
-        let mut rest = rhs;
-        while !rest.is_empty() {
-            let take = if rest.len() >= COLUMNS * n { COLUMNS } else { 1 };
-            let (now, later) = rest.split_at_mut(take * n);
-            if take == COLUMNS {
-                self.columns::<COLUMNS>(now)
-            } else {
-                self.columns::<1>(now)
-            }
-            rest = later;
-        }
+        self.passes(rhs, rhs.len() / n, |row, column| column * n + row);
         Ok(())
     }
 
-    fn columns<const C: usize>(&mut self, rhs: &mut [T]) {
+    /// Solves A X = B in place: `rhs` holds n rows of `columns` entries one after the other, in the caller's dof order.
+    ///
+    /// # Errors
+    /// [`BlockTriError::NotFactored`], [`BlockTriError::Length`].
+    pub fn solve_rows(&mut self, rhs: &mut [T], columns: usize) -> Result<(), BlockTriError> {
+        let n = self.layout.n();
+        if !self.factored {
+            return Err(BlockTriError::NotFactored);
+        }
+        if rhs.len() != n * columns {
+            return Err(BlockTriError::Length { len: rhs.len(), n });
+        }
+        self.passes(rhs, columns, |row, column| row * columns + column);
+        Ok(())
+    }
+
+    /// Carries the columns through the factors, [`COLUMNS`] at a time; `at` tells where an entry stands.
+    fn passes(&mut self, rhs: &mut [T], columns: usize, at: impl Fn(usize, usize) -> usize) {
+        let mut first = 0;
+        while first < columns {
+            if columns - first >= COLUMNS {
+                self.columns::<COLUMNS>(rhs, |row, c| at(row, first + c));
+                first += COLUMNS;
+            } else {
+                self.columns::<1>(rhs, |row, c| at(row, first + c));
+                first += 1;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn columns<const C: usize>(&mut self, rhs: &mut [T], at: impl Fn(usize, usize) -> usize) {
         let layout = Arc::clone(&self.layout);
         let n = layout.n();
         let (work, _) = self.work.as_chunks_mut::<C>();
         let order = &layout.levels.order;
         for k in 0..n {
-            (0..C).for_each(|c| work[k][c] = rhs[c * n + order[k]]);
+            (0..C).for_each(|c| work[k][c] = rhs[at(order[k], c)]);
         }
         self.forward::<C>(&layout);
         self.backward::<C>(&layout);
         let (work, _) = self.work.as_chunks::<C>();
         for k in 0..n {
-            (0..C).for_each(|c| rhs[c * n + order[k]] = work[k][c]);
+            (0..C).for_each(|c| rhs[at(order[k], c)] = work[k][c]);
         }
     }
 

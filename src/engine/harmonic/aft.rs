@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVectorView, DVectorViewMut};
 
 use crate::effect::Inputs;
-use crate::model::{Element, ElementScratch, Sensed};
+use crate::model::{Depth, Element, ElementScratch, Sensed};
 
 use super::super::EngineError;
 use super::fixed_point::FixedPoint;
@@ -223,7 +223,7 @@ impl Aft {
         for k in 1..=n {
             let u = self.inputs(k, n);
             self.force_at[k % n] = if monodromy {
-                element.tangent(&u, dt, &mut self.s, &mut self.fs, false, &mut self.sensed, &mut self.scratch);
+                element.tangent(&u, dt, &mut self.s, &mut self.fs, Depth::States, &mut self.sensed, &mut self.scratch);
                 sized(&mut self.next, ns * ns);
                 for r in 0..ns {
                     let out = &mut self.next[r * ns..(r + 1) * ns];
@@ -271,8 +271,8 @@ impl Aft {
     /// One step: a row of `rows` becomes the derivative of the force, `slopes` those of the states.
     fn advance(&mut self, element: &Element, basis: &Basis, omega: f64, k: usize, columns: usize, full: bool) {
         let (n, w, ns) = (basis.samples, basis.width, element.n_states());
-        let u = self.inputs(k, n);
-        element.tangent(&u, TAU / omega / n as f64, &mut self.s, &mut self.fs, full, &mut self.sensed, &mut self.scratch);
+        let (u, depth) = (self.inputs(k, n), if full { Depth::Params } else { Depth::States });
+        element.tangent(&u, TAU / omega / n as f64, &mut self.s, &mut self.fs, depth, &mut self.sensed, &mut self.scratch);
         let i = k % n;
         let (value, rate) = (basis.row(&basis.value, i), basis.row(&basis.rate, i));
         let step = if k == 0 { value } else { basis.row(&basis.step, i) };
@@ -378,7 +378,7 @@ impl Aft {
             }
             for k in first..=n {
                 let u = self.inputs(k, n);
-                element.tangent(&u, dt, &mut self.s, &mut self.fs, true, &mut self.sensed, &mut self.scratch);
+                element.tangent(&u, dt, &mut self.s, &mut self.fs, Depth::Params, &mut self.sensed, &mut self.scratch);
             }
         }
         let [first, second] = &seen;

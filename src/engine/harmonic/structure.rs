@@ -5,7 +5,7 @@ use std::sync::Arc;
 use num_complex::Complex64;
 
 use crate::effect::Inputs;
-use crate::model::{Bound, Element, ElementScratch, Model, Sensed};
+use crate::model::{Bound, Depth, Element, ElementScratch, Model, Sensed};
 
 use super::super::EngineError;
 use super::super::blocktri::{BlockTri, BlockTriError, Layout, Levels};
@@ -203,7 +203,7 @@ impl<'a> Structure<'a> {
 fn rest_slope(element: &Element) -> f64 {
     let (mut s, mut fs) = (vec![0.0; element.n_states()], vec![0.0; element.n_follower_states()]);
     let mut sensed = Sensed::default();
-    element.tangent(&Inputs::default(), 1e-3, &mut s, &mut fs, false, &mut sensed, &mut ElementScratch::default());
+    element.tangent(&Inputs::default(), 1e-3, &mut s, &mut fs, Depth::Inputs, &mut sensed, &mut ElementScratch::default());
     let d = sensed.inputs(0);
     let slope = (d[0] + d[3]).abs();
     if slope.is_finite() { slope } else { 0.0 }

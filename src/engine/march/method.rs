@@ -43,4 +43,24 @@ impl Alpha {
         let v = v0 + dt * ((1.0 - self.gamma) * w0 + self.gamma * w);
         (w, v, ((1.0 - self.m) * w + self.m * w0 - self.f * a0) / (1.0 - self.f))
     }
+
+    /// The same of no displacement, entry by entry: from `[q0, v0, w0, a0]` to `[w, v, a]`.
+    pub fn carried(&self, dt: f64, [q0, v0, w0, a0]: [&[f64]; 4], [w, v, a]: [&mut [f64]; 3]) {
+        if self.still {
+            [w, v, a].into_iter().for_each(|u| u.fill(0.0));
+            return;
+        }
+        let n = w.len();
+        let (q0, v0, w0, a0, v, a) = (&q0[..n], &v0[..n], &w0[..n], &a0[..n], &mut v[..n], &mut a[..n]);
+        let (by_q, by_w) = (-1.0 / (self.beta * dt * dt), -(0.5 / self.beta - 1.0));
+        let (v_old, v_new) = (dt * (1.0 - self.gamma), dt * self.gamma);
+        let part = 1.0 / (1.0 - self.f);
+        let (a_new, a_w, a_a) = ((1.0 - self.m) * part, self.m * part, -self.f * part);
+        for c in 0..n {
+            let new = by_q * (q0[c] + dt * v0[c]) + by_w * w0[c];
+            w[c] = new;
+            v[c] = v0[c] + v_old * w0[c] + v_new * new;
+            a[c] = a_new * new + a_w * w0[c] + a_a * a0[c];
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! What is observed of a march.
 
+use super::sensitivities::add_row;
 use super::{March, State};
 
 /// What is observed.
@@ -18,10 +19,11 @@ pub enum Probe {
 impl March<'_> {
     /// What a probe reads after a step, with its sensitivities written to `d` (one per column).
     pub fn read(&self, probe: Probe, state: &State, d: &mut [f64]) -> f64 {
-        let (n, n_elements) = (self.mass.len(), self.links.len());
+        let columns = d.len();
+        let row = |u: &[f64], k: usize, d: &mut [f64]| d.copy_from_slice(&u[k * columns..(k + 1) * columns]);
         match probe {
             Probe::Dof(dof) => {
-                d.iter_mut().enumerate().for_each(|(c, out)| *out = state.dq[c * n + dof]);
+                row(&state.dq, dof, d);
                 state.q[dof]
             }
             Probe::Relative(place) => {
@@ -31,17 +33,17 @@ impl March<'_> {
                 }
                 let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
                 let link = &self.links[e];
-                let rel = |u: &[f64], c: usize| link.to.map_or(0.0, |k| u[c * n + k]) - link.from.map_or(0.0, |k| u[c * n + k]);
-                d.iter_mut().enumerate().for_each(|(c, out)| *out = rel(&state.dq, c));
-                rel(&state.q, 0)
+                d.fill(0.0);
+                link.ends().for_each(|(dof, sign)| add_row(d, sign, &state.dq, dof));
+                self.relative(e, &state.q)
             }
             Probe::Force(place) => {
                 let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
-                d.iter_mut().enumerate().for_each(|(c, out)| *out = self.h[c * n_elements + e]);
+                row(&self.h, e, d);
                 self.forces[e]
             }
             Probe::Reaction(dof) => {
-                d.iter_mut().enumerate().for_each(|(c, out)| *out = state.dg[c * n + dof]);
+                row(&state.dg, dof, d);
                 state.g[dof]
             }
         }

@@ -1,8 +1,53 @@
-//! Direct differentiation of a step.
+//! Direct differentiation of a step. Every row of sensitivities holds one entry per column, so that all columns go through a derivative
+//! side by side.
 
 use super::super::EngineError;
 use super::space::Spatial;
 use super::{March, State, add_link};
+use crate::model::Sensed;
+
+/// Adds `by` times row `row` of `u` to `out`, a row of as many columns. By index: an iterator's adapters are not inlined everywhere.
+#[inline]
+pub(super) fn add_row(out: &mut [f64], by: f64, u: &[f64], row: usize) {
+    if by == 0.0 {
+        return;
+    }
+    let n = out.len();
+    let u = &u[row * n..(row + 1) * n];
+    for c in 0..n {
+        out[c] += by * u[c];
+    }
+}
+
+/// Sensitivities of what an element sees of the motion: of its relative displacement, velocity, acceleration, and of the step.
+#[derive(Default)]
+pub(super) struct Motion([Vec<f64>; 4]);
+
+impl Motion {
+    pub fn clear(&mut self, columns: usize) {
+        for row in &mut self.0 {
+            row.clear();
+            row.resize(columns, 0.0);
+        }
+    }
+
+    pub fn add(&mut self, input: usize, by: f64, u: &[f64], row: usize) {
+        add_row(&mut self.0[input], by, u, row);
+    }
+
+    /// Sensitivities of the new states of an element whose states begin at `s0`, those of the parameters left out.
+    pub fn states(&self, sensed: &Sensed, s0: usize, old: &[f64], new: &mut [f64]) {
+        let columns = self.0[0].len();
+        for r in 0..sensed.states(0).len() {
+            let out = &mut new[(s0 + r) * columns..(s0 + r + 1) * columns];
+            out.fill(0.0);
+            for (d, row) in sensed.inputs(1 + r).iter().zip(&self.0) {
+                add_row(out, *d, row, 0);
+            }
+            sensed.states_at(1 + r).for_each(|(k, by)| add_row(out, by, old, s0 + k));
+        }
+    }
+}
 
 impl March<'_> {
     /// Direct differentiation of the converged step. Columns beyond the free parameters are perturbations of the start.
@@ -14,40 +59,40 @@ impl March<'_> {
     }
 
     fn differentiate(&mut self, spatial: Option<&Spatial>, state: &mut State, columns: usize) -> Result<(), EngineError> {
-        let (dt, alpha, n, ns) = (self.loads.dt, self.alpha, self.mass.len(), self.n_states);
+        let (dt, n) = (self.loads.dt, self.mass.len());
         let rates = self.rates();
-        let n_elements = self.bound.elements.len();
         // Parts of dw', dv', da' that do not depend on dq': stored where these will stand.
-        for c in 0..columns {
-            let base = c * n;
-            for d in 0..n {
-                let i = base + d;
-                if self.prescribed_at[d].is_some() {
-                    (state.dq[i], state.dw[i], state.dv[i], state.da[i]) = (0.0, 0.0, 0.0, 0.0);
-                    continue;
-                }
-                let old = &self.old;
-                (state.dw[i], state.dv[i], state.da[i]) = alpha.end(dt, 0.0, old.dq[i], old.dv[i], old.dw[i], old.da[i]);
-                state.dq[i] = 0.0;
+        state.dq[..n * columns].fill(0.0);
+        for d in 0..n {
+            let at = d * columns..(d + 1) * columns;
+            let (w, v, a) = (&mut state.dw[at.clone()], &mut state.dv[at.clone()], &mut state.da[at.clone()]);
+            if self.prescribed_at[d].is_some() {
+                [w, v, a].into_iter().for_each(|u| u.fill(0.0));
+                continue;
             }
+            let old = &self.old;
+            self.alpha.carried(dt, [&old.dq[at.clone()], &old.dv[at.clone()], &old.dw[at.clone()], &old.da[at]], [w, v, a]);
         }
         // h: derivative of every element's force at held q'.
         self.h.clear();
-        self.h.resize(columns * n_elements, 0.0);
+        self.h.resize(columns * self.bound.elements.len(), 0.0);
         let acting = self.sensed.iter_mut().zip(&self.acts).filter(|(_, acts)| **acts);
         acting.for_each(|(sensed, _)| sensed.find_spans());
         for (e, element) in self.bound.elements.iter().enumerate().filter(|(e, _)| self.acts[*e]) {
             let (link, sensed) = (&self.links[e], &self.sensed[e]);
-            let (d, n_s) = (sensed.inputs(0), element.n_states());
-            for c in (0..columns).take_while(|_| spatial.is_none()) {
-                let rel = |u: &[f64]| link.to.map_or(0.0, |k| u[c * n + k]) - link.from.map_or(0.0, |k| u[c * n + k]);
-                let mut h = d[1] * rel(&state.dv) + d[2] * rel(&state.da) - d[3] * rel(&self.old.dq);
-                h += sensed.along_states(0, &self.old.ds[c * ns + link.s0..c * ns + link.s0 + n_s]);
-                self.h[c * n_elements + e] = h;
+            let h = &mut self.h[e * columns..(e + 1) * columns];
+            if spatial.is_none() {
+                let d = sensed.inputs(0);
+                for (dof, sign) in link.ends() {
+                    add_row(h, sign * d[1], &state.dv, dof);
+                    add_row(h, sign * d[2], &state.da, dof);
+                    add_row(h, -sign * d[3], &self.old.dq, dof);
+                }
+                sensed.states_at(0).for_each(|(k, by)| add_row(h, by, &self.old.ds, link.s0 + k));
             }
             for (p, chain) in element.chains.iter().enumerate().filter(|_| self.by_parameter) {
                 for (theta, slope) in chain {
-                    self.h[theta * n_elements + e] += sensed.params(0)[p] * slope;
+                    h[*theta] += sensed.params(0)[p] * slope;
                 }
             }
         }
@@ -57,34 +102,28 @@ impl March<'_> {
             self.refresh_matrix(spatial);
             self.matrix.factor()?;
             let mut rhs = std::mem::take(&mut self.rhs);
+            rhs.clear();
             rhs.resize(n_free * columns, 0.0);
-            for c in 0..columns {
-                for (i, &d) in self.free_dofs.iter().enumerate() {
-                    let at = c * n + d;
-                    rhs[c * n_free + i] = -self.mass[d] * state.da[at];
-                }
-                for (e, link) in self.links.iter().enumerate() {
-                    let h = self.h[c * n_elements + e];
-                    if let Some(i) = link.to.and_then(|d| self.free[d]) {
-                        rhs[c * n_free + i] -= h;
-                    }
-                    if let Some(i) = link.from.and_then(|d| self.free[d]) {
-                        rhs[c * n_free + i] += h;
+            for (i, &d) in self.free_dofs.iter().enumerate() {
+                add_row(&mut rhs[i * columns..(i + 1) * columns], -self.mass[d], &state.da, d);
+            }
+            for (e, link) in self.links.iter().enumerate() {
+                for (dof, sign) in link.ends() {
+                    if let Some(i) = self.free[dof] {
+                        add_row(&mut rhs[i * columns..(i + 1) * columns], -sign, &self.h, e);
                     }
                 }
             }
             if let Some(spatial) = spatial {
                 self.held_spatial(spatial, state, columns, &mut rhs);
             }
-            self.matrix.solve(&mut rhs)?;
-            for c in 0..columns {
-                for (i, &d) in self.free_dofs.iter().enumerate() {
-                    let x = rhs[c * n_free + i];
-                    state.dq[c * n + d] = x;
-                    state.dw[c * n + d] += rates.w * x;
-                    state.dv[c * n + d] += rates.v * x;
-                    state.da[c * n + d] += rates.a * x;
-                }
+            self.matrix.solve_rows(&mut rhs, columns)?;
+            for (i, &d) in self.free_dofs.iter().enumerate() {
+                let at = d * columns..(d + 1) * columns;
+                state.dq[at.clone()].copy_from_slice(&rhs[i * columns..(i + 1) * columns]);
+                add_row(&mut state.dw[at.clone()], rates.w, &rhs, i);
+                add_row(&mut state.dv[at.clone()], rates.v, &rhs, i);
+                add_row(&mut state.da[at], rates.a, &rhs, i);
             }
             rhs.resize(n_free, 0.0);
             self.rhs = rhs;
@@ -92,8 +131,9 @@ impl March<'_> {
             self.refresh_matrix(spatial);
             self.held_spatial(at, state, columns, &mut []);
         }
-        for c in 0..columns {
-            (0..n).for_each(|d| state.dg[c * n + d] = self.mass[d] * state.da[c * n + d]);
+        state.dg[..n * columns].fill(0.0);
+        for d in 0..n {
+            add_row(&mut state.dg[d * columns..(d + 1) * columns], self.mass[d], &state.da, d);
         }
         if let Some(spatial) = spatial {
             self.follow_spatial(spatial, state, columns);
@@ -101,34 +141,30 @@ impl March<'_> {
         for (e, element) in self.bound.elements.iter().enumerate().filter(|(e, _)| self.acts[*e]) {
             let (link, sensed) = (&self.links[e], &self.sensed[e]);
             let n_s = element.n_states();
-            let k = {
-                let d = sensed.inputs(0);
-                d[0] + rates.v * d[1] + rates.a * d[2] + d[3]
-            };
-            for c in (0..columns).take_while(|_| spatial.is_none()) {
-                let rel = |u: &[f64]| link.to.map_or(0.0, |d| u[c * n + d]) - link.from.map_or(0.0, |d| u[c * n + d]);
-                let dx = rel(&state.dq);
-                let df = self.h[c * n_elements + e] + k * dx;
-                self.h[c * n_elements + e] = df;
-                if let Some(d) = link.to {
-                    state.dg[c * n + d] += df;
-                }
-                if let Some(d) = link.from {
-                    state.dg[c * n + d] -= df;
-                }
+            if spatial.is_none() {
+                let k = {
+                    let d = sensed.inputs(0);
+                    d[0] + rates.v * d[1] + rates.a * d[2] + d[3]
+                };
+                let df = &mut self.h[e * columns..(e + 1) * columns];
+                link.ends().for_each(|(dof, sign)| add_row(df, sign * k, &state.dq, dof));
+                link.ends().for_each(|(dof, sign)| add_row(&mut state.dg[dof * columns..(dof + 1) * columns], sign, df, 0));
                 if n_s > 0 {
-                    let (dv, da, step) = (rel(&state.dv), rel(&state.da), dx - rel(&self.old.dq));
-                    let old = &self.old.ds[c * ns + link.s0..c * ns + link.s0 + n_s];
-                    for r in 0..n_s {
-                        let d = sensed.inputs(1 + r);
-                        state.ds[c * ns + link.s0 + r] = d[0] * dx + d[1] * dv + d[2] * da + d[3] * step + sensed.along_states(1 + r, old);
+                    self.motion.clear(columns);
+                    for (dof, sign) in link.ends() {
+                        self.motion.add(0, sign, &state.dq, dof);
+                        self.motion.add(1, sign, &state.dv, dof);
+                        self.motion.add(2, sign, &state.da, dof);
+                        self.motion.add(3, sign, &state.dq, dof);
+                        self.motion.add(3, -sign, &self.old.dq, dof);
                     }
+                    self.motion.states(sensed, link.s0, &self.old.ds, &mut state.ds);
                 }
             }
             for (p, chain) in element.chains.iter().enumerate().filter(|_| n_s > 0 && self.by_parameter) {
                 for (theta, slope) in chain {
                     for r in 0..n_s {
-                        state.ds[theta * ns + link.s0 + r] += sensed.params(1 + r)[p] * slope;
+                        state.ds[(link.s0 + r) * columns + theta] += sensed.params(1 + r)[p] * slope;
                     }
                 }
             }

@@ -7,6 +7,7 @@ use crate::model::space::{InPlane, Inertial, PlaneJoint, Pose, Relative, Space};
 use super::super::EngineError;
 use super::super::blocktri::{Block, Layout};
 use super::super::spatial::{Joint, Measured, dot, joints};
+use super::sensitivities::add_row;
 use super::{March, Rates, Stage, State};
 
 /// The spatial side of a march.
@@ -122,14 +123,6 @@ impl JointWork {
         (self.now.g, self.now.b) = (relative.g, relative.b);
         self.seen = Seen::Space(relative);
     }
-
-    /// Values of its twelve coordinates in a column that begins at `start`.
-    #[inline]
-    fn column(&self, u: &[f64], start: usize) -> [f64; 12] {
-        let mut out = [0.0; 12];
-        self.live.iter().for_each(|(k, d)| out[*k] = u[start + d]);
-        out
-    }
 }
 
 impl March<'_> {
@@ -169,7 +162,7 @@ impl March<'_> {
                     element.value(&u, dt, s, &mut self.scratch)
                 } else {
                     let out = &mut self.sensed[e];
-                    element.tangent(&u, dt, s, fs, stage == Stage::Full, out, &mut self.scratch);
+                    element.tangent(&u, dt, s, fs, stage.depth(), out, &mut self.scratch);
                     if stage == Stage::Newton {
                         rows[c] = effective_row(out.inputs(0), &work.now, c, &rates);
                     }
@@ -234,40 +227,34 @@ impl March<'_> {
     /// Derivatives of the elements' forces, and of the inertial forces, at held coordinates: the first into `h`, and with their
     /// directions taken from `rhs`.
     pub(super) fn held_spatial(&mut self, spatial: &Spatial, state: &State, columns: usize, rhs: &mut [f64]) {
-        let (n, ns, n_elements, n_free) = (self.mass.len(), self.n_states, self.bound.elements.len(), self.free_dofs.len());
-        for c in 0..columns {
-            for work in &spatial.joints {
-                let joint = &work.joint;
-                let (dv, da, dq0) = (work.column(&state.dv, c * n), work.column(&state.da, c * n), work.column(&self.old.dq, c * n));
-                for &(e, axis) in &joint.elements {
-                    let (sensed, s0) = (&self.sensed[e], self.links[e].s0);
-                    let (d, by_state) = (sensed.inputs(0), sensed.states(0));
-                    // A spring without parameters changes with the coordinates alone.
-                    if d[1..].iter().all(|d| *d == 0.0) && by_state.is_empty() && self.h[c * n_elements + e] == 0.0 {
-                        continue;
-                    }
-                    let row = &work.now.b[axis];
-                    let v = dot(row, &dv);
-                    let a = dot(row, &da) + 2.0 * dot(&work.now.rate[axis], &dv);
-                    let mut h = d[1] * v + d[2] * a - d[3] * dot(&work.before.b[axis], &dq0);
-                    h += sensed.along_states(0, &self.old.ds[c * ns + s0..c * ns + s0 + by_state.len()]);
-                    self.h[c * n_elements + e] += h;
-                    let h = self.h[c * n_elements + e];
-                    for (k, d) in &work.live {
-                        if let Some(i) = self.free[*d] {
-                            rhs[c * n_free + i] -= row[*k] * h;
-                        }
+        for work in &spatial.joints {
+            for &(e, axis) in &work.joint.elements {
+                let (sensed, s0) = (&self.sensed[e], self.links[e].s0);
+                let (d, h) = (sensed.inputs(0), &mut self.h[e * columns..(e + 1) * columns]);
+                let (b, rate, before) = (&work.now.b[axis], &work.now.rate[axis], &work.before.b[axis]);
+                for &(k, dof) in &work.live {
+                    add_row(h, d[1] * b[k] + 2.0 * d[2] * rate[k], &state.dv, dof);
+                    add_row(h, d[2] * b[k], &state.da, dof);
+                    add_row(h, -d[3] * before[k], &self.old.dq, dof);
+                }
+                sensed.states_at(0).for_each(|(k, by)| add_row(h, by, &self.old.ds, s0 + k));
+                // A spring without parameters changes with the coordinates alone.
+                if h.iter().all(|h| *h == 0.0) {
+                    continue;
+                }
+                for &(k, dof) in &work.live {
+                    if let Some(i) = self.free[dof] {
+                        add_row(&mut rhs[i * columns..(i + 1) * columns], -b[k], h, 0);
                     }
                 }
             }
-            for work in spatial.parts.iter().filter(|_| !self.alpha.still) {
-                let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[c * n + d]));
-                let (dv, da) = (at(&state.dv), at(&state.da));
-                for (k, d) in work.dofs.iter().enumerate() {
-                    if let Some(i) = d.and_then(|d| self.free[d]) {
-                        let by = |m: &[[f64; 6]; 6], u: &[f64; 6]| (0..6).map(|j| m[k][j] * u[j]).sum::<f64>();
-                        rhs[c * n_free + i] -= by(&work.inertial.by_v, &dv) + by(&work.inertial.by_a, &da);
-                    }
+        }
+        for work in spatial.parts.iter().filter(|_| !self.alpha.still) {
+            for (k, i) in work.dofs.iter().enumerate().filter_map(|(k, d)| Some((k, self.free[(*d)?]?))) {
+                let out = &mut rhs[i * columns..(i + 1) * columns];
+                for (j, dof) in work.dofs.iter().enumerate().filter_map(|(j, d)| Some((j, (*d)?))) {
+                    add_row(out, -work.inertial.by_v[k][j], &state.dv, dof);
+                    add_row(out, -work.inertial.by_a[k][j], &state.da, dof);
                 }
             }
         }
@@ -275,50 +262,45 @@ impl March<'_> {
 
     /// Derivatives of forces, states and reactions once those of the motion are known.
     pub(super) fn follow_spatial(&mut self, spatial: &Spatial, state: &mut State, columns: usize) {
-        let (n, ns, n_elements) = (self.mass.len(), self.n_states, self.bound.elements.len());
         // Only what is prescribed has a reaction.
         let reactions = !self.loads.prescribed.is_empty();
-        for c in 0..columns {
-            for work in &spatial.joints {
-                let joint = &work.joint;
-                let (dq, dv, da) = (work.column(&state.dq, c * n), work.column(&state.dv, c * n), work.column(&state.da, c * n));
-                let dq0 = work.column(&self.old.dq, c * n);
-                let mut df = [0.0; 6];
-                for &(e, axis) in &joint.elements {
-                    let sensed = &self.sensed[e];
-                    let h = &mut self.h[c * n_elements + e];
-                    *h += dot(&self.rows[e], &dq);
-                    df[axis] = *h;
-                    let n_s = sensed.states(0).len();
-                    if n_s == 0 {
-                        continue;
-                    }
+        for work in &spatial.joints {
+            for &(e, axis) in &work.joint.elements {
+                let sensed = &self.sensed[e];
+                let h = &mut self.h[e * columns..(e + 1) * columns];
+                work.live.iter().for_each(|&(k, dof)| add_row(h, self.rows[e][k], &state.dq, dof));
+                if !sensed.states(0).is_empty() {
                     let (b, rate, second) = (&work.now.b[axis], &work.now.rate[axis], &work.now.second[axis]);
-                    let x = dot(b, &dq);
-                    let v = dot(b, &dv) + dot(rate, &dq);
-                    let a = dot(b, &da) + 2.0 * dot(rate, &dv) + dot(second, &dq);
-                    let step = x - dot(&work.before.b[axis], &dq0);
-                    let at = c * ns + self.links[e].s0;
-                    for r in 0..n_s {
-                        let d = sensed.inputs(1 + r);
-                        let old = &self.old.ds[at..at + n_s];
-                        state.ds[at + r] = d[0] * x + d[1] * v + d[2] * a + d[3] * step + sensed.along_states(1 + r, old);
+                    self.motion.clear(columns);
+                    for &(k, dof) in &work.live {
+                        self.motion.add(0, b[k], &state.dq, dof);
+                        self.motion.add(1, b[k], &state.dv, dof);
+                        self.motion.add(1, rate[k], &state.dq, dof);
+                        self.motion.add(2, b[k], &state.da, dof);
+                        self.motion.add(2, 2.0 * rate[k], &state.dv, dof);
+                        self.motion.add(2, second[k], &state.dq, dof);
+                        self.motion.add(3, b[k], &state.dq, dof);
+                        self.motion.add(3, -work.before.b[axis][k], &self.old.dq, dof);
                     }
+                    self.motion.states(sensed, self.links[e].s0, &self.old.ds, &mut state.ds);
                 }
-                for (k, d) in work.live.iter().filter(|_| reactions) {
-                    let direct: f64 = (0..6).map(|i| work.now.b[i][*k] * df[i]).sum();
-                    state.dg[c * n + d] += direct + dot(&work.geometric[*k], &dq);
+                for &(k, dof) in work.live.iter().filter(|_| reactions) {
+                    add_row(&mut state.dg[dof * columns..(dof + 1) * columns], work.now.b[axis][k], h, 0);
                 }
             }
-            for work in spatial.parts.iter().filter(|_| reactions && !self.alpha.still) {
-                let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[c * n + d]));
-                let (dq, dv, da) = (at(&state.dq), at(&state.dv), at(&state.da));
-                for (k, d) in work.dofs.iter().enumerate() {
-                    if let Some(d) = d {
-                        let by = |m: &[[f64; 6]; 6], u: &[f64; 6]| (0..6).map(|j| m[k][j] * u[j]).sum::<f64>();
-                        let p = &work.inertial;
-                        state.dg[c * n + d] += by(&p.by_q, &dq) + by(&p.by_v, &dv) + by(&p.by_a, &da);
-                    }
+            for &(k, dof) in work.live.iter().filter(|_| reactions) {
+                let out = &mut state.dg[dof * columns..(dof + 1) * columns];
+                work.live.iter().for_each(|&(j, other)| add_row(out, work.geometric[k][j], &state.dq, other));
+            }
+        }
+        for work in spatial.parts.iter().filter(|_| reactions && !self.alpha.still) {
+            let p = &work.inertial;
+            for (k, dof) in work.dofs.iter().enumerate().filter_map(|(k, d)| Some((k, (*d)?))) {
+                let out = &mut state.dg[dof * columns..(dof + 1) * columns];
+                for (j, other) in work.dofs.iter().enumerate().filter_map(|(j, d)| Some((j, (*d)?))) {
+                    add_row(out, p.by_q[k][j], &state.dq, other);
+                    add_row(out, p.by_v[k][j], &state.dv, other);
+                    add_row(out, p.by_a[k][j], &state.da, other);
                 }
             }
         }
@@ -326,11 +308,11 @@ impl March<'_> {
 
     /// Relative displacement of a place of a spatial model, with its sensitivities.
     pub(super) fn read_relative(&self, spatial: &Spatial, connector: usize, axis: usize, state: &State, d: &mut [f64]) -> f64 {
-        let n = self.mass.len();
         let joint = &self.connectors[connector];
         let (relative, ..) = joint.relative(&spatial.space, &state.q);
-        for (c, out) in d.iter_mut().enumerate() {
-            *out = dot(&relative.b[axis], &joint.dofs.map(|d| d.map_or(0.0, |d| state.dq[c * n + d])));
+        d.fill(0.0);
+        for (k, dof) in joint.dofs.iter().enumerate().filter_map(|(k, d)| Some((k, (*d)?))) {
+            add_row(d, relative.b[axis][k], &state.dq, dof);
         }
         relative.g[axis]
     }

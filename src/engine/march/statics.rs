@@ -41,7 +41,7 @@ impl<'a> March<'a> {
             (state.q, state.s, state.dq, state.ds) = (at.q, at.s, at.dq, at.ds);
             for (dof, path) in &self.loads.prescribed {
                 state.q[*dof] = path[0][0];
-                (0..columns).for_each(|c| state.dq[c * self.mass.len() + dof] = 0.0);
+                state.dq[dof * columns..(dof + 1) * columns].fill(0.0);
             }
         }
         state
@@ -64,7 +64,7 @@ impl<'a> March<'a> {
         }
     }
 
-    /// Force of every element after a step, and its sensitivities (column by column).
+    /// Force of every element after a step, and its sensitivities (a row for every element).
     pub(in crate::engine) fn element_forces(&self, columns: usize) -> (Vec<f64>, Vec<f64>) {
         (self.forces.clone(), self.h[..columns * self.forces.len()].to_vec())
     }

@@ -34,7 +34,6 @@ pub(super) fn solve_fixed_point(
 /// of the elements.
 pub(super) struct Shooting {
     dofs: Vec<usize>,
-    n: usize,
     pub ns: usize,
     scale: [f64; 4],
     state_scale: Vec<f64>,
@@ -43,7 +42,7 @@ pub(super) struct Shooting {
 impl Shooting {
     pub fn new(march: &March, state: &State) -> Self {
         let dofs = march.free_dofs().to_vec();
-        Shooting { dofs, n: state.q.len(), ns: state.s.len(), scale: [1e-300; 4], state_scale: vec![1e-300; state.s.len()] }
+        Shooting { dofs, ns: state.s.len(), scale: [1e-300; 4], state_scale: vec![1e-300; state.s.len()] }
     }
     pub fn len(&self) -> usize {
         4 * self.dofs.len() + self.ns
@@ -99,17 +98,17 @@ impl Shooting {
         marched?;
         Ok(self.pack_columns(&state, self.ns).amax() > 1e-6)
     }
-    /// Unit perturbations of the scaled start in the columns from `first` on.
+    /// Unit perturbations of the scaled start in the columns from `first` on, the last ones.
     pub fn seed(&self, state: &mut State, first: usize) {
-        let m = self.dofs.len();
+        let (m, columns) = (self.dofs.len(), first + self.len());
         for (i, d) in self.dofs.iter().enumerate() {
-            state.dq[(first + i) * self.n + d] = self.scale[0];
-            state.dv[(first + m + i) * self.n + d] = self.scale[1];
-            state.da[(first + 2 * m + i) * self.n + d] = self.scale[2];
-            state.dw[(first + 3 * m + i) * self.n + d] = self.scale[3];
+            state.dq[d * columns + first + i] = self.scale[0];
+            state.dv[d * columns + first + m + i] = self.scale[1];
+            state.da[d * columns + first + 2 * m + i] = self.scale[2];
+            state.dw[d * columns + first + 3 * m + i] = self.scale[3];
         }
         for i in 0..self.ns {
-            state.ds[(first + 4 * m + i) * self.ns + i] = self.state_scale[i];
+            state.ds[i * columns + first + 4 * m + i] = self.state_scale[i];
         }
     }
     /// Scaled sensitivities, one column each.
@@ -117,9 +116,9 @@ impl Shooting {
         let m = self.dofs.len();
         DMatrix::from_fn(self.len(), columns, |r, c| match (r / m.max(1), r) {
             (g @ 0..=3, r) if r < 4 * m => {
-                [&state.dq, &state.dv, &state.da, &state.dw][g][c * self.n + self.dofs[r - g * m]] / self.scale[g]
+                [&state.dq, &state.dv, &state.da, &state.dw][g][self.dofs[r - g * m] * columns + c] / self.scale[g]
             }
-            _ => state.ds[c * self.ns + r - 4 * m] / self.state_scale[r - 4 * m],
+            _ => state.ds[(r - 4 * m) * columns + c] / self.state_scale[r - 4 * m],
         })
     }
     /// The quasi-Newton step on the start of the cycle: `state` is where a cycle from `before` has ended, `inverse` that of `I - M`.
