@@ -6,6 +6,7 @@ use argmin::solver::goldensectionsearch::GoldenSectionSearch;
 use crate::data::TestKind;
 use crate::effect::Role;
 use crate::model::{FreeParam, System};
+use crate::parallel;
 use crate::response::{Block, Computed, Plan};
 
 use super::results::{Factor, OneStrength};
@@ -16,7 +17,7 @@ const REACH: f64 = 1e3;
 const WEAK: f64 = 1e-3;
 const FALLS: f64 = 0.1;
 /// Values tried over that range before the best is narrowed down.
-const TRIED: usize = 49;
+const TRIED: usize = 25;
 /// Iterations that narrow it down, and the relative change of the strength at which they end.
 const ITERATIONS: u64 = 60;
 const NARROW: f64 = 1e-6;
@@ -88,7 +89,10 @@ impl Search<'_> {
         let low = (p.value / REACH).max(p.min).max(f64::MIN_POSITIVE).ln();
         let high = (p.value * REACH).min(p.max).ln();
         let step = (high - low) / (TRIED - 1) as f64;
-        let tried: Vec<(f64, f64)> = (0..TRIED).map(|k| low + step * k as f64).map(|u| (u, self.largest(u))).collect();
+        let tried = parallel::over(TRIED, |k| {
+            let u = low + step * k as f64;
+            (u, self.largest(u))
+        });
         let scan = *tried.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
         let (from, to) = ((scan.0 - step).max(low), (scan.0 + step).min(high));
         let narrowed = || -> Result<(f64, f64), Error> {

@@ -15,8 +15,8 @@ use crate::effect::{EffectError, ForceLaw, Inputs, Series, Tangent};
 
 use super::Model;
 use super::bound::Chain;
-use super::recurrence::Recurrence;
-use super::sensed::Sensed;
+use super::recurrence::{Recurrence, Recurrences};
+use super::sensed::{Depth, Sensed};
 
 struct ForcePiece {
     law: &'static dyn ForceLaw,
@@ -64,36 +64,7 @@ pub struct ElementScratch {
     row: Vec<f64>,
     params: Vec<f64>,
     slopes: Vec<f64>,
-    /// Of the laws that superpose, by place and number of the law there.
-    recurrences: Vec<Vec<Recurrence>>,
-}
-
-impl ElementScratch {
-    /// The recurrence of law `k` at a place.
-    fn recurrence(&mut self, place: usize, k: usize, law: &dyn ForceLaw, p: &[f64], dt: f64) -> &mut Recurrence {
-        if self.recurrences.len() <= place {
-            self.recurrences.resize(place + 1, vec![]);
-        }
-        let here = &mut self.recurrences[place];
-        if here.len() <= k {
-            here.resize(k + 1, Recurrence::default());
-        }
-        if !here[k].is_of(p, dt) {
-            here[k] = Recurrence::new(law, p, dt);
-        }
-        &mut here[k]
-    }
-}
-
-/// Which derivatives of an element are asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Depth {
-    /// Of the force with respect to the inputs.
-    Inputs,
-    /// Of force and states with respect to inputs and old states.
-    States,
-    /// Also with respect to the parameters; followers advance.
-    Params,
+    recurrences: Recurrences,
 }
 
 impl Element {
@@ -132,7 +103,12 @@ impl Element {
             // Forces are proportional to the strength: the derivative at 0 is the force at 1.
             p[0] = 1.0;
             let p = self.push_params(p, chains);
-            self.followers.push(ForcePiece { law, recurs: false, p, s: self.n_follower_states..self.n_follower_states + n });
+            self.followers.push(ForcePiece {
+                law,
+                recurs: Recurrence::fits(law),
+                p,
+                s: self.n_follower_states..self.n_follower_states + n,
+            });
             self.n_follower_states += n;
         } else if law.linear() {
             let mut t = Tangent::default();
@@ -205,9 +181,22 @@ impl Element {
         self.linear_sum[0] * u.x + self.linear_sum[1] * u.v + self.linear_sum[2] * u.a
     }
 
-    fn parallel(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64]) -> f64 {
-        let others: f64 = self.forces.iter().map(|f| f.law.value(u, dt, &mut s[f.s.clone()], &self.p[f.p.clone()])).sum();
-        others + self.linear_force(u)
+    /// Force of all that acts in parallel at the end of the step; `s` leaves with the new states.
+    fn parallel(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], scratch: &mut ElementScratch) -> f64 {
+        let mut force = self.linear_force(u);
+        for (k, piece) in self.forces.iter().enumerate() {
+            force += self.advance(k, piece, u, dt, &mut s[piece.s.clone()], scratch);
+        }
+        force
+    }
+
+    /// Force of the `k`-th piece, followers after the forces.
+    fn advance(&self, k: usize, piece: &ForcePiece, u: &Inputs<f64>, dt: f64, s: &mut [f64], scratch: &mut ElementScratch) -> f64 {
+        let p = &self.p[piece.p.clone()];
+        match piece.recurs {
+            true => p[0] * scratch.recurrences.of((self.place, k), piece.law, p, dt).advance(u, s),
+            false => piece.law.value(u, dt, s, p),
+        }
     }
 
     /// Whether forces and openings are linear in the motion and its history, so that [`Element::stiffness`] says all at every amplitude.
@@ -223,20 +212,12 @@ impl Element {
     /// General force at the end of the step; `s` leaves with the new states.
     pub fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], scratch: &mut ElementScratch) -> f64 {
         if !self.opening {
-            let mut force = self.linear_force(u);
-            for (k, f) in self.forces.iter().enumerate() {
-                let (p, s) = (&self.p[f.p.clone()], &mut s[f.s.clone()]);
-                force += match f.recurs {
-                    true => p[0] * scratch.recurrence(self.place, k, f.law, p, dt).advance(u, s),
-                    false => f.law.value(u, dt, s, p),
-                };
-            }
-            return force;
+            return self.parallel(u, dt, s, scratch);
         }
         let (e1, e2) = (s[0], s[1]);
         let e = self.solve_opening(u, dt, s, scratch);
         let inner = inside(u, dt, e, e1, e2);
-        let force = self.parallel(&inner, dt, s);
+        let force = self.parallel(&inner, dt, s, scratch);
         (s[0], s[1]) = (e, e1);
         force
     }
@@ -273,7 +254,7 @@ impl Element {
         for (k, piece) in self.forces.iter().enumerate() {
             let (p, active) = (&self.p[piece.p.clone()], &self.active[piece.p.clone()]);
             if piece.recurs && !(full && active[1..].contains(&true)) {
-                let r = scratch.recurrence(self.place, k, piece.law, p, dt);
+                let r = scratch.recurrences.of((self.place, k), piece.law, p, dt);
                 let unit = r.advance(&inner, &mut s[piece.s.clone()]);
                 out.f += p[0] * unit;
                 let row = out.row_mut(0);
@@ -313,8 +294,8 @@ impl Element {
             }
         }
         if full {
-            for piece in &self.followers {
-                let phi = piece.law.value(&inner, dt, &mut fs[piece.s.clone()], &self.p[piece.p.clone()]);
+            for (k, piece) in self.followers.iter().enumerate() {
+                let phi = self.advance(self.forces.len() + k, piece, &inner, dt, &mut fs[piece.s.clone()], scratch);
                 out.row_mut(0)[INPUTS + self.n_states + piece.p.start] += phi;
             }
         }

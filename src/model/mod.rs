@@ -13,10 +13,10 @@ mod sensed;
 mod system;
 
 pub use bound::{Acting, Bound, BoundLoad, ChannelPiece};
-pub use element::{Depth, Element, ElementScratch};
+pub use element::{Element, ElementScratch};
 pub use error::ModelError;
 pub use graph::{Axis, Body, Connector, Dof, Level, Load, Model, Place};
-pub use sensed::Sensed;
+pub use sensed::{Depth, Sensed};
 pub use system::{AtCondition, ChannelSite, FreeParam, Instance, ParamValue, Site, System, Target};
 
 #[cfg(test)]

@@ -63,6 +63,27 @@ impl Recurrence {
     }
 }
 
+/// Those at hand, by place and number of the law there.
+#[derive(Default)]
+pub struct Recurrences(Vec<Vec<Recurrence>>);
+
+impl Recurrences {
+    /// That of law `k` at a place, made anew where it is of other parameters or another step.
+    pub fn of(&mut self, (place, k): (usize, usize), law: &dyn ForceLaw, p: &[f64], dt: f64) -> &mut Recurrence {
+        if self.0.len() <= place {
+            self.0.resize(place + 1, vec![]);
+        }
+        let here = &mut self.0[place];
+        if here.len() <= k {
+            here.resize(k + 1, Recurrence::default());
+        }
+        if !here[k].is_of(p, dt) {
+            here[k] = Recurrence::new(law, p, dt);
+        }
+        &mut here[k]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,6 +2,17 @@
 
 use crate::effect::dispatch::INPUTS;
 
+/// Which derivatives of an element are asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// Of the force with respect to the inputs.
+    Inputs,
+    /// Of force and states with respect to inputs and old states.
+    States,
+    /// Also with respect to the parameters; followers advance.
+    Params,
+}
+
 /// Derivatives of one element over a step: row 0 the force, then the states as far as they were asked for; columns `x, v, a, dx`, states, parameters.
 #[derive(Default)]
 pub struct Sensed {
