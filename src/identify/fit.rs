@@ -151,7 +151,6 @@ pub fn fit<P: LeastSquares + ?Sized>(
         options.constraints.check_start(&p, &options.names)?;
         (solver.lambda, solver.growth, solver.scale, solver.first_iteration) = (found.lambda, found.growth, found.scale, found.iteration);
         solver.last_drop = found.last_drop.unwrap_or(f64::INFINITY);
-        solver.straight = found.straight;
     }
     let start = p.clone();
     let first_iteration = solver.first_iteration;

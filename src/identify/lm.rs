@@ -47,9 +47,6 @@ const CREEPING: u32 = 8;
 const PROBE: f64 = 0.01;
 const BEND: f64 = 0.75;
 const SHORT: f64 = 1e-4;
-/// 2 |a| / |d| below which a step hardly bends, and the part of its promise that it must keep for the next one to be taken unprobed.
-const STRAIGHT: f64 = 0.1;
-const KEPT: f64 = 0.9;
 
 /// The solver; made by [`super::fit`], which is the way to use it.
 pub struct ConstrainedLm<'a> {
@@ -71,8 +68,6 @@ pub struct ConstrainedLm<'a> {
     /// D as it stood before this iteration, which is what a resumed fit starts from
     scale_before: Vec<f64>,
     pub(crate) last_drop: f64,
-    /// the last step hardly bent and fell as promised: the next one is taken as it is
-    pub(crate) straight: bool,
     /// the last first trial was accepted, so the next one's Jacobian will most likely be wanted with its residual
     trusting: bool,
     /// steps in a row that were too short to matter
@@ -126,7 +121,6 @@ impl<'a> ConstrainedLm<'a> {
             first_iteration: 0,
             scale_before: vec![0.0; names.len()],
             last_drop: f64::INFINITY,
-            straight: false,
             trusting: false,
             creeping: 0,
             reducer: QrReducer::default(),
@@ -198,7 +192,6 @@ impl<'a> ConstrainedLm<'a> {
 
     fn reject(&mut self, iteration: u64, cost: f64, reason: String, at_least: f64) {
         self.note(iteration, cost, Event::Rejected { reason });
-        self.straight = false;
         self.lambda *= self.growth.max(at_least);
         self.growth *= 2.0;
     }
@@ -281,7 +274,6 @@ impl<'a> ConstrainedLm<'a> {
             self.note(k, at.cost, Event::Accepted { ratio, relative_step });
             self.lambda = (self.lambda * (1.0 - (2.0 * ratio - 1.0).powi(3)).clamp(SHRINK, 2.0)).max(LEAST_DAMPING);
             self.growth = 2.0;
-            self.straight &= ratio > KEPT;
             return Trial::Accepted { point: Point { p, r, j, cost }, relative_step, ratio };
         }
         if let Some(why) = failure.filter(|_| !evaluated) {
@@ -297,14 +289,13 @@ impl<'a> ConstrainedLm<'a> {
     /// that direction, from one more evaluation; the correction is a/2 with a the damped least-squares answer to r''. It follows curved
     /// valleys with far fewer iterations, and a step whose a is not small against d lies outside what the linear model describes: damp
     /// it, even if it happens to lower the cost. Steps on active constraints and steps too short to bend are taken as they are.
-    /// So are those after a step that hardly bent and kept its promise.
     fn accelerate<O>(&mut self, problem: &mut Problem<O>, at: &Point, step: &Step, scale: &[f64]) -> Acceleration
     where
         O: Operator<Param = V, Output = V> + Jacobian<Param = V, Jacobian = (V, DMatrix<f64>)>,
     {
         let norm = |v: &V| scaled_norm(v, scale);
         let length = norm(&step.d);
-        if !self.tolerances.acceleration || self.straight || !step.active.is_empty() || length <= SHORT * norm(&at.p) {
+        if !self.tolerances.acceleration || !step.active.is_empty() || length <= SHORT * norm(&at.p) {
             return Acceleration::None;
         }
         let h = PROBE;
@@ -318,7 +309,6 @@ impl<'a> ConstrainedLm<'a> {
             return Acceleration::None;
         };
         let ratio = 2.0 * norm(&a.d) / length;
-        self.straight = ratio < STRAIGHT;
         if ratio > BEND {
             return Acceleration::TooCurved(ratio);
         }
@@ -358,7 +348,6 @@ impl<'a> ConstrainedLm<'a> {
             growth: self.growth,
             scale: if last { self.scale_before.clone() } else { self.scale.clone() },
             last_drop: Some(self.last_drop).filter(|d| d.is_finite()),
-            straight: self.straight,
         };
         if let Err(why) = file.keep(&state) {
             self.note(iteration, point.cost, Event::CheckpointFailed { reason: why.to_string() });

@@ -143,9 +143,6 @@ pub struct Checkpoint {
     pub scale: Vec<f64>,
     /// drop of the cost in the last iteration, None before the first
     pub last_drop: Option<f64>,
-    /// Whether the last step was so straight that the next one is not probed.
-    #[serde(default)]
-    pub straight: bool,
 }
 
 impl Checkpoint {
@@ -211,7 +208,6 @@ mod tests {
             growth: 2.0,
             scale,
             last_drop: None,
-            straight: false,
         };
         state.save(&path).unwrap();
         let back = Checkpoint::load(&path, &names, 4).unwrap();
