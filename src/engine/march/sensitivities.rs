@@ -1,10 +1,11 @@
 //! Direct differentiation of a step. Every row of sensitivities holds one entry per column, so that all columns go through a derivative
 //! side by side.
 
+use crate::model::Sensed;
+
 use super::super::EngineError;
 use super::space::Spatial;
 use super::{March, State, add_link};
-use crate::model::Sensed;
 
 /// Adds `by` times row `row` of `u` to `out`, a row of as many columns. By index: an iterator's adapters are not inlined everywhere.
 #[inline]
