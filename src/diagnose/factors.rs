@@ -17,7 +17,7 @@ const REACH: f64 = 1e3;
 const WEAK: f64 = 1e-3;
 const FALLS: f64 = 0.1;
 /// Values tried over that range before the best is narrowed down.
-const TRIED: usize = 25;
+const TRIED: usize = 49;
 /// Iterations that narrow it down, and the relative change of the strength at which they end.
 const ITERATIONS: u64 = 60;
 const NARROW: f64 = 1e-6;
