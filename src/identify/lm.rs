@@ -68,7 +68,7 @@ pub struct ConstrainedLm<'a> {
     /// D as it stood before this iteration, which is what a resumed fit starts from
     scale_before: Vec<f64>,
     pub(crate) last_drop: f64,
-    /// the last first trial was accepted, so the next one's Jacobian will most likely be wanted with its residual
+    /// the first step that the model was asked about was accepted, so the next one's Jacobian will most likely be wanted with its residual
     trusting: bool,
     /// steps in a row that were too short to matter
     creeping: u32,
@@ -93,7 +93,11 @@ enum Trial {
 enum Acceleration {
     None,
     Add(V),
-    TooCurved(f64),
+    /// 2 |a| / |d|, and the least-squares problem that a answers
+    TooCurved {
+        ratio: f64,
+        bend: Box<StepProblem>,
+    },
 }
 
 impl<'a> ConstrainedLm<'a> {
@@ -204,7 +208,8 @@ impl<'a> ConstrainedLm<'a> {
     {
         let mut failure = None; // why no trial could be evaluated, as long as none could
         let mut evaluated = false;
-        for trial in 0..TRIALS {
+        let mut first = true; // of the steps taken to the model; one that bends too much is not
+        for _ in 0..TRIALS {
             if self.monitor.stop().is_some() {
                 return Trial::Ended(Termination::Interrupted);
             }
@@ -217,8 +222,9 @@ impl<'a> ConstrainedLm<'a> {
             match self.accelerate(problem, at, &found, scale) {
                 Acceleration::None => {}
                 Acceleration::Add(a) => p += a,
-                Acceleration::TooCurved(ratio) => {
+                Acceleration::TooCurved { ratio, bend } => {
                     self.reject(k, at.cost, format!("the step bends too much (acceleration over velocity {ratio:.2})"), 0.0);
+                    self.straighten(step, &bend, scaled_norm(&found.d, scale), scale);
                     continue;
                 }
             }
@@ -234,8 +240,8 @@ impl<'a> ConstrainedLm<'a> {
             let d = &p - &at.p;
             // what the linear model promises: of the step on its constraints as taken, without the acceleration
             let predicted = predicted_drop(reduced, if found.active.is_empty() { &found.d } else { &d });
-            let ahead = (trial == 0 && self.trusting).then(|| problem.problem("jacobian_count", |o| o.jacobian(&p)).ok()).flatten();
-            self.trusting = trial == 0;
+            let ahead = (first && self.trusting).then(|| problem.problem("jacobian_count", |o| o.jacobian(&p)).ok()).flatten();
+            (self.trusting, first) = (first, false);
             let evaluation = match ahead {
                 Some((r, j)) => Ok((r, Some(j))),
                 None => problem.problem("residual_count", |o| o.apply(&p)).map(|r| (r, None)),
@@ -305,16 +311,32 @@ impl<'a> ConstrainedLm<'a> {
         let second = ((probed - &at.r) / h - &at.j * &step.d) * (2.0 / h);
         let weights = self.losses.sqrt_weights(&at.r);
         let reduced = self.second_reducer.reduce(&at.j, &second, weights.as_deref());
-        let Some(a) = StepProblem::new(&reduced, scale, at.p.as_slice(), self.constraints, &[]).solve(self.lambda) else {
+        let bend = StepProblem::new(&reduced, scale, at.p.as_slice(), self.constraints, &[]);
+        let Some(a) = bend.solve(self.lambda) else {
             return Acceleration::None;
         };
         let ratio = 2.0 * norm(&a.d) / length;
         if ratio > BEND {
-            return Acceleration::TooCurved(ratio);
+            return Acceleration::TooCurved { ratio, bend: Box::new(bend) };
         }
         let a = a.d * 0.5;
         let inside = self.inequalities.is_empty() || self.constraints.is_feasible((&at.p + &step.d + &a).as_slice());
         if inside { Acceleration::Add(a) } else { Acceleration::None }
+    }
+
+    /// After a step of length `length` that bends too much: raises the damping past the values at which the step, by the second derivative
+    /// just measured (which goes with the square of the length), would bend too much again. Saves their evaluations; what is then tried is
+    /// probed in its own direction.
+    fn straighten(&mut self, step: &StepProblem, bend: &StepProblem, length: f64, scale: &[f64]) {
+        for _ in 0..TRIALS {
+            let (Some(next), Some(a)) = (step.solve(self.lambda), bend.solve(self.lambda)) else { return };
+            let shorter = scaled_norm(&next.d, scale);
+            if !next.active.is_empty() || 2.0 * scaled_norm(&a.d, scale) * (shorter / length).powi(2) <= BEND * shorter {
+                return;
+            }
+            self.lambda *= self.growth;
+            self.growth *= 2.0;
+        }
     }
 
     /// After snapping, linear rows may be violated by rounding: go back along the step until they are not.
