@@ -26,6 +26,8 @@ use nalgebra::{DMatrix, DVector};
 pub(crate) const RISE_95: f64 = 1.920_729_410_347_062;
 const Z_95: f64 = 1.959_963_984_540_054;
 const STRUCTURAL: f64 = 1e-10;
+/// Correlation from which on a loosely known parameter is said to be mixed up with another.
+const MIXED: f64 = 0.95;
 
 /// How the judgement is made.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +58,7 @@ pub struct ParameterUncertainty {
     pub at_bound: bool,
     /// 95 % interval; an end that is None is infinite
     pub interval: (Option<f64>, Option<f64>),
-    /// why there is no standard deviation
+    /// why there is no standard deviation, or that the interval reaches beyond zero and what the parameter is mixed up with
     pub note: Option<String>,
 }
 
@@ -180,7 +182,9 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
     let mut unidentifiable = combinations(null, names);
     // practically unknown parameters: their own directions, in relative variables, by the largest axes of the relative covariance
     unidentifiable.extend(vague_combinations(&root, &sizes, &vague, &in_null, options.vague, names));
-    Ok(Uncertainty { parameters, covariance, unidentifiable, chi2, degrees_of_freedom: degrees })
+    let mut found = Uncertainty { parameters, covariance, unidentifiable, chi2, degrees_of_freedom: degrees };
+    found.note_loose();
+    Ok(found)
 }
 
 fn clip(end: Option<f64>, bound: f64, towards: fn(f64, f64) -> f64) -> Option<f64> {
@@ -341,6 +345,19 @@ impl Uncertainty {
             }
         }
         Ok(())
+    }
+
+    /// A remark on parameters whose interval reaches beyond zero: nothing, as far as these data tell, or known with another only.
+    fn note_loose(&mut self) {
+        let loose = |p: &ParameterUncertainty| p.value != 0.0 && p.std.is_some_and(|s| Z_95 * s > p.value.abs());
+        for k in (0..self.parameters.len()).filter(|&k| loose(&self.parameters[k])).collect::<Vec<_>>() {
+            let others = (0..self.parameters.len()).filter(|&o| o != k).filter_map(|o| Some((o, self.correlation(k, o)?)));
+            let closest = others.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).filter(|(_, c)| c.abs() >= MIXED);
+            self.parameters[k].note = Some(match closest {
+                Some((o, c)) => format!("zero is in its interval: mixed up with {} (correlation {c:.3})", self.parameters[o].name),
+                None => "zero is in its interval".into(),
+            });
+        }
     }
 
     /// Correlation of two parameters, None where either has no standard deviation.

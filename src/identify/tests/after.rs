@@ -53,6 +53,19 @@ fn a_null_combination_is_named_and_gives_no_small_number() {
 }
 
 #[test]
+fn a_loosely_known_parameter_says_what_it_is_mixed_up_with() {
+    // k1 and k2 act alike but for 1 %; k3 is seen alone and is nothing within its noise; k4 is known
+    let rows: [&[f64]; 4] = [&[1.0, 1.0, 0.0, 0.0], &[1.0, 1.01, 0.0, 0.0], &[0.0, 0.0, 1.0, 0.0], &[0.0, 0.0, 0.0, 1.0]];
+    let o = FitOptions::new(["k1", "k2", "k3", "k4"]);
+    let found = fit(&linear(&rows, &[5.0, 5.01, 0.3, 40.0]), &[1.0; 4], &o, &Monitor::default()).unwrap();
+    let u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
+    let note = |k: usize| u.parameters[k].note.as_deref().unwrap_or_default();
+    assert!(u.parameters.iter().all(|p| p.identifiable), "{:?}", u.parameters);
+    assert!(note(0).contains("mixed up with k2 (correlation -1.000)") && note(1).contains("mixed up with k1"), "{} | {}", note(0), note(1));
+    assert_eq!((note(2), note(3)), ("zero is in its interval", ""));
+}
+
+#[test]
 fn constraints_that_press_are_held() {
     // p0 wants to be negative; p1 and p2 want the wrong order and are tied to one value
     let problem = linear(&[&[1.0, 0.0, 0.0], &[0.0, 1.0, 0.0], &[0.0, 0.0, 1.0], &[1.0, 1.0, 0.0]], &[-3.0, 4.0, 2.0, 3.0]);
