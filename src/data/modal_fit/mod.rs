@@ -61,7 +61,7 @@ pub struct Mode {
     pub shape: Vec<Complex64>,
     /// Participation of the inputs: residue matrix = shape * participation'.
     pub participation: Vec<Complex64>,
-    /// 1 - modal phase collinearity: 0 for a shape whose points move in phase.
+    /// 1 - modal phase collinearity: 0 for a shape whose points move in phase, which is taken where the data do not object to it.
     pub complexity: f64,
     /// Orders of the stabilisation diagram in which its pole stands.
     pub orders: usize,

@@ -1,4 +1,8 @@
 //! Poles by weighted least squares of the FRFs, residues and residual terms eliminated.
+//!
+//! A mode of a structure whose damping is spread like its stiffness or mass is normal: its shape is real, and its residues r = psi psi' / (2 i w_d)
+//! are imaginary. Residues that are left complex without need cost accuracy (a third of it at the end of a band), so where an F test does not
+//! object they are taken as imaginary.
 
 use super::pick::Candidate;
 use super::{FrfSet, of_pole};
@@ -30,6 +34,41 @@ pub(super) struct Refined {
 /// A pole the data need lowers the weighted squares more than chance would in one of this many trials.
 const CHANCE: f64 = 1e-6;
 const ITERATIONS: usize = 40;
+/// Residues are complex where imaginary ones would fit as badly as they do in less than this share of the draws of a normal mode.
+const NORMAL: f64 = 0.05;
+
+/// A pole while it is being fitted.
+#[derive(Debug, Clone, Copy)]
+struct Working {
+    pole: Complex64,
+    orders: usize,
+    /// Residues are imaginary: the shape is real.
+    normal: bool,
+}
+
+impl Working {
+    /// Real numbers in a residue.
+    fn width(&self) -> usize {
+        if self.normal { 1 } else { 2 }
+    }
+}
+
+/// Column of the first number of each residue; the last entry is that of the residual terms.
+fn places(poles: &[Working]) -> Vec<usize> {
+    let widths = std::iter::once(0).chain(poles.iter().map(Working::width));
+    widths
+        .scan(0, |at, w| {
+            *at += w;
+            Some(*at)
+        })
+        .collect()
+}
+
+/// Residue over |s| of pole m.
+fn residue(poles: &[Working], places: &[usize], c: &DVector<f64>, m: usize) -> Complex64 {
+    let at = places[m];
+    if poles[m].normal { Complex64::new(0.0, c[at]) } else { Complex64::new(c[at], c[at + 1]) }
+}
 
 /// What one evaluation gives.
 struct State {
@@ -50,18 +89,12 @@ struct Problem<'a> {
 pub(super) fn refine(set: &FrfSet, candidates: &[Candidate]) -> Refined {
     let omega: Vec<f64> = set.frequency.iter().map(|f| TAU * f).collect();
     let problem = Problem { set, scale: omega[omega.len() - 1], omega };
-    let (f1, f2) = (set.frequency[0], set.frequency[set.frequency.len() - 1]);
-    let mut poles: Vec<(Complex64, usize)> = candidates.iter().map(|c| (c.pole, c.orders)).collect();
+    let (f1, f2) = problem.band();
+    let mut poles: Vec<Working> = candidates.iter().map(|c| Working { pole: c.pole, orders: c.orders, normal: false }).collect();
     let mut state = problem.descend(&mut poles);
     // What lies beyond the band is more than a constant where it is near: a pole above it, and one below.
     for guess in [1.15 * f2, 0.85 * f1] {
-        let mut more = poles.clone();
-        more.push((TAU * guess * Complex64::new(-0.05, 1.0), 0));
-        let tried = problem.descend(&mut more);
-        let outside = more.last().is_some_and(|p| !(f1..=f2).contains(&of_pole(p.0).0));
-        if outside && problem.needed(tried.cost, state.cost, more.len()) {
-            (poles, state) = (more, tried);
-        }
+        (poles, state) = problem.with_pole_beyond(poles, state, guess, false, CHANCE);
     }
     // Backward elimination: the pole whose loss costs least goes first.
     while !poles.is_empty() {
@@ -75,12 +108,13 @@ pub(super) fn refine(set: &FrfSet, candidates: &[Candidate]) -> Refined {
         let Some((k, _)) = held.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
         let mut fewer = without(k);
         let tried = problem.descend(&mut fewer);
-        if problem.needed(state.cost, tried.cost, poles.len()) {
+        if problem.chance(state.cost, &poles, tried.cost, &fewer) < CHANCE {
             break;
         }
         (poles, state) = (fewer, tried);
     }
-    problem.result(poles, state, f1, f2)
+    (poles, state) = problem.with_normal_modes(poles, state);
+    problem.result(poles, state)
 }
 
 impl Problem<'_> {
@@ -88,44 +122,93 @@ impl Problem<'_> {
         self.set.h.len()
     }
 
-    /// Degrees of freedom left by so many poles.
-    fn freedom(&self, poles: usize) -> f64 {
-        let data = 2 * self.omega.len() * self.columns();
-        let used = 2 * poles + self.columns() * (2 * poles + 2);
-        data.saturating_sub(used).max(1) as f64
+    /// Real numbers in a model: poles, residues, residual terms.
+    fn numbers(&self, poles: &[Working]) -> usize {
+        2 * poles.len() + self.columns() * (poles.iter().map(Working::width).sum::<usize>() + 2)
     }
 
-    /// Whether the better of two nested models is better by more than chance: F test of one pole and its residues.
-    fn needed(&self, cost: f64, without: f64, poles: usize) -> bool {
-        let (more, left) = ((2 + 2 * self.columns()) as f64, self.freedom(poles));
+    /// Degrees of freedom left by a model.
+    fn freedom(&self, poles: &[Working]) -> f64 {
+        let data = 2 * self.omega.len() * self.columns();
+        data.saturating_sub(self.numbers(poles)).max(1) as f64
+    }
+
+    /// The chance that what the model `poles` gains over the nested `fewer` is noise alone: F test.
+    fn chance(&self, cost: f64, poles: &[Working], without: f64, fewer: &[Working]) -> f64 {
+        let (more, left) = ((self.numbers(poles) - self.numbers(fewer)) as f64, self.freedom(poles));
         let f = (without - cost) / more / (cost / left).max(f64::MIN_POSITIVE);
-        f > 0.0 && FisherSnedecor::new(more, left).is_ok_and(|d| d.sf(f) < CHANCE)
+        if f > 0.0 { FisherSnedecor::new(more, left).map_or(1.0, |d| d.sf(f)) } else { 1.0 }
+    }
+
+    /// First and last frequency in Hz.
+    fn band(&self) -> (f64, f64) {
+        (self.set.frequency[0], self.set.frequency[self.set.frequency.len() - 1])
+    }
+
+    /// Adds a pole that begins at `guess` (Hz) where it stays outside the band and gains more than chance gives in one of 1 / `level` trials.
+    fn with_pole_beyond(&self, poles: Vec<Working>, state: State, guess: f64, normal: bool, level: f64) -> (Vec<Working>, State) {
+        let (f1, f2) = self.band();
+        let mut more = poles.clone();
+        more.push(Working { pole: TAU * guess * Complex64::new(-0.05, 1.0), orders: 0, normal });
+        let tried = self.descend(&mut more);
+        let outside = more.last().is_some_and(|p| !(f1..=f2).contains(&of_pole(p.pole).0));
+        if outside && self.chance(tried.cost, &more, state.cost, &poles) < level { (more, tried) } else { (poles, state) }
+    }
+
+    /// Takes the residues as imaginary where the data do not object: of all poles, or else of one after the other, the least objected to first.
+    fn with_normal_modes(&self, mut poles: Vec<Working>, mut state: State) -> (Vec<Working>, State) {
+        let normal = |poles: &[Working], which: &dyn Fn(usize) -> bool| -> Vec<Working> {
+            poles.iter().enumerate().map(|(k, p)| Working { normal: p.normal || which(k), ..*p }).collect()
+        };
+        let mut all = normal(&poles, &|_| true);
+        let tried = self.descend(&mut all);
+        // Complex residues of the poles beyond the band also stood in for poles farther out, which now speak for themselves.
+        let farthest = all.iter().map(|p| of_pole(p.pole).0).fold(self.band().1, f64::max);
+        let (all, tried) = self.with_pole_beyond(all, tried, 1.2 * farthest, true, NORMAL);
+        if self.numbers(&all) <= self.numbers(&poles) && self.chance(state.cost, &poles, tried.cost, &all) >= NORMAL {
+            return (all, tried);
+        }
+        while poles.iter().any(|p| !p.normal) {
+            let open = (0..poles.len()).filter(|k| !poles[*k].normal);
+            let held = open.map(|k| (k, self.evaluate(&normal(&poles, &|j| j == k)).cost));
+            let Some((k, _)) = held.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+            let mut one = normal(&poles, &|j| j == k);
+            let tried = self.descend(&mut one);
+            if self.chance(state.cost, &poles, tried.cost, &one) < NORMAL {
+                break;
+            }
+            (poles, state) = (one, tried);
+        }
+        (poles, state)
     }
 
     /// Weighted basis of an FRF: rows real and imaginary part of each line.
-    fn basis(&self, poles: &[(Complex64, usize)], j: usize) -> DMatrix<f64> {
+    fn basis(&self, poles: &[Working], j: usize) -> DMatrix<f64> {
         let lines = self.omega.len();
-        let mut b = DMatrix::zeros(2 * lines, 2 * poles.len() + 2);
+        let places = places(poles);
+        let rest = places[poles.len()];
+        let mut b = DMatrix::zeros(2 * lines, rest + 2);
         for (k, w) in self.omega.iter().enumerate() {
             let weight = 1.0 / self.set.sigma[j][k];
             let at = Complex64::new(0.0, *w);
-            for (m, (s, _)) in poles.iter().enumerate() {
+            for (Working { pole: s, normal, .. }, &place) in poles.iter().zip(&places) {
                 // The residue times |s| keeps the columns of one size.
                 let (p, q) = (s.norm() / (at - s), s.norm() / (at - s.conj()));
                 let (re, im) = (p + q, Complex64::i() * (p - q));
-                b[(k, 2 * m)] = re.re * weight;
-                b[(lines + k, 2 * m)] = re.im * weight;
-                b[(k, 2 * m + 1)] = im.re * weight;
-                b[(lines + k, 2 * m + 1)] = im.im * weight;
+                let own = if *normal { &[im][..] } else { &[re, im] };
+                for (c, value) in own.iter().enumerate() {
+                    b[(k, place + c)] = value.re * weight;
+                    b[(lines + k, place + c)] = value.im * weight;
+                }
             }
-            b[(k, 2 * poles.len())] = weight;
-            b[(k, 2 * poles.len() + 1)] = -(self.omega[0] / w).powi(2) * weight;
+            b[(k, rest)] = weight;
+            b[(k, rest + 1)] = -(self.omega[0] / w).powi(2) * weight;
         }
         b
     }
 
     /// Cost, and gradient and normal matrix over (Re s, Im s) of each pole with the linear parameters projected out (Kaufman's form).
-    fn evaluate(&self, poles: &[(Complex64, usize)]) -> State {
+    fn evaluate(&self, poles: &[Working]) -> State {
         let parts: Vec<State> = parallel::over(self.columns(), |j| self.column(poles, j));
         let n = 2 * poles.len();
         let mut state = State { cost: 0.0, gradient: DVector::zeros(n), normal: DMatrix::zeros(n, n), linear: Vec::new() };
@@ -139,7 +222,7 @@ impl Problem<'_> {
     }
 
     /// The share of FRF j.
-    fn column(&self, poles: &[(Complex64, usize)], j: usize) -> State {
+    fn column(&self, poles: &[Working], j: usize) -> State {
         let (lines, n) = (self.omega.len(), 2 * poles.len());
         let basis = self.basis(poles, j);
         let target = DVector::from_fn(2 * lines, |r, _| {
@@ -150,12 +233,13 @@ impl Problem<'_> {
         let (q, r) = (qr.q(), qr.r());
         let c = solve_triangle(&r, &q.tr_mul(&target));
         let residual = &target - &basis * &c;
+        let places = places(poles);
         let mut d = DMatrix::zeros(2 * lines, n);
         for (k, w) in self.omega.iter().enumerate() {
             let weight = 1.0 / self.set.sigma[j][k];
             let at = Complex64::new(0.0, *w);
-            for (m, (s, _)) in poles.iter().enumerate() {
-                let residue = Complex64::new(c[2 * m], c[2 * m + 1]) * s.norm();
+            for (m, Working { pole: s, .. }) in poles.iter().enumerate() {
+                let residue = residue(poles, &places, &c, m) * s.norm();
                 let (p, q) = (residue / ((at - s) * (at - s)), residue.conj() / ((at - s.conj()) * (at - s.conj())));
                 let (re, im) = ((p + q) * weight, Complex64::i() * (p - q) * weight);
                 d[(k, 2 * m)] = re.re;
@@ -169,7 +253,7 @@ impl Problem<'_> {
     }
 
     /// Levenberg-Marquardt over the poles.
-    fn descend(&self, poles: &mut Vec<(Complex64, usize)>) -> State {
+    fn descend(&self, poles: &mut [Working]) -> State {
         let mut state = self.evaluate(poles);
         let mut damping = 1e-3;
         for _ in 0..ITERATIONS {
@@ -185,20 +269,21 @@ impl Problem<'_> {
                 damping *= 10.0;
                 continue;
             };
-            let mut next = poles.clone();
+            let mut next = poles.to_vec();
             for (m, p) in next.iter_mut().enumerate() {
                 // A step of more than half of |s| leaves what the linearisation knows.
                 let move_by = Complex64::new(step[2 * m], step[2 * m + 1]);
-                let limit = 0.3 * p.0.norm();
-                p.0 += if move_by.norm() > limit { move_by * (limit / move_by.norm()) } else { move_by };
-                p.0.re = p.0.re.min(-1e-6 * p.0.norm());
-                p.0.im = p.0.im.max(1e-3 * self.scale * 1e-3);
+                let limit = 0.3 * p.pole.norm();
+                p.pole += if move_by.norm() > limit { move_by * (limit / move_by.norm()) } else { move_by };
+                p.pole.re = p.pole.re.min(-1e-6 * p.pole.norm());
+                p.pole.im = p.pole.im.max(1e-3 * self.scale * 1e-3);
             }
             let tried = self.evaluate(&next);
             if tried.cost < state.cost {
                 // A change of the squares by this little moves no pole by a hundredth of its deviation.
                 let done = state.cost - tried.cost < 1e-4 + 1e-9 * state.cost;
-                (*poles, state) = (next, tried);
+                poles.copy_from_slice(&next);
+                state = tried;
                 damping = (damping * 0.2).max(1e-12);
                 if done {
                     break;
@@ -213,11 +298,16 @@ impl Problem<'_> {
         state
     }
 
-    fn result(&self, poles: Vec<(Complex64, usize)>, state: State, f1: f64, f2: f64) -> Refined {
-        let chi_squared = state.cost / self.freedom(poles.len());
+    fn result(&self, poles: Vec<Working>, state: State) -> Refined {
+        let (f1, f2) = self.band();
+        let chi_squared = state.cost / self.freedom(&poles);
         // Where the model leaves more than the noise the intervals grow with it.
-        let covariance = state.normal.clone().try_inverse().map(|c| c * chi_squared.max(1.0));
-        let all = poles.iter().enumerate().map(|(m, (s, orders))| {
+        // They are those of complex residues in any case: a phase of a third of a degree, which no test sees, moves a pole by more than the
+        // deviation that imaginary ones alone would give.
+        let free: Vec<Working> = poles.iter().map(|p| Working { normal: false, ..*p }).collect();
+        let covariance = self.evaluate(&free).normal.try_inverse().map(|c| c * chi_squared.max(1.0));
+        let places = places(&poles);
+        let all = poles.iter().enumerate().map(|(m, Working { pole: s, orders, .. })| {
             let (frequency, damping) = of_pole(*s);
             let w = s.norm();
             // f = |s| / 2 pi, zeta = -Re s / |s|.
@@ -232,19 +322,18 @@ impl Problem<'_> {
             let (frequency_sigma, damping_sigma) = (sigma(f_slope), sigma(z_slope));
             let determined = frequency_sigma < 0.5 * damping * frequency && damping_sigma < 0.5 * damping;
             let reported = (f1..=f2).contains(&frequency) && damping < 0.4 && determined;
-            let residues = state.linear.iter().map(|c| Complex64::new(c[2 * m], c[2 * m + 1]) * w).collect();
+            let residues = state.linear.iter().map(|c| residue(&poles, &places, c, m) * w).collect();
             Pole { pole: *s, orders: *orders, reported, frequency_sigma, damping_sigma, residues }
         });
-        let poles: Vec<Pole> = all.collect();
-        Refined { error: self.error(&poles, &state), poles, chi_squared }
+        let all: Vec<Pole> = all.collect();
+        Refined { error: self.error(&poles, &state), poles: all, chi_squared }
     }
 
     /// Rms of the difference over rms of the FRFs, without weights.
-    fn error(&self, poles: &[Pole], state: &State) -> f64 {
-        let list: Vec<(Complex64, usize)> = poles.iter().map(|p| (p.pole, 0)).collect();
+    fn error(&self, poles: &[Working], state: &State) -> f64 {
         let (mut above, mut below) = (0.0, 0.0);
         for (j, h) in self.set.h.iter().enumerate() {
-            let model = self.basis(&list, j) * &state.linear[j];
+            let model = self.basis(poles, j) * &state.linear[j];
             let n = h.len();
             for (k, h) in h.iter().enumerate() {
                 let computed = Complex64::new(model[k], model[n + k]) * self.set.sigma[j][k];

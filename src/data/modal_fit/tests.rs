@@ -113,6 +113,38 @@ fn modes_of_a_chain_of_22_parts() {
     assert!(covered[1] >= 7 && covered[2] >= 7, "{covered:?}");
 }
 
+/// Residues r / (i w - s) + conj: imaginary ones are those of a normal mode. One of the two is turned by 12 degrees at its second output.
+#[test]
+fn a_shape_that_turns_stays_complex_and_one_that_does_not_is_real() {
+    let lines: Vec<f64> = (0..500).map(|k| 50.0 + f64::from(k) * 0.3).collect();
+    let poles = [(90.0, 0.02, 0.0), (150.0, 0.015, 12f64.to_radians())];
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let sigma = 1e-8;
+    let at = |f: f64, o: usize| -> Complex64 {
+        let one = |(f0, zeta, turn): (f64, f64, f64)| {
+            let s = TAU * f0 * Complex64::new(-zeta, (1.0 - zeta * zeta).sqrt());
+            let size = [1.0, -0.7, 0.4][o] / (2.0 * s.im);
+            let r = Complex64::new(0.0, -size) * Complex64::from_polar(1.0, if o == 1 { turn } else { 0.0 });
+            let w = Complex64::new(0.0, TAU * f);
+            r / (w - s) + r.conj() / (w - s.conj())
+        };
+        poles.into_iter().map(one).sum()
+    };
+    let noisy =
+        |o: usize, rng: &mut ChaCha8Rng| lines.iter().map(|f| at(*f, o) + Complex64::new(normal(rng), normal(rng)) * sigma).collect();
+    let h = (0..3).map(|o| noisy(o, &mut rng)).collect();
+    let set = FrfSet { frequency: lines.clone(), outputs: 3, inputs: 1, h, sigma: vec![vec![sigma; lines.len()]; 3] };
+    let found = fit(&set, &Settings::default()).unwrap();
+    assert_eq!(found.modes.len(), 2, "{}", table(&found));
+    let [straight, turned] = [&found.modes[0], &found.modes[1]];
+    assert_eq!(straight.complexity, 0.0);
+    let angle = (-turned.shape[1] / turned.shape[0]).arg().to_degrees();
+    assert!((angle - 12.0).abs() < 1.0, "{angle} {}", table(&found));
+    for (m, (f, z, _)) in found.modes.iter().zip(poles) {
+        assert!((m.frequency - f).abs() < 3.0 * m.frequency_sigma && (m.damping - z).abs() < 3.0 * m.damping_sigma, "{}", table(&found));
+    }
+}
+
 #[test]
 fn two_close_modes_are_both_found() {
     let truth = Truth {
