@@ -25,7 +25,7 @@ pub(super) struct Args {
     /// What is hidden: one, two, none, outside, instrument; these in turn [default: a mix of all]
     #[arg(long, value_name = "KINDS", value_delimiter = ',', value_parser = kind)]
     pub kinds: Vec<Kind>,
-    /// One connector under loops, chains under loops and frequency responses, or both
+    /// connector: one, under loops; sparse: the same at one frequency; chain: under loops and frequency responses; both: connector and chain
     #[arg(long, value_name = "WHAT", default_value = "both", value_parser = structure)]
     pub models: Structure,
     /// Folder of the finished cases [default: runs/trial-SEED]
@@ -56,9 +56,10 @@ fn kind(text: &str) -> Result<Kind, String> {
 fn structure(text: &str) -> Result<Structure, String> {
     match text {
         "connector" => Ok(Structure::Connector),
+        "sparse" => Ok(Structure::Sparse),
         "chain" => Ok(Structure::Chain),
         "both" => Ok(Structure::Both),
-        _ => Err("connector, chain or both".into()),
+        _ => Err("connector, sparse, chain or both".into()),
     }
 }
 

@@ -88,20 +88,21 @@ pub fn generate(options: &Options, index: usize) -> Generated {
     for attempt in 0..DRAWS {
         let mut draw = Draw::new(options.seed, index as u64 * DRAWS + attempt);
         let chain = match options.structure {
-            Structure::Connector => false,
+            Structure::Connector | Structure::Sparse => false,
             Structure::Chain => true,
             Structure::Both => draw.chance(0.3),
         };
-        let made = if chain { in_chain(kind, draw) } else { on_connector(kind, draw) };
+        let sparse = options.structure == Structure::Sparse;
+        let made = if chain { in_chain(kind, draw) } else { on_connector(kind, sparse, draw) };
         let hidden = made.planted.len() + usize::from(made.instrument.is_some());
         if hidden == 0 || made.noncentrality >= NONCENTRALITY || attempt + 1 == DRAWS {
             return made;
         }
     }
-    on_connector(Kind::None, Draw::new(options.seed, index as u64 * DRAWS))
+    on_connector(Kind::None, false, Draw::new(options.seed, index as u64 * DRAWS))
 }
 
-fn on_connector(kind: Kind, mut draw: Draw) -> Generated {
+fn on_connector(kind: Kind, sparse: bool, mut draw: Draw) -> Generated {
     let (travel, k) = (draw.log(0.1e-3, 2e-3), draw.log(1e4, 1e6));
     let low = draw.log(0.05, 1.0);
     let high = low * draw.log(10.0, 50.0);
@@ -151,7 +152,8 @@ fn on_connector(kind: Kind, mut draw: Draw) -> Generated {
     let tests = corners.iter().chain(&between).zip(splits).enumerate().map(|(j, ((frequency, part), split))| {
         let u = draw.between(-0.5, 0.5);
         let value = if load { format!("{:.3} N", 100.0 + 80.0 * u) } else { format!("{:.4} mm", 0.4 + 0.4 * u) };
-        let drive = Drive::Loop { frequency: round(*frequency), amplitude: travel * part, mean: 0.0, discard: 2, bodies: vec![] };
+        let frequency = round(if sparse { middle } else { *frequency });
+        let drive = Drive::Loop { frequency, amplitude: travel * part, mean: 0.0, discard: 2, bodies: vec![] };
         Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: conditioned.then_some((value, u)) }
     });
     let tests: Vec<Test> = tests.collect();

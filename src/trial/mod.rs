@@ -69,6 +69,8 @@ impl Kind {
 pub enum Structure {
     /// One massless connector, loops under displacement control.
     Connector,
+    /// The same under loops at one frequency: what goes with the rate ties with what does not, and a next test is asked for.
+    Sparse,
     /// Chains of 3 to 8 bodies, one in ten of 22; loops under force control, frequency responses, both.
     Chain,
     /// Seven connectors to three chains.

@@ -104,7 +104,7 @@ fn a_case_follows_from_seed_and_index() {
 
 #[test]
 fn what_is_hidden_can_be_seen() {
-    for structure in [Structure::Connector, Structure::Chain] {
+    for structure in [Structure::Connector, Structure::Sparse, Structure::Chain] {
         let options = Options { seed: 11, kinds: vec![], structure };
         for index in 0..10 {
             let made = generate(&options, index);

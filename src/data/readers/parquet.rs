@@ -12,16 +12,19 @@ use std::sync::Once;
 
 /// Rows beyond which a file is not taken for a measurement: a damaged header can claim any number, and memory is taken before a byte is read.
 const MAX_ROWS: usize = 200_000_000;
+/// Rows, likewise, for each byte of the file (runs of equal values take next to nothing), beside a number that is always believed.
+const ROWS_PER_BYTE: usize = 1 << 12;
+const FEW_ROWS: usize = 1_000_000;
 /// Bytes, likewise, of one column in one row group.
 const MAX_CHUNK: i64 = 1 << 31;
 
 pub(super) fn read(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
-    guarded(path, || decode(path, bytes, wanted))
+    guarded(path, &bytes, || decode(path, &bytes, wanted))
 }
 
 /// Names of the columns.
 pub(super) fn names(path: &Path, bytes: Vec<u8>) -> Result<Vec<String>, DataError> {
-    guarded(path, || {
+    guarded(path, &bytes, || {
         let broken = |e: PolarsError| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {e}") };
         let mut reader = ParquetReader::new(Cursor::new(bytes.as_slice()));
         Ok(reader.schema().map_err(broken)?.iter_names().map(|n| n.to_string()).collect())
@@ -29,8 +32,9 @@ pub(super) fn names(path: &Path, bytes: Vec<u8>) -> Result<Vec<String>, DataErro
 }
 
 /// The decoder checks less than it should and panics on some damaged files; what it panics on is an unreadable file, nothing more.
-fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, DataError>) -> Result<T, DataError> {
+fn guarded<T>(path: &Path, bytes: &[u8], work: impl FnOnce() -> Result<T, DataError>) -> Result<T, DataError> {
     let broken = |reason: String| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {reason}") };
+    parquet_pages::footer(bytes).map_err(|e| broken(e.to_string()))?;
     quiet_while_decoding();
     DECODING.set(true);
     let outcome = catch_unwind(AssertUnwindSafe(work));
@@ -55,17 +59,17 @@ fn quiet_while_decoding() {
     });
 }
 
-fn decode(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
+fn decode(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataError> {
     let broken = |e: PolarsError| {
         let reason: String = e.to_string().lines().next().unwrap_or("").chars().take(120).collect();
         DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {reason}") }
     };
-    let mut reader = ParquetReader::new(Cursor::new(bytes.as_slice())).read_parallel(ParallelStrategy::None);
+    let mut reader = ParquetReader::new(Cursor::new(bytes)).read_parallel(ParallelStrategy::None);
     let schema = reader.schema().map_err(broken)?;
     let header: Vec<String> = schema.iter_names().map(|n| n.to_string()).collect();
     let rows = reader.num_rows().map_err(broken)?;
-    if rows > MAX_ROWS {
-        let reason = format!("not a readable Parquet file: it claims {rows} rows");
+    if rows > MAX_ROWS.min(FEW_ROWS + ROWS_PER_BYTE * bytes.len()) {
+        let reason = format!("not a readable Parquet file: it claims {rows} rows in {} bytes", bytes.len());
         return Err(DataError::Format { file: path.to_path_buf(), reason });
     }
     if rows == 0 {
@@ -73,7 +77,7 @@ fn decode(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, Dat
     }
     let at = super::locate(path, &header, wanted)?;
     let metadata = reader.get_metadata().map_err(broken)?.clone();
-    pages(&bytes, &metadata, at.iter().filter_map(|i| header.get(*i)))
+    pages(bytes, &metadata, &schema, at.iter().filter_map(|i| header.get(*i)))
         .map_err(|e| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {e}") })?;
     let mut projection = at.clone();
     projection.sort_unstable();
@@ -106,7 +110,12 @@ fn decode(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, Dat
 }
 
 /// Holds the claims of the footer and of the page headers of the wanted columns against each other.
-fn pages<'a>(bytes: &[u8], metadata: &FileMetadata, wanted: impl Iterator<Item = &'a String> + Clone) -> Result<(), &'static str> {
+fn pages<'a>(
+    bytes: &[u8],
+    metadata: &FileMetadata,
+    schema: &ArrowSchema,
+    wanted: impl Iterator<Item = &'a String> + Clone,
+) -> Result<(), &'static str> {
     let size = |v: i64| usize::try_from(v).map_err(|_| "a column has a negative offset or size");
     let mut rows = 0usize;
     for group in &metadata.row_groups {
@@ -118,6 +127,7 @@ fn pages<'a>(bytes: &[u8], metadata: &FileMetadata, wanted: impl Iterator<Item =
                     length: size(column.compressed_size())?,
                     values: column.num_values(),
                     uncompressed: column.uncompressed_size(),
+                    numbers: schema.get(name.as_str()).is_some_and(|f| f.dtype().is_numeric()),
                 };
                 if usize::try_from(chunk.values) != Ok(group.num_rows()) {
                     return Err("a column does not hold a number for every row");

@@ -131,6 +131,21 @@ fn parquet() {
     }
 }
 
+/// polars takes memory for as many row groups as the footer claims, and an allocation that fails ends the process.
+#[test]
+fn a_footer_that_claims_more_than_it_holds_is_refused() {
+    // FileMetaData: version 1, then field 4 (row groups), a list of 2^31 - 1 structs; and lists within lists without an end.
+    let endless = [vec![0x15, 0x02, 0x19, 0xfc, 0xff, 0xff, 0xff, 0xff, 0x07], vec![0x19; 200_000]];
+    for footer in endless {
+        let mut bytes = b"PAR1".to_vec();
+        bytes.extend(&footer);
+        bytes.extend((footer.len() as u32).to_le_bytes());
+        bytes.extend(b"PAR1");
+        let e = read_bytes("a.parquet", &bytes, &[number("t")]).unwrap_err();
+        assert!(e.to_string().contains("claims more than it holds"), "{e}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(crate::data::tests::cases(300)))]
     #[test]

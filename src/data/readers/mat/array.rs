@@ -1,9 +1,11 @@
-//! Arrays of a MATLAB file of version 5.
+//! Arrays of a MATLAB file: those of version 5 parsed here, those of version 7.3 put together by [`super::hdf`].
+
+use std::borrow::Cow;
 
 pub(super) const MATRIX: u32 = 14;
 pub(super) const COMPRESSED: u32 = 15;
 /// Structures in structures are followed this far.
-const DEPTH: usize = 8;
+pub(super) const DEPTH: usize = 8;
 
 /// Bytes in the byte order of the file.
 #[derive(Debug, Clone, Copy)]
@@ -23,8 +25,8 @@ pub(super) struct Element<'a> {
 #[derive(Debug)]
 pub(super) struct Array<'a> {
     pub name: String,
-    class: u8,
-    dims: Vec<usize>,
+    pub class: u8,
+    pub dims: Vec<usize>,
     pub body: Body<'a>,
 }
 
@@ -39,11 +41,12 @@ pub(super) enum Body<'a> {
     Other,
 }
 
-/// Numbers as stored.
-#[derive(Debug, Clone, Copy)]
+/// Numbers as stored, in types of data elements (`miINT8` = 1 and so on).
+#[derive(Debug, Clone)]
 pub(super) struct Numbers<'a> {
-    kind: u32,
-    bytes: Bytes<'a>,
+    pub kind: u32,
+    pub bytes: Cow<'a, [u8]>,
+    pub big: bool,
 }
 
 fn u32_at(bytes: &[u8], at: usize, big: bool) -> Option<u32> {
@@ -78,14 +81,14 @@ impl Numbers<'_> {
     }
 
     fn len(&self) -> usize {
-        self.bytes.data.len() / self.width()
+        self.bytes.len() / self.width()
     }
 
     /// `count` numbers from number `from` on.
     pub fn numbers(&self, from: usize, count: usize) -> Vec<f64> {
         let width = self.width();
-        let all = self.bytes.data.chunks_exact(width).skip(from).take(count);
-        let big = self.bytes.big;
+        let all = self.bytes.chunks_exact(width).skip(from).take(count);
+        let big = self.big;
         macro_rules! read {
             ($t:ty) => {
                 all.map(|c| c.try_into().map_or(f64::NAN, |b| (if big { <$t>::from_be_bytes(b) } else { <$t>::from_le_bytes(b) }) as f64))
@@ -157,7 +160,7 @@ pub(super) fn parse(bytes: Bytes<'_>, depth: usize) -> Result<Array<'_>, String>
     let body = match class {
         6..=15 => {
             let re = element(data, at, big)?;
-            let numbers = Numbers { kind: re.kind, bytes: Bytes { data: re.data, big } };
+            let numbers = Numbers { kind: re.kind, bytes: Cow::Borrowed(re.data), big };
             if !matches!(re.kind, 1..=7 | 9 | 12 | 13) {
                 return Err(format!("`{name}` is stored in numbers of type {}", re.kind));
             }

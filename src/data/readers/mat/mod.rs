@@ -1,9 +1,9 @@
-//! MATLAB files of version 5 (`save -v6` and `-v7`): numeric variables, and those in structures, as columns.
+//! MATLAB files of version 5 (`save -v6` and `-v7`) and 7.3 (HDF5): numeric variables, and those in structures, as columns.
 //!
-//! A column is named as MATLAB names it: `t`, `run.force`, `M(:,2)`. Format: The MathWorks, "MAT-File Format", level 5. Version 7.3 is HDF5 and is
-//! refused with the remedy.
+//! A column is named as MATLAB names it: `t`, `run.force`, `M(:,2)`. Format: The MathWorks, "MAT-File Format", level 5.
 
 mod array;
+mod hdf;
 
 use array::{Array, Body, Bytes};
 
@@ -29,18 +29,27 @@ fn broken(path: &Path, message: impl Into<String>, accepted: &str) -> DataError 
     FileError { file: path.to_path_buf(), place: String::new(), message: message.into(), accepted: accepted.to_string() }.into()
 }
 
-const REMEDY: &str = "a file of version 5 or 7: in MATLAB, save(\"file.mat\", \"-v7\")";
+const REMEDY: &str = "a file of version 5, 7 or 7.3: in MATLAB, save(\"file.mat\", \"-v7\")";
+
+fn limit(bytes: &[u8]) -> usize {
+    (10 * bytes.len()).max(INFLATED)
+}
+
+fn bomb(path: &Path, limit: usize) -> DataError {
+    let message = format!("a variable inflates beyond {} MB, ten times the file", limit >> 20);
+    broken(path, message, "the file saved without compression: save(\"file.mat\", \"-v6\")")
+}
 
 /// Calls `each` with every variable of the file.
 fn variables(path: &Path, bytes: &[u8], mut each: impl FnMut(&Array<'_>) -> Result<(), DataError>) -> Result<(), DataError> {
-    if bytes.starts_with(b"MATLAB 7.3") || bytes.get(512..520) == Some(b"\x89HDF\r\n\x1a\n") || bytes.starts_with(b"\x89HDF") {
-        return Err(broken(path, "a MATLAB file of version 7.3 (HDF5), which is not read", REMEDY));
+    if hdf::is(bytes) {
+        return hdf::variables(path, bytes, each);
     }
     let order = bytes.get(126..128).unwrap_or(&[]);
     let big = match order {
         b"IM" => false,
         b"MI" => true,
-        _ => return Err(broken(path, "not a MATLAB file of version 5", REMEDY)),
+        _ => return Err(broken(path, "not a MATLAB file of version 5, 7 or 7.3", REMEDY)),
     };
     let damaged = |e: String| broken(path, format!("a damaged MATLAB file: {e}"), "a whole file; save it again");
     let mut at = 128;
@@ -50,13 +59,12 @@ fn variables(path: &Path, bytes: &[u8], mut each: impl FnMut(&Array<'_>) -> Resu
         match element.kind {
             array::MATRIX => each(&array::parse(Bytes { data: element.data, big }, 0).map_err(damaged)?)?,
             array::COMPRESSED => {
-                let limit = (10 * bytes.len()).max(INFLATED);
+                let limit = limit(bytes);
                 let mut inflated = Vec::new();
                 let mut decoder = flate2::read::ZlibDecoder::new(element.data).take(limit as u64 + 1);
                 decoder.read_to_end(&mut inflated).map_err(|e| damaged(e.to_string()))?;
                 if inflated.len() > limit {
-                    let message = format!("a variable inflates beyond {} MB, ten times the file", limit >> 20);
-                    return Err(broken(path, message, "the file saved without compression: save(\"file.mat\", \"-v6\")"));
+                    return Err(bomb(path, limit));
                 }
                 let inner = array::element(&inflated, 0, big).map_err(damaged)?;
                 if inner.kind == array::MATRIX {

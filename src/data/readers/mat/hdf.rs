@@ -1,0 +1,117 @@
+//! MATLAB files of version 7.3: HDF5 behind 512 bytes of MATLAB's own, a dataset per array and a group per structure.
+//!
+//! An array of m x n stands as a dataset of n x m, which is MATLAB's own order of columns. `MATLAB_class` names what it is; a file of another
+//! program that lacks it is taken by the type of its numbers.
+
+use super::array::{Array, Body, DEPTH, Numbers};
+use super::{bomb, broken, limit};
+use crate::data::DataError;
+use hdf5_reader::error::Error;
+use hdf5_reader::group::Group;
+use hdf5_reader::{Dataset, Datatype, Hdf5File, OpenOptions};
+use std::borrow::Cow;
+use std::path::Path;
+
+const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
+/// Bytes of an object's header at most, and of the reader's cache.
+const HEADER: usize = 1 << 20;
+
+/// Whether the bytes are HDF5, alone or behind MATLAB's header.
+pub(super) fn is(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"MATLAB 7.3") || bytes.starts_with(SIGNATURE) || bytes.get(512..520) == Some(SIGNATURE)
+}
+
+/// Calls `each` with every variable of the file.
+pub(super) fn variables(path: &Path, bytes: &[u8], mut each: impl FnMut(&Array<'_>) -> Result<(), DataError>) -> Result<(), DataError> {
+    let most = limit(bytes);
+    let fail = |e: Error| match e {
+        Error::ResourceLimit { .. } => bomb(path, most),
+        e => broken(path, format!("a damaged MATLAB file of version 7.3 (HDF5): {e}"), "a whole file; save it again"),
+    };
+    let options = OpenOptions {
+        chunk_cache_bytes: 0,
+        max_chunk_bytes: most,
+        max_read_bytes: most,
+        max_object_header_bytes: HEADER,
+        ..Default::default()
+    };
+    let root = Hdf5File::from_bytes_with_options(bytes, options).and_then(|f| f.root_group()).map_err(fail)?;
+    let (groups, datasets) = root.members().map_err(fail)?;
+    let mut none = true;
+    for dataset in &datasets {
+        none = false;
+        each(&array(dataset).map_err(fail)?)?;
+    }
+    // What begins with # is MATLAB's own: the cells that references point to.
+    for group in groups.iter().filter(|g| !g.name().starts_with('#')) {
+        none = false;
+        each(&structure(group, 0).map_err(fail)?)?;
+    }
+    if none { Err(broken(path, "a MATLAB file of version 7.3 (HDF5) without variables", "a file with variables")) } else { Ok(()) }
+}
+
+fn structure(group: &Group, depth: usize) -> Result<Array<'static>, Error> {
+    let body = if depth < DEPTH {
+        let (groups, datasets) = group.members()?;
+        let mut fields = Vec::with_capacity(groups.len() + datasets.len());
+        for dataset in &datasets {
+            let a = array(dataset)?;
+            fields.push((a.name.clone(), a));
+        }
+        for inner in &groups {
+            fields.push((inner.name().to_string(), structure(inner, depth + 1)?));
+        }
+        Body::Struct(fields)
+    } else {
+        Body::Other
+    };
+    Ok(Array { name: group.name().to_string(), class: 2, dims: vec![1, 1], body })
+}
+
+fn array(dataset: &Dataset) -> Result<Array<'static>, Error> {
+    let shape = dataset.shape();
+    let mut dims: Vec<usize> = shape.iter().rev().map(|n| usize::try_from(*n).unwrap_or(usize::MAX)).collect();
+    dims.resize(dims.len().max(2), 1);
+    let name = dataset.name().trim_start_matches('/').to_string();
+    let class = dataset.attribute("MATLAB_class").ok().and_then(|a| a.read_string().ok());
+    let kind = kind(dataset.dtype());
+    let complex = matches!(dataset.dtype(), Datatype::Compound { .. });
+    // An empty array stands as its dimensions.
+    let empty = dataset.attribute("MATLAB_empty").ok().and_then(|a| a.read_as_f64().ok()).is_some_and(|n| n != 0.0);
+    let class = match class.as_deref().map(|c| c.trim_end_matches('\0')) {
+        Some("cell") => 1,
+        Some("struct") => 2,
+        Some("char") => 4,
+        Some("double" | "single" | "logical" | "int8" | "uint8" | "int16" | "uint16" | "int32" | "uint32" | "int64" | "uint64") => 6,
+        None if kind.is_some() || complex => 6,
+        _ => 3,
+    };
+    let body = match kind {
+        Some(kind) if class == 6 && !empty => {
+            let bytes = Cow::Owned(dataset.read_native_bytes()?);
+            Body::Numeric { re: Numbers { kind, bytes, big: cfg!(target_endian = "big") }, complex: false }
+        }
+        None if class == 6 && complex => Body::Numeric { re: Numbers { kind: 9, bytes: Cow::Borrowed(&[]), big: false }, complex: true },
+        _ => Body::Other,
+    };
+    Ok(Array { name, class, dims, body })
+}
+
+/// The type of data element of the same numbers in a file of version 5.
+fn kind(of: &Datatype) -> Option<u32> {
+    match of {
+        Datatype::FloatingPoint { size: 4, .. } => Some(7),
+        Datatype::FloatingPoint { size: 8, .. } => Some(9),
+        Datatype::FixedPoint { size, signed, .. } => {
+            let unsigned = u32::from(!signed);
+            match size {
+                1 => Some(1 + unsigned),
+                2 => Some(3 + unsigned),
+                4 => Some(5 + unsigned),
+                8 => Some(12 + unsigned),
+                _ => None,
+            }
+        }
+        _ => None,
+    }
+}
