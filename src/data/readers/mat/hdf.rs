@@ -15,14 +15,21 @@ use std::path::Path;
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
 /// Bytes of an object's header at most, and of the reader's cache.
 const HEADER: usize = 1 << 20;
+/// Fields of structures that are followed: a group may hold itself, and many times over.
+const FIELDS: usize = 1 << 16;
 
 /// Whether the bytes are HDF5, alone or behind MATLAB's header.
 pub(super) fn is(bytes: &[u8]) -> bool {
     bytes.starts_with(b"MATLAB 7.3") || bytes.starts_with(SIGNATURE) || bytes.get(512..520) == Some(SIGNATURE)
 }
 
-/// Calls `each` with every variable of the file.
-pub(super) fn variables(path: &Path, bytes: &[u8], mut each: impl FnMut(&Array<'_>) -> Result<(), DataError>) -> Result<(), DataError> {
+/// Calls `each` with every variable of the file; the numbers of those that are not `wanted` stay unread.
+pub(super) fn variables(
+    path: &Path,
+    bytes: &[u8],
+    wanted: impl Fn(&str) -> bool,
+    mut each: impl FnMut(&Array<'_>) -> Result<(), DataError>,
+) -> Result<(), DataError> {
     let most = limit(bytes);
     let fail = |e: Error| match e {
         Error::ResourceLimit { .. } => bomb(path, most),
@@ -37,29 +44,31 @@ pub(super) fn variables(path: &Path, bytes: &[u8], mut each: impl FnMut(&Array<'
     };
     let root = Hdf5File::from_bytes_with_options(bytes, options).and_then(|f| f.root_group()).map_err(fail)?;
     let (groups, datasets) = root.members().map_err(fail)?;
-    let mut none = true;
+    let (mut none, mut left) = (true, FIELDS);
     for dataset in &datasets {
         none = false;
-        each(&array(dataset).map_err(fail)?)?;
+        each(&array(dataset, wanted(name_of(dataset))).map_err(fail)?)?;
     }
     // What begins with # is MATLAB's own: the cells that references point to.
     for group in groups.iter().filter(|g| !g.name().starts_with('#')) {
         none = false;
-        each(&structure(group, 0).map_err(fail)?)?;
+        each(&structure(group, wanted(group.name()), 0, &mut left).map_err(fail)?)?;
     }
     if none { Err(broken(path, "a MATLAB file of version 7.3 (HDF5) without variables", "a file with variables")) } else { Ok(()) }
 }
 
-fn structure(group: &Group, depth: usize) -> Result<Array<'static>, Error> {
+fn structure(group: &Group, numbers: bool, depth: usize, left: &mut usize) -> Result<Array<'static>, Error> {
     let body = if depth < DEPTH {
         let (groups, datasets) = group.members()?;
-        let mut fields = Vec::with_capacity(groups.len() + datasets.len());
+        let count = groups.len() + datasets.len();
+        *left = left.checked_sub(count).ok_or_else(|| Error::InvalidData(format!("structures of more than {FIELDS} fields")))?;
+        let mut fields = Vec::with_capacity(count);
         for dataset in &datasets {
-            let a = array(dataset)?;
+            let a = array(dataset, numbers)?;
             fields.push((a.name.clone(), a));
         }
         for inner in &groups {
-            fields.push((inner.name().to_string(), structure(inner, depth + 1)?));
+            fields.push((inner.name().to_string(), structure(inner, numbers, depth + 1, left)?));
         }
         Body::Struct(fields)
     } else {
@@ -68,11 +77,15 @@ fn structure(group: &Group, depth: usize) -> Result<Array<'static>, Error> {
     Ok(Array { name: group.name().to_string(), class: 2, dims: vec![1, 1], body })
 }
 
-fn array(dataset: &Dataset) -> Result<Array<'static>, Error> {
+fn name_of(dataset: &Dataset) -> &str {
+    dataset.name().trim_start_matches('/')
+}
+
+fn array(dataset: &Dataset, numbers: bool) -> Result<Array<'static>, Error> {
     let shape = dataset.shape();
     let mut dims: Vec<usize> = shape.iter().rev().map(|n| usize::try_from(*n).unwrap_or(usize::MAX)).collect();
     dims.resize(dims.len().max(2), 1);
-    let name = dataset.name().trim_start_matches('/').to_string();
+    let name = name_of(dataset).to_string();
     let class = dataset.attribute("MATLAB_class").ok().and_then(|a| a.read_string().ok());
     let kind = kind(dataset.dtype());
     let complex = matches!(dataset.dtype(), Datatype::Compound { .. });
@@ -88,7 +101,7 @@ fn array(dataset: &Dataset) -> Result<Array<'static>, Error> {
     };
     let body = match kind {
         Some(kind) if class == 6 && !empty => {
-            let bytes = Cow::Owned(dataset.read_native_bytes()?);
+            let bytes = if numbers { Cow::Owned(dataset.read_native_bytes()?) } else { Cow::Borrowed(&[][..]) };
             Body::Numeric { re: Numbers { kind, bytes, big: cfg!(target_endian = "big") }, complex: false }
         }
         None if class == 6 && complex => Body::Numeric { re: Numbers { kind: 9, bytes: Cow::Borrowed(&[]), big: false }, complex: true },

@@ -40,10 +40,15 @@ fn bomb(path: &Path, limit: usize) -> DataError {
     broken(path, message, "the file saved without compression: save(\"file.mat\", \"-v6\")")
 }
 
-/// Calls `each` with every variable of the file.
-fn variables(path: &Path, bytes: &[u8], mut each: impl FnMut(&Array<'_>) -> Result<(), DataError>) -> Result<(), DataError> {
+/// Calls `each` with every variable of the file; numbers of those that are not `wanted` may be left out.
+fn variables(
+    path: &Path,
+    bytes: &[u8],
+    wanted: impl Fn(&str) -> bool,
+    mut each: impl FnMut(&Array<'_>) -> Result<(), DataError>,
+) -> Result<(), DataError> {
     if hdf::is(bytes) {
-        return hdf::variables(path, bytes, each);
+        return hdf::variables(path, bytes, wanted, each);
     }
     let order = bytes.get(126..128).unwrap_or(&[]);
     let big = match order {
@@ -80,10 +85,15 @@ fn variables(path: &Path, bytes: &[u8], mut each: impl FnMut(&Array<'_>) -> Resu
 /// Every numeric variable, and those inside structures, by the name a column would use.
 pub(crate) fn list(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>, DataError> {
     let mut all = Vec::new();
-    variables(path, bytes, |a| {
-        walk(a, a.name.clone(), &mut all);
-        Ok(())
-    })?;
+    variables(
+        path,
+        bytes,
+        |_| false,
+        |a| {
+            walk(a, a.name.clone(), &mut all);
+            Ok(())
+        },
+    )?;
     Ok(all)
 }
 
@@ -111,7 +121,8 @@ fn index(name: &str) -> (&str, Option<usize>) {
 pub(super) fn read(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataError> {
     let mut found: Vec<Option<Vec<f64>>> = vec![None; wanted.len()];
     let mut all = Vec::new();
-    variables(path, bytes, |variable| {
+    let asked = |name: &str| wanted.iter().any(|w| index(&w.name).0.split('.').next() == Some(name));
+    variables(path, bytes, asked, |variable| {
         walk(variable, variable.name.clone(), &mut all);
         for (w, slot) in wanted.iter().zip(&mut found) {
             let (name, column) = index(&w.name);
