@@ -4,34 +4,80 @@
 use super::dialect::{self, Dialect, cells, unclosed};
 use super::{Column, Columns, DataError, Wanted};
 use polars::prelude::*;
-use std::io::Cursor;
+use std::io::{Cursor, Read};
 use std::path::Path;
 
-pub(super) fn read(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Columns, DataError> {
+/// Bytes of a file that are looked at together: a long record is read part by part, and only its numbers are held.
+const PART: usize = 32 << 20;
+
+pub(super) fn read(path: &Path, source: impl Read, wanted: &[Wanted]) -> Result<Columns, DataError> {
+    parts(path, source, wanted, PART, PART)
+}
+
+/// The same with `head` bytes to find the dialect in, and parts of `size` bytes.
+pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head: usize, size: usize) -> Result<Columns, DataError> {
     let file = || path.to_path_buf();
-    if bytes.trim_ascii().is_empty() || bytes == b"\xef\xbb\xbf" {
+    let mut held = Vec::new();
+    // Whether the file ends with what is held.
+    let mut more = |held: &mut Vec<u8>, count: usize| match source.by_ref().take(count as u64).read_to_end(held) {
+        Ok(got) => Ok(got < count),
+        Err(e) => Err(DataError::Unreadable { file: file(), reason: e.to_string() }),
+    };
+    let mut ended = more(&mut held, head)?;
+    if ended && (held.trim_ascii().is_empty() || held == b"\xef\xbb\xbf") {
         return Err(DataError::Empty { file: file() });
     }
-    let dialect = dialect::find(path, &bytes)?;
-    let body = bytes.get(dialect.body..).unwrap_or(&[]);
-    let body = std::str::from_utf8(body).map_err(|e| {
-        let before = body.iter().take(e.valid_up_to()).filter(|b| **b == b'\n').count();
-        DataError::NotText { file: file(), line: dialect.first_line + before }
-    })?;
-    // Blank lines at the end are no rows; a blank line between rows is refused below.
-    let body = body.trim_end_matches(['\n', '\r']);
-    if body.trim().is_empty() {
-        return Err(DataError::NoRows { file: file() });
-    }
-    let at = match super::locate(path, &dialect.names, wanted) {
-        Err(DataError::MissingColumn { .. }) if dialect.names.iter().all(|h| h.parse::<f64>().is_ok()) => {
-            return Err(DataError::Format {
-                file: file(),
-                reason: "the first line holds numbers, where the header row is expected".to_string(),
-            });
+    let mut dialect = dialect::find(path, &held)?;
+    let mut from = dialect.body.min(held.len());
+    let mut all: Option<(Columns, Vec<usize>)> = None;
+    loop {
+        let end = if ended { held.len() } else { from + whole_lines(&held[from..]) };
+        let body = std::str::from_utf8(&held[from..end]).map_err(|e| {
+            let before = held[from..end].iter().take(e.valid_up_to()).filter(|b| **b == b'\n').count();
+            DataError::NotText { file: file(), line: dialect.first_line + before }
+        })?;
+        // Blank lines at the end are no rows; a blank line between rows is refused below.
+        let body = body.trim_end_matches(['\n', '\r']);
+        if !body.trim().is_empty() {
+            let (columns, at) = match &mut all {
+                Some(all) => all,
+                None => all.insert((Columns::new(vec![], "line", dialect.first_line), place(path, &dialect, wanted)?)),
+            };
+            let part = rows(path, body, &dialect, at, wanted, ended)?;
+            dialect.first_line += part.len();
+            columns.append(part);
         }
-        other => other?,
-    };
+        if ended {
+            break;
+        }
+        held.drain(..end);
+        from = 0;
+        ended = more(&mut held, size)?;
+    }
+    let (mut columns, at) = all.ok_or_else(|| DataError::NoRows { file: file() })?;
+    columns.units = at.iter().map(|i| dialect.units.get(*i).cloned().flatten()).collect();
+    Ok(columns)
+}
+
+/// Bytes up to the end of the last whole line that is not blank: blank ones may be the end of the file.
+fn whole_lines(bytes: &[u8]) -> usize {
+    let whole = &bytes[..memchr::memrchr(b'\n', bytes).map_or(0, |k| k + 1)];
+    let last = whole.iter().rposition(|b| !b.is_ascii_whitespace()).unwrap_or(whole.len());
+    memchr::memchr(b'\n', &whole[last..]).map_or(0, |k| last + k + 1)
+}
+
+fn place(path: &Path, dialect: &Dialect, wanted: &[Wanted]) -> Result<Vec<usize>, DataError> {
+    match super::locate(path, &dialect.names, wanted) {
+        Err(DataError::MissingColumn { .. }) if dialect.names.iter().all(|h| h.parse::<f64>().is_ok()) => Err(DataError::Format {
+            file: path.to_path_buf(),
+            reason: "the first line holds numbers, where the header row is expected".to_string(),
+        }),
+        other => other,
+    }
+}
+
+/// The columns `at` of whole lines; `ended`: the last one is the last of the file.
+fn rows(path: &Path, body: &str, dialect: &Dialect, at: &[usize], wanted: &[Wanted], ended: bool) -> Result<Columns, DataError> {
     let spaced;
     let body = if dialect.separator == b' ' {
         // Runs of spaces become one separator; the lines stay where they are.
@@ -40,26 +86,24 @@ pub(super) fn read(path: &Path, bytes: Vec<u8>, wanted: &[Wanted]) -> Result<Col
     } else {
         body
     };
-    structure(path, body, &dialect)?;
+    structure(path, body, dialect, ended)?;
     if dialect.decimal_comma {
-        no_points(path, body, &dialect, &at, wanted)?;
+        no_points(path, body, dialect, at, wanted)?;
     }
-    let mut columns = match frame(body, &dialect, &at, wanted, false) {
-        Ok(frame) => numbers(path, &frame, &dialect, &at, wanted)?,
+    let columns = match frame(body, dialect, at, wanted, false) {
+        Ok(frame) => numbers(path, &frame, dialect, at, wanted)?,
         // polars could not read some cell as a number: read the cells as text and name the first bad one.
         Err(_) => {
-            let frame =
-                frame(body, &dialect, &at, wanted, true).map_err(|e| DataError::Format { file: file(), reason: clip(&e.to_string()) })?;
-            numbers(path, &frame, &dialect, &at, wanted)?
+            let format = |e: PolarsError| DataError::Format { file: path.to_path_buf(), reason: clip(&e.to_string()) };
+            numbers(path, &frame(body, dialect, at, wanted, true).map_err(format)?, dialect, at, wanted)?
         }
     };
     super::finite(path, &columns, wanted)?;
-    columns.units = at.iter().map(|i| dialect.units.get(*i).cloned().flatten()).collect();
     Ok(columns)
 }
 
-/// Every line has as many cells as the header.
-fn structure(path: &Path, body: &str, dialect: &Dialect) -> Result<(), DataError> {
+/// Every line has as many cells as the header; `ended`: the last one is the last of the file.
+fn structure(path: &Path, body: &str, dialect: &Dialect, ended: bool) -> Result<(), DataError> {
     let wanted = dialect.names.len();
     let separator = dialect.separator;
     let check = |number: usize, line: &str, found: usize, last: bool| {
@@ -76,7 +120,7 @@ fn structure(path: &Path, body: &str, dialect: &Dialect) -> Result<(), DataError
         while let Some((i, line)) = lines.next() {
             let number = i + dialect.first_line;
             let found = cells(line, separator).ok_or_else(|| unclosed(path, number))?.len();
-            check(number, line, found, lines.peek().is_none())?;
+            check(number, line, found, ended && lines.peek().is_none())?;
         }
         return Ok(());
     }
@@ -92,7 +136,7 @@ fn structure(path: &Path, body: &str, dialect: &Dialect) -> Result<(), DataError
         }
         (line, start, found) = (line + 1, at + 1, 1);
     }
-    check(line, &body[start..], found, true)
+    check(line, &body[start..], found, ended)
 }
 
 /// Beside decimal commas a point can only be a mark of thousands, or a mistake.

@@ -9,6 +9,8 @@ use super::DataError;
 use crate::data::uff::decode;
 use crate::units::parse_unit_any;
 
+/// Bytes of a file in which its header is looked for.
+pub(super) const HEAD: usize = 1 << 20;
 /// Lines before the header at most.
 const PREAMBLE: usize = 100;
 /// Rows looked at.

@@ -9,6 +9,8 @@ mod universal;
 
 use super::toml_strict::nearest;
 use super::{DataError, FrfQuantity};
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 /// A column that is asked for.
@@ -56,6 +58,22 @@ impl Columns {
         self.len() == 0
     }
 
+    /// Puts the rows of a later part of the same file below these.
+    fn append(&mut self, part: Self) {
+        if self.columns.is_empty() {
+            self.columns = part.columns;
+            return;
+        }
+        for pair in self.columns.iter_mut().zip(part.columns) {
+            match pair {
+                (Column::Numbers(all), Column::Numbers(more)) => all.extend(more),
+                (Column::Text(all), Column::Text(more)) => all.extend(more),
+                // The parts of a column are read as the same kind.
+                _ => {}
+            }
+        }
+    }
+
     /// `line 7` or `row 6` of the row of index `i`.
     pub fn place(&self, i: usize) -> String {
         format!("{} {}", self.row_name, i + self.first_row)
@@ -85,39 +103,48 @@ impl FileKind {
     }
 }
 
+fn unreadable(path: &Path, why: &std::io::Error) -> DataError {
+    DataError::Unreadable { file: path.to_path_buf(), reason: why.to_string() }
+}
+
+fn open(path: &Path) -> Result<File, DataError> {
+    File::open(path).map_err(|e| unreadable(path, &e))
+}
+
 /// The whole file; an empty one is an error.
 pub fn bytes(path: &Path) -> Result<Vec<u8>, DataError> {
-    let bytes = std::fs::read(path).map_err(|e| DataError::Unreadable { file: path.to_path_buf(), reason: e.to_string() })?;
+    let bytes = std::fs::read(path).map_err(|e| unreadable(path, &e))?;
     if bytes.is_empty() { Err(DataError::Empty { file: path.to_path_buf() }) } else { Ok(bytes) }
 }
 
 /// Reads the columns `wanted` of `path`; the reader is chosen by the file's extension. `record` names a function of a universal file.
 pub fn read(path: &Path, wanted: &[Wanted], record: Option<&str>) -> Result<Columns, DataError> {
-    let kind = FileKind::of(path)?;
-    let bytes = bytes(path)?;
-    match kind {
-        FileKind::Text => csv::read(path, bytes, wanted),
-        FileKind::Parquet => parquet::read(path, bytes, wanted),
-        FileKind::Universal => universal::read(path, bytes, wanted, record),
-        FileKind::Matlab => mat::read(path, &bytes, wanted),
+    match FileKind::of(path)? {
+        FileKind::Text => csv::read(path, open(path)?, wanted),
+        FileKind::Parquet => parquet::read(path, bytes(path)?, wanted),
+        FileKind::Universal => universal::read(path, bytes(path)?, wanted, record),
+        FileKind::Matlab => mat::read(path, &bytes(path)?, wanted),
     }
 }
 
 /// The columns of a table, with the units its header gives.
 pub(crate) fn names(path: &Path) -> Result<Vec<(String, Option<String>)>, DataError> {
-    let kind = FileKind::of(path)?;
-    let bytes = bytes(path)?;
-    match kind {
+    match FileKind::of(path)? {
         FileKind::Text => {
-            let d = dialect::find(path, &bytes)?;
+            let mut head = Vec::new();
+            open(path)?.take(dialect::HEAD as u64).read_to_end(&mut head).map_err(|e| unreadable(path, &e))?;
+            if head.is_empty() {
+                return Err(DataError::Empty { file: path.to_path_buf() });
+            }
+            let d = dialect::find(path, &head)?;
             Ok(d.names.into_iter().zip(d.units).collect())
         }
-        FileKind::Parquet => Ok(parquet::names(path, bytes)?.into_iter().map(|n| (n.clone(), dialect::bracket(&n))).collect()),
+        FileKind::Parquet => Ok(parquet::names(path, bytes(path)?)?.into_iter().map(|n| (n.clone(), dialect::bracket(&n))).collect()),
         FileKind::Universal => {
             Err(DataError::Format { file: path.to_path_buf(), reason: "a universal file has functions, not columns".into() })
         }
         FileKind::Matlab => {
-            let vectors = mat::list(path, &bytes)?.into_iter().filter(|l| l.numeric && l.rows * l.columns > 1);
+            let vectors = mat::list(path, &bytes(path)?)?.into_iter().filter(|l| l.numeric && l.rows * l.columns > 1);
             let each = |l: mat::Listed| match (l.rows, l.columns) {
                 (1, _) | (_, 1) => vec![l.name],
                 (_, columns) => (1..=columns.min(64)).map(|k| format!("{}(:,{k})", l.name)).collect(),

@@ -178,6 +178,9 @@ proptest! {
             b"\xef\xbb\xbft,\"F [N]\"\n0,\"1\"\n1.5,4\n",
         ];
         let mut bytes = samples[which].to_vec();
+        let last = bytes[..bytes.len() - 1].iter().rposition(|b| *b == b'\n').map_or(0, |k| k + 1);
+        let row = bytes[last..].to_vec();
+        bytes.extend(row.repeat(200));
         for (at, byte, insert) in &flips {
             let i = at.index(bytes.len());
             if *insert { bytes.insert(i, *byte) } else { bytes[i] = *byte }
@@ -187,7 +190,16 @@ proptest! {
         }
         let path = Path::new("a.txt");
         if !bytes.is_empty() {
-            let _ = csv::read(path, bytes.clone(), &[number("t"), number("F")]);
+            let wanted = [number("t"), number("F")];
+            let whole = csv::read(path, bytes.as_slice(), &wanted);
+            // Read in parts of some bytes, the head in one, a file says the same.
+            for size in [1, 7, 64] {
+                match (&whole, csv::parts(path, bytes.as_slice(), &wanted, (3 * bytes.len()).div_ceil(4).max(600), size)) {
+                    (Ok(a), Ok(b)) => prop_assert_eq!(a, &b),
+                    (Err(_), Err(_)) => {}
+                    (a, b) => prop_assert!(false, "whole {:?}, parts of {} {:?}", a, size, b),
+                }
+            }
             let _ = dialect::find(path, &bytes);
         }
     }
