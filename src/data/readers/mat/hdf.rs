@@ -13,7 +13,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
-/// Bytes of an object's header at most, and of the reader's cache.
+/// Bytes of an object's header at most.
 const HEADER: usize = 1 << 20;
 /// Fields of structures that are followed: a group may hold itself, and many times over.
 const FIELDS: usize = 1 << 16;
