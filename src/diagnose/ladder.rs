@@ -10,6 +10,7 @@ use crate::response::Plan;
 use super::accept::{at_floor, far, rms};
 use super::candidates::Name;
 use super::case::{Case, Fitted, compare, effects, fit, parameters};
+use super::exchange::{Rivals, exchange};
 use super::findings::{findings, unsettled};
 use super::refit::{Proof, cost, prove, whitened};
 use super::results::*;
@@ -24,6 +25,14 @@ const MAX_ADDED: usize = 4;
 const WORTH_KEEPING: f64 = 4.0;
 /// Part of the first excess of squares over the noise that may be left unexplained where what was added is still what is missing.
 const REMAINDER: f64 = 0.03;
+
+/// What is looked at again once an effect was added.
+enum Turn {
+    /// The effects before it.
+    Exchange,
+    /// Laws at the edge of their shapes.
+    Simplify,
+}
 
 type Watch<'a> = &'a (dyn Fn(&str) + Sync);
 
@@ -157,6 +166,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let limit = case.search.max_added.unwrap_or(MAX_ADDED);
     let (mut remainder, mut formula, mut left, mut would) = (false, None, None, vec![]);
     let mut ties_left: Vec<Tie> = Vec::new();
+    let mut rivals: Vec<Rivals> = Vec::new();
     let mut stopped;
     // What the first model left, and that model as the search sees it.
     let mut first: Option<((f64, usize), Fitted)> = None;
@@ -221,6 +231,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break (said, v);
         };
         ties_left.extend(Tie::new(&searched, &name, &proof.fitted, &step.tied));
+        rivals.push(Rivals { of: EffectAt { effect: name.effect.into(), at: name.at.clone() }, list: step.rivals });
         watch(&format!("added {} at {}", name.effect, name.at));
         missing.push(Missing {
             effect: name.effect.into(),
@@ -249,10 +260,20 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         let tests = compare(&case, &fitted.system, &seen)?;
         let added = EffectAt { effect: name.effect.into(), at: name.at };
         rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
-        if let Some(swap) = simplify(&searched, &mut fitted, base_instances, &mut missing, WORTH_KEEPING, monitor, watch)? {
+        for turn in [Turn::Exchange, Turn::Simplify] {
+            let swap = match turn {
+                Turn::Exchange => exchange(&searched, &mut fitted, base_instances, &mut missing, &rivals, monitor, watch),
+                Turn::Simplify => simplify(&searched, &mut fitted, base_instances, &mut missing, WORTH_KEEPING, monitor, watch)?,
+            };
+            let Some(swap) = swap else { continue };
+            let mut removed = vec![swap.removed];
+            if let Some((name, best, ties)) = swap.tied {
+                ties_left.extend(Tie::new(&searched, &name, &best, &ties));
+                removed.extend(prune(&searched, &mut fitted.system, base_instances, &mut missing, monitor, watch));
+            }
             fitted = as_close_as_it_shows(&case).fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
             let tests = compare(&case, &fitted.system, &seen)?;
-            rungs.push(rung(&case, &fitted, Some(swap.added), vec![swap.removed], vec![], tests)?);
+            rungs.push(rung(&case, &fitted, Some(swap.added), removed, vec![], tests)?);
         }
     };
     // Only what still stands is worth a test of its own, and only now is it known how long the search for it took.

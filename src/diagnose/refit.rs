@@ -133,7 +133,8 @@ impl Bench<'_> {
     /// Refits the picked candidates, in parallel; the order of the list is kept. Each begins at the best of its shapes and goes on from the
     /// one that does best; those that then stand far behind are shown as they are, the others are refitted in full. What has not ended and
     /// still falls is gone on with, where it is among the best or was expected to be.
-    pub fn refit_all(&self, picked: &[Score], scores: &[Score], watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
+    /// `reached`: the cost of the best of earlier refits.
+    pub fn refit_all(&self, picked: &[Score], scores: &[Score], reached: Option<f64>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         let first: Vec<(usize, Score)> =
             picked.iter().enumerate().flat_map(|(k, s)| starts(s, scores, self.trials).into_iter().map(move |s| (k, s))).collect();
         // Which is worth it shows in coarser steps as well.
@@ -153,7 +154,7 @@ impl Bench<'_> {
         }
         let looks = parallel::map_into(chosen, |_, l| l.and_then(|f| look.go_on(f, FIRST_LOOK)));
         let in_full = |f: Fitted| if rough.is_some() { self.from(&f.system) } else { self.go_on(f, REFIT_ITERATIONS) };
-        let hopeful = hopeful(&looks);
+        let hopeful = hopeful(&looks, reached);
         let mut before: Vec<f64> = looks.iter().map(cost_of).collect();
         let mut fitted = parallel::map_into(looks, |k, l| l.and_then(|f| if hopeful[k] { in_full(f) } else { Ok(f) }));
         let off = parallel::over(fitted.len(), |k| match &fitted[k] {
@@ -258,13 +259,23 @@ impl Bench<'_> {
         fit_some(self.case, &fitted.system, iterations, self.monitor)
     }
 
-    /// The first iterations of a refit. Where the model cannot be computed at the strength the score expects, it starts with less.
+    /// The first iterations of a refit.
     fn first_look(&self, score: &Score) -> Result<Fitted, String> {
+        self.begun(&[score], CHOICE)
+    }
+
+    /// Two candidates refitted at once.
+    pub fn both(&self, a: &Score, b: &Score) -> Result<Proof, String> {
+        proof(self.case, self.begun(&[a, b], REFIT_ITERATIONS)?)
+    }
+
+    /// Fits with these candidates. Where the model cannot be computed at the strengths the scores expect, they start with less.
+    fn begun(&self, added: &[&Score], iterations: u64) -> Result<Fitted, String> {
         let mut failed = String::new();
         for part in [1.0, 0.3, 0.1] {
             let mut system = self.base.clone();
-            system.instances.push(started(&self.trials[score.trial], part * score.strength));
-            match fit_some(self.case, &system, CHOICE, self.monitor) {
+            system.instances.extend(added.iter().map(|s| started(&self.trials[s.trial], part * s.strength)));
+            match fit_some(self.case, &system, iterations, self.monitor) {
                 Ok(fitted) => return Ok(fitted),
                 Err(reason) => failed = reason,
             }
@@ -297,8 +308,9 @@ fn among_three(mut costs: Vec<f64>) -> f64 {
 }
 
 /// What is worth a refit in full after the first look: a cost within a factor of the best, or among the best three. Once the best is at the
-/// noise the others must be within the factor, or have fewer parameters: nothing else can take its place.
-fn hopeful(looks: &[Result<Fitted, String>]) -> Vec<bool> {
+/// noise the others must be within the factor, or have fewer parameters: nothing else can take its place. Where an earlier refit has
+/// `reached` a cost, what is not within the factor of it is not worth the time.
+fn hopeful(looks: &[Result<Fitted, String>], reached: Option<f64>) -> Vec<bool> {
     let mut order: Vec<&Fitted> = looks.iter().flatten().collect();
     order.sort_by(|a, b| a.outcome.cost.total_cmp(&b.outcome.cost));
     let Some(best) = order.first() else { return vec![false; looks.len()] };
@@ -307,7 +319,10 @@ fn hopeful(looks: &[Result<Fitted, String>]) -> Vec<bool> {
     let third = order.get(2).or(order.last()).map_or(0.0, |f| f.outcome.cost);
     let worth = |f: &Fitted| {
         let among_three = f.outcome.cost <= third && (!explained || f.free.len() < best.free.len());
-        f.outcome.cost <= HOPEFUL * best.outcome.cost || among_three
+        match reached {
+            Some(cost) => f.outcome.cost <= HOPEFUL * best.outcome.cost.min(cost),
+            None => f.outcome.cost <= HOPEFUL * best.outcome.cost || among_three,
+        }
     };
     looks.iter().map(|l| l.as_ref().is_ok_and(worth)).collect()
 }

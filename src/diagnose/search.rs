@@ -1,20 +1,19 @@
 //! One step of the search: score everything, refit the best, say what earned its place.
 
 use crate::identify::{Monitor, Termination};
+use crate::model::Instance;
 
-use super::accept::{improvement, tied, verdict_cost};
+use super::accept::{DECISIVE, at_floor, improvement, rms, tied, verdict_cost};
 use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::{Case, Fitted};
+use super::exchange::RIVALS;
 use super::judge::Judge;
 use super::refit::{Bench, Proof, Refit, best_per_candidate, cost, proof};
 use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
 use super::score::{Score, Scores, score};
+use super::picks::{self, REFITS};
 use super::{DiagnoseError, trace};
 
-/// Candidates refitted per step.
-const REFITS: usize = 8;
-/// A candidate is refitted when its predicted drop is at least this part of the best.
-const WORTH: f64 = 0.05;
 /// Candidates tied with the best that are named at most.
 const TIES: usize = 3;
 /// Level of the score test at which candidates are refitted.
@@ -22,6 +21,8 @@ pub const LEVEL: f64 = 0.01;
 
 /// Level below which something is missing even where no candidate earned its place.
 pub const SURE: f64 = 1e-3;
+/// Part of what the model misses, as an excess of squares over the noise, that the best candidate must leave for two to be tried at once.
+const LEFT: f64 = 0.03;
 
 /// What one step found.
 pub struct Step {
@@ -33,6 +34,8 @@ pub struct Step {
     pub accepted: Option<(Name, Proof, Vec<Name>)>,
     /// The tied candidates refitted, for the next test.
     pub tied: Vec<(Name, Fitted)>,
+    /// What came closest to the accepted one, as it was fitted, the cheapest first.
+    pub rivals: Vec<(Name, Instance)>,
     /// p-value of the best score.
     pub p_value: f64,
     /// Root mean square of the whitened residuals on the fit and select tests before the step, and their number.
@@ -88,6 +91,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
             second_opinion,
             accepted: None,
             tied: vec![],
+            rivals: vec![],
             p_value,
             left,
             base: base.clone(),
@@ -95,20 +99,26 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
             visible,
         });
     }
-    let top = best.first().map_or(0.0, |s| s.drop);
-    let picked: Vec<Score> = best.iter().filter(|s| s.p_value <= LEVEL && s.drop >= WORTH * top).take(REFITS).copied().collect();
-    let rest: Vec<Score> = best.iter().filter(|s| !picked.iter().any(|p| p.trial == s.trial)).take(REFITS).copied().collect();
+    let beyond: Vec<Score> = best.iter().filter(|s| s.p_value <= LEVEL).copied().collect();
+    let picked = picks::first(&beyond, &selected, &trials);
     watch(&format!("refitting the best {}", picked.len()));
     let bench = Bench { case, base: &base.system, names: &names, trials: &trials, monitor };
     let started = std::time::Instant::now();
-    let mut refits = bench.refit_all(&picked, &scores, watch);
+    let mut refits = bench.refit_all(&picked, &scores, None, watch);
+    sort(&mut refits);
+    let leads = refits.first().and_then(|r| r.result.as_ref().ok());
+    let (reached, explained) = (leads.map(|p| p.fitted.outcome.cost), leads.is_some_and(|p| at_floor(rms(&p.fit))));
+    let further = picks::second(&beyond, &refits, explained, &names, &trials);
+    if !(further.is_empty() || trace::stopped(monitor)) {
+        watch(&format!("refitting {} more", further.len()));
+        refits.extend(bench.refit_all(&further, &scores, reached, watch));
+        sort(&mut refits);
+    }
+    let pair = together(&bench, &before, &refits, picks::pair(&beyond, &selected, &names, &trials));
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
-    // Best first by what it costs on fit and select; failures last.
-    refits.sort_by(|a, b| {
-        let key = |r: &Refit| r.result.as_ref().map_or(f64::INFINITY, verdict_cost);
-        key(a).total_cmp(&key(b)).then(b.score.drop.total_cmp(&a.score.drop))
-    });
-    let Chosen { winner, ties, weighed } = choose(&refits, &Judge::new(case, &before, monitor));
+    let rest: Vec<Score> =
+        best.iter().filter(|s| !refits.iter().any(|r| r.candidate == trials[s.trial].candidate)).take(REFITS).copied().collect();
+    let Chosen { winner, ties, weighed } = choose(&refits, pair, &Judge::new(case, &before, monitor));
     let mut list: Vec<Candidate> = (0..refits.len()).map(|k| listed.weighed(k, &refits, winner, &ties, &weighed[k])).collect();
     list.extend(rest.iter().map(|s| listed.blank(s, "not refitted: its predicted drop is far below the best")));
     let taken = winner.map(|w| refits[w].candidate).or(best.first().map(|s| trials[s.trial].candidate));
@@ -116,11 +126,40 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let tied_names: Vec<Name> = ties.iter().map(|k| names[refits[*k].candidate].clone()).collect();
     let tied = ties.iter().filter_map(|k| Some((names[refits[*k].candidate].clone(), refits[*k].result.as_ref().ok()?.fitted.clone())));
     let tied = tied.collect();
+    let close = refits.iter().enumerate().filter(|(k, _)| winner != Some(*k)).filter_map(|(_, r)| {
+        let added = r.result.as_ref().ok()?.fitted.system.instances.last()?;
+        added.target.is_none().then(|| (names[r.candidate].clone(), added.clone()))
+    });
+    let rivals = close.take(RIVALS).collect();
     let accepted = winner.and_then(|w| {
         let r = refits.swap_remove(w);
         Some((names[r.candidate].clone(), r.result.ok()?, tied_names))
     });
-    Ok(Step { candidates: list, second_opinion, accepted, tied, p_value, left, base: base.clone(), effort, visible })
+    Ok(Step { candidates: list, second_opinion, accepted, tied, rivals, p_value, left, base: base.clone(), effort, visible })
+}
+
+/// Best first by what it costs on fit and select; failures last.
+fn sort(refits: &mut [Refit]) {
+    refits.sort_by(|a, b| {
+        let key = |r: &Refit| r.result.as_ref().map_or(f64::INFINITY, verdict_cost);
+        key(a).total_cmp(&key(b)).then(b.score.drop.total_cmp(&a.score.drop))
+    });
+}
+
+/// Two candidates, the cheaper first, that together bring the fitted tests to the noise where the best of all leaves much of what the model
+/// misses: what takes most of a sum of two for itself need be neither of them.
+fn together(bench: &Bench, before: &Proof, refits: &[Refit], pair: Option<[Score; 2]>) -> Option<[usize; 2]> {
+    let [a, b] = pair.filter(|_| !trace::stopped(bench.monitor))?;
+    let best = refits.first()?.result.as_ref().ok()?;
+    let square = |p: &Proof| rms(&p.fit).0.powi(2);
+    if at_floor(rms(&best.fit)) || square(best) - 1.0 < LEFT * (square(before) - 1.0) {
+        return None;
+    }
+    let at = |s: &Score| refits.iter().position(|r| r.candidate == bench.trials[s.trial].candidate && r.result.is_ok());
+    let found = [at(&a)?, at(&b)?];
+    let both = bench.both(&a, &b).ok()?;
+    let reaches = at_floor(rms(&both.fit)) && verdict_cost(&both) < verdict_cost(best) - DECISIVE;
+    reaches.then(|| [found[0].min(found[1]), found[0].max(found[1])])
 }
 
 /// What is taken of the refitted candidates.
@@ -131,8 +170,9 @@ struct Chosen {
     weighed: Vec<String>,
 }
 
-/// The first in the order of their costs that has earned its place; of what cannot be told from it, the one with the fewest parameters.
-fn choose(refits: &[Refit], judge: &Judge) -> Chosen {
+/// The first of the pair, else in the order of their costs, that has earned its place; of what cannot be told from it, the one with the
+/// fewest parameters.
+fn choose(refits: &[Refit], pair: Option<[usize; 2]>, judge: &Judge) -> Chosen {
     let mut weighed = vec![String::new(); refits.len()];
     let mut earned = |k: usize| {
         let Ok(proof) = &refits[k].result else { return false };
@@ -140,7 +180,7 @@ fn choose(refits: &[Refit], judge: &Judge) -> Chosen {
         weighed[k] = text;
         earned
     };
-    let mut winner = (0..refits.len()).find(|k| earned(*k));
+    let mut winner = pair.into_iter().flatten().chain(0..refits.len()).find(|k| earned(*k));
     let mut ties = vec![];
     if let Some((w, best)) = winner.and_then(|w| Some((w, refits[w].result.as_ref().ok()?))) {
         ties = (0..refits.len()).filter(|k| *k != w && refits[*k].result.as_ref().is_ok_and(|p| tied(best, p))).take(TIES).collect();

@@ -7,6 +7,7 @@ use crate::response::Plan;
 
 use super::candidates::{Scene, candidates};
 use super::case::{Case, Fitted};
+use super::exchange::Swap;
 use super::refit::{Bench, best_per_candidate, cost, whitened};
 use super::results::{EffectAt, Missing, SplitName};
 use super::score::score;
@@ -14,14 +15,6 @@ use super::{DiagnoseError, Search};
 
 /// Simpler laws that are refitted for each that ends at a bound.
 const REFITS: usize = 3;
-
-/// What took the place of what.
-pub struct Swap {
-    /// The simpler law.
-    pub added: EffectAt,
-    /// The law that ended at a bound of its shape.
-    pub removed: EffectAt,
-}
 
 /// Looks at the effects from index `base` on, which the search has added (`missing`, in their order); the first that a simpler law replaces at a rise of the cost
 /// below `worth` per parameter saved is replaced.
@@ -66,7 +59,7 @@ pub fn simplify(
         let scores = score(&fits, &without, &trials, &vec![false; free], &[], case.seed)?.list;
         let picked: Vec<_> = best_per_candidate(&scores, &trials).into_iter().take(REFITS).collect();
         let bench = Bench { case: &narrow, base: &without, names: &names, trials: &trials, monitor };
-        let refits = bench.refit_all(&picked, &scores, watch);
+        let refits = bench.refit_all(&picked, &scores, None, watch);
         let rise = |r: &super::refit::Refit| r.result.as_ref().map_or(f64::INFINITY, |p| cost(&p.fit) + cost(&p.select) - now);
         let Some(best) = refits.into_iter().min_by(|a, b| rise(a).total_cmp(&rise(b))) else { continue };
         let (rise, name) = (rise(&best), &names[best.candidate]);
@@ -77,6 +70,7 @@ pub fn simplify(
         let swap = Swap {
             added: EffectAt { effect: name.effect.into(), at: name.at.clone() },
             removed: EffectAt { effect: info.name.into(), at: old.at.clone() },
+            tied: None,
         };
         watch(&format!("{} at {} takes the place of {}, which ended at a bound", swap.added.effect, swap.added.at, swap.removed.effect));
         missing.remove(k - base);
