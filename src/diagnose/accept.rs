@@ -25,9 +25,9 @@ pub fn rms(w: &Whitened) -> (f64, usize) {
     ((2.0 * cost(w) / n.max(1) as f64).sqrt(), n)
 }
 
-/// Whether these residuals are far from the noise.
-pub fn far(w: &Whitened) -> bool {
-    rms(w).0 > FAR
+/// Whether a root mean square of whitened residuals is far from the noise.
+pub fn far(rms: f64) -> bool {
+    rms > FAR
 }
 
 /// Mean improvement of the squared whitened residual and its standard error, paired over chunks of every test.

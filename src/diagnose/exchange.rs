@@ -2,17 +2,21 @@
 //! for the friction that the other hid. Once the other is there, what the effect competed with is held against it again.
 
 use crate::identify::Monitor;
-use crate::model::Instance;
+use crate::model::{Instance, System};
 use crate::parallel;
 
-use super::accept::{DECISIVE, tied, verdict_cost};
+use super::accept::{DECISIVE, far, tied, verdict_cost};
 use super::candidates::Name;
 use super::case::{Case, Fitted};
-use super::refit::{Proof, prove};
+use super::refit::{Proof, looked, prove};
 use super::results::{EffectAt, Missing};
 
 /// Rivals of an added effect that are held against it again.
 pub const RIVALS: usize = 4;
+
+/// Part of the cost that an exchange must take away where the model is far from the noise. There it is the place that may be wrong: laws at
+/// one place then differ by what none of them has.
+const WORTH_FAR: f64 = 0.1;
 
 /// What an added effect was weighed against, the cheapest first.
 pub struct Rivals {
@@ -22,6 +26,16 @@ pub struct Rivals {
     pub list: Vec<(Name, Instance)>,
 }
 
+/// A candidate as it was fitted, with those that the tests do not tell from it.
+pub struct Tied {
+    /// The candidate.
+    pub name: Name,
+    /// Its fit.
+    pub best: Fitted,
+    /// The others.
+    pub rivals: Vec<(Name, Fitted)>,
+}
+
 /// What took the place of what.
 pub struct Swap {
     /// The new law.
@@ -29,11 +43,12 @@ pub struct Swap {
     /// The old one.
     pub removed: EffectAt,
     /// The new one, fitted, and what is tied with it.
-    pub tied: Option<(Name, Fitted, Vec<(Name, Fitted)>)>,
+    pub tied: Option<Tied>,
 }
 
 /// Holds the effects that were added before the last (instances from `base` on, named by `missing` in their order) against their rivals,
-/// with all the others in place, and makes the exchange that lowers the cost on fit and select most, by [`DECISIVE`] at least.
+/// with all the others in place, and makes the exchange that lowers the cost on fit and select most: by [`DECISIVE`] at least; where the
+/// model is far from the noise by a tenth, and only rivals at other places are tried.
 pub fn exchange(
     case: &Case,
     fitted: &mut Fitted,
@@ -48,31 +63,47 @@ pub fn exchange(
     let own = |k: usize| rivals.iter().find(|r| r.of.effect == missing[k].effect && r.of.at == missing[k].at);
     let stands = |n: &Name| system.instances.iter().any(|i| i.name() == n.effect && i.at == n.at);
     let earlier = (0..missing.len().saturating_sub(1)).filter(|k| !targeted(base + k));
-    let trials: Vec<(usize, &Name, &Instance)> =
-        earlier.filter_map(|k| Some((k, own(k)?))).flat_map(|(k, r)| r.list.iter().map(move |(n, i)| (k, n, i))).filter(|t| !stands(t.1)).collect();
+    let trials: Vec<(usize, &Name, &Instance)> = earlier
+        .filter_map(|k| Some((k, own(k)?)))
+        .flat_map(|(k, r)| r.list.iter().map(move |(n, i)| (k, n, i)))
+        .filter(|t| !stands(t.1))
+        .collect();
+    let n = fitted.outcome.n_residuals.max(1);
+    let far = far((2.0 * fitted.outcome.cost / n as f64).sqrt());
+    let trials: Vec<_> = trials.into_iter().filter(|(k, name, _)| !far || name.at != missing[*k].at).collect();
     if trials.is_empty() || monitor.stops() {
         return None;
     }
     watch(&format!("holding {} rivals of earlier effects against them again", trials.len()));
-    let now = prove(case, system, monitor).ok()?;
-    let tried = |(k, _, instance): &(usize, &Name, &Instance)| -> Option<Proof> {
-        let mut system = now.fitted.system.clone();
+    // Which can be better shows after some steps, and in coarser ones.
+    let rough = case.coarser();
+    let rough = rough.as_ref().unwrap_or(case);
+    let here = looked(rough, system, monitor)?;
+    let look = |(k, _, instance): &(usize, &Name, &Instance)| -> Option<System> {
+        let mut system = here.system.clone();
         system.instances[base + k] = (*instance).clone();
-        prove(case, &system, monitor).ok()
+        let found = looked(rough, &system, monitor)?;
+        (found.outcome.cost < here.outcome.cost).then_some(found.system)
     };
-    let proofs = parallel::map(&trials, tried);
+    let better = parallel::map(&trials, look);
+    if better.iter().all(Option::is_none) {
+        return None;
+    }
+    let now = prove(case, system, monitor).ok()?;
+    let proofs: Vec<Option<Proof>> = parallel::map_into(better, |_, system| prove(case, &system?, monitor).ok());
     let costs: Vec<f64> = proofs.iter().map(|p| p.as_ref().map_or(f64::INFINITY, verdict_cost)).collect();
-    let best = (0..trials.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).filter(|b| costs[*b] < verdict_cost(&now) - DECISIVE)?;
+    let before = verdict_cost(&now);
+    let worth = if far { (WORTH_FAR * before).max(DECISIVE) } else { DECISIVE };
+    let best = (0..trials.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).filter(|b| costs[*b] < before - worth)?;
     let (k, name, _) = trials[best];
     let proof = proofs[best].as_ref()?;
     let others = (0..trials.len()).filter(|t| *t != best && trials[*t].0 == k);
-    let ties: Vec<(Name, Fitted)> = others
-        .filter_map(|t| Some((trials[t].1.clone(), proofs[t].as_ref().filter(|p| tied(proof, p))?.fitted.clone())))
-        .collect();
+    let ties: Vec<(Name, Fitted)> =
+        others.filter_map(|t| Some((trials[t].1.clone(), proofs[t].as_ref().filter(|p| tied(proof, p))?.fitted.clone()))).collect();
     let swap = Swap {
         added: EffectAt { effect: name.effect.into(), at: name.at.clone() },
         removed: EffectAt { effect: missing[k].effect.clone(), at: missing[k].at.clone() },
-        tied: Some((name.clone(), proof.fitted.clone(), ties.clone())),
+        tied: Some(Tied { name: name.clone(), best: proof.fitted.clone(), rivals: ties.clone() }),
     };
     watch(&format!(
         "{} at {} takes the place of {} at {}, now that {} at {} is there",

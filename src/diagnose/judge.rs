@@ -52,7 +52,7 @@ impl<'a> Judge<'a> {
         if let Some(test) = self.own_test(proof) {
             return self.earned_on(test, gain > priced, proof);
         }
-        if far(&self.before.fit) && gain < WORTH_FAR * cost(&self.before.fit) {
+        if far(rms(&self.before.fit).0) && gain < WORTH_FAR * cost(&self.before.fit) {
             return (false, "; next to nothing of a misfit that is far from the noise".into());
         }
         if !self.before.select.is_empty() {

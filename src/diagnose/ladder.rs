@@ -239,7 +239,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             tied_with: ties.iter().map(|n| format!("{} at {}", n.effect, n.at)).collect(),
         });
         // A model far from the noise is fitted no closer than that shows; near it the last digits count.
-        let coarse = far(&proof.fit);
+        let coarse = far(rms(&proof.fit).0);
         let as_close_as_it_shows = |case: &Case| Case { coarse, ..case.clone() };
         let mut system = proof.fitted.system;
         let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
@@ -267,8 +267,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             };
             let Some(swap) = swap else { continue };
             let mut removed = vec![swap.removed];
-            if let Some((name, best, ties)) = swap.tied {
-                ties_left.extend(Tie::new(&searched, &name, &best, &ties));
+            if let Some(tied) = swap.tied {
+                ties_left.extend(Tie::new(&searched, &tied.name, &tied.best, &tied.rivals));
                 removed.extend(prune(&searched, &mut fitted.system, base_instances, &mut missing, monitor, watch));
             }
             fitted = as_close_as_it_shows(&case).fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;

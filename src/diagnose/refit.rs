@@ -336,6 +336,11 @@ fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) ->
     }
 }
 
+/// The first iterations of a fit.
+pub fn looked(case: &Case, system: &System, monitor: &Monitor) -> Option<Fitted> {
+    fit_some(case, system, CHOICE + FIRST_LOOK, monitor).ok()
+}
+
 /// Fits a system and holds it against the select tests.
 pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, String> {
     proof(case, fit_some(case, system, REFIT_ITERATIONS, monitor)?)

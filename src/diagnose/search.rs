@@ -8,10 +8,10 @@ use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::{Case, Fitted};
 use super::exchange::RIVALS;
 use super::judge::Judge;
+use super::picks::{self, REFITS};
 use super::refit::{Bench, Proof, Refit, best_per_candidate, cost, proof};
 use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
 use super::score::{Score, Scores, score};
-use super::picks::{self, REFITS};
 use super::{DiagnoseError, trace};
 
 /// Candidates tied with the best that are named at most.
