@@ -37,6 +37,9 @@ pub(super) struct Args {
     /// Writes every case that was not found into DIR, as a study with its truth
     #[arg(long, value_name = "DIR")]
     pub write: Option<PathBuf>,
+    /// Writes case N alone, found or not, and runs none
+    #[arg(long, value_name = "N", requires = "write", conflicts_with = "resume")]
+    pub case: Option<u32>,
     /// One JSON object on stdout, everything else on stderr
     #[arg(long)]
     pub json: bool,
@@ -64,6 +67,13 @@ fn structure(text: &str) -> Result<Structure, String> {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let drawn = Options { seed: args.seed, kinds: args.kinds.clone(), structure: args.models };
+    if let (Some(index), Some(dir)) = (args.case, &args.write) {
+        let folder = dir.join(format!("case-{index}"));
+        trial::write_case(&drawn, index as usize, None, &folder)?;
+        let text = format!("Case {index} of seed {}: {}\n", drawn.seed, folder.display());
+        return Ok(Outcome { json: json!({ "case": index, "seed": drawn.seed, "folder": folder.display().to_string() }), text, code: 0 });
+    }
     super::session::threads(args.threads)?;
     let flag = interrupt_flag()
         .map_err(|e| Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers"))?;
@@ -77,8 +87,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         None => {
             let folder = args.out.clone().unwrap_or_else(|| format!("runs/trial-{}", args.seed).into());
-            let options = Options { seed: args.seed, kinds: args.kinds.clone(), structure: args.models };
-            (folder.clone(), Kept::create(&folder, &options)?, options, vec![])
+            (folder.clone(), Kept::create(&folder, &drawn)?, drawn, vec![])
         }
     };
     let cases = args.cases as usize;

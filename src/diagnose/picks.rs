@@ -20,8 +20,8 @@ const OF_OPINION: usize = 3;
 const LEADERS: usize = 2;
 const ELSEWHERE: usize = 6;
 /// Candidates refitted at the leader's place, with those that already are, and the part of the leader's predicted drop that they promise.
-const AT_PLACE: usize = 5;
-const RIVALS: f64 = 0.5;
+const AT_PLACE: usize = 6;
+const RIVALS: f64 = 0.2;
 
 /// By the scores, and by the second opinion. `best`: the best score of each candidate that is beyond chance, in order.
 pub fn first(best: &[Score], selected: &[(usize, f64)], trials: &[Trial]) -> Vec<Score> {

@@ -40,6 +40,8 @@ const ROUNDS: usize = 12;
 /// Largest state for which the monodromy matrix is formed.
 const SHOOT: usize = 200;
 const CYCLES: usize = 300;
+/// Cycles in which the change per cycle must halve, or it never ends: at rounding, or in a motion that does not repeat.
+const STUCK: usize = 40;
 /// Cycles of the loading path that are marched with sensitivities.
 const PATH_CYCLES: usize = 3;
 /// What a step with sensitivities costs before their first column, in columns.
@@ -65,7 +67,12 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
     let mut change = f64::INFINITY;
     let mut wait = 3;
     let mut inverse: Option<DMatrix<f64>> = None;
-    while cycles < CYCLES && change >= TOLERANCE {
+    // Least change so far, and when it was last halved.
+    let (mut least, mut halved) = (f64::INFINITY, 0);
+    while cycles < CYCLES && change >= TOLERANCE && cycles <= halved + STUCK {
+        if change < 0.5 * least {
+            (least, halved) = (change, cycles);
+        }
         let before = state.clone();
         cycle(&mut march, &mut state, &mut z, steps)?;
         cycles += 1;

@@ -15,8 +15,9 @@ use crate::model::{Bound, FreeParam, Model, System};
 use super::cycle::place_amplitudes;
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, TableForm, site};
 
-/// Steps per cycle.
-const STEPS: usize = 400;
+/// Steps per cycle at least, before [`Plan::refined`] looks whether they are enough, and at most.
+const STEPS: usize = 100;
+const MOST_STEPS: usize = 6400;
 /// Part of the travel, in the middle, over which the slope of the branch mean is taken.
 const MIDDLE: f64 = 0.6;
 
@@ -86,15 +87,38 @@ pub fn energies<T: Num>(x: &[T], f: &[T]) -> Option<Energies<T>> {
 pub struct EnergyPlan {
     rows: Vec<Row>,
     reading: Option<StoredEnergy>,
-    probes: Vec<(Probe, f64)>,
+    probe: Option<Probe>,
+    /// Steps per cycle.
+    steps: usize,
 }
 
 #[derive(Clone, Debug)]
 struct Row {
+    /// What drives the cycle, the driven degree of freedom with the sign of the channel.
+    drive: (Control, usize, f64),
+    /// Least and greatest of the drive [N or m], frequency [Hz].
+    limits: (f64, f64),
+    frequency: f64,
+    /// One cycle in the steps of the plan.
     loads: Loads,
     conditions: BTreeMap<String, f64>,
     dissipated: bool,
     stored: bool,
+}
+
+impl Row {
+    fn sampled(self, steps: usize) -> Self {
+        let (low, high) = self.limits;
+        let w = TAU * self.frequency;
+        let sample = |k: usize| {
+            let (s, c) = (TAU * k as f64 / steps as f64).sin_cos();
+            let half = 0.5 * (high - low);
+            [0.5 * (high + low) + half * s, half * w * c, -half * w * w * s]
+        };
+        let samples: Vec<[f64; 3]> = (0..=steps).map(sample).collect();
+        let (control, dof, sign) = self.drive;
+        Row { loads: site::loads(control, dof, sign, 1.0 / (self.frequency * steps as f64), &samples), ..self }
+    }
 }
 
 impl EnergyPlan {
@@ -104,11 +128,7 @@ impl EnergyPlan {
             return Err(ResponseError::invalid(&id, "the limits of the cycle are not known", "force_min and force_max, or the like"));
         };
         let drive = site::driven(model, &table.at, &id)?;
-        let place = match site::seat(model, &table.at)? {
-            site::Seat::Dof(d) if table.control == Control::Displacement => (Probe::Reaction(d), 1.0),
-            _ => (Probe::Dof(drive.0), drive.1),
-        };
-        let other = if table.control == Control::Displacement { (Probe::Reaction(drive.0), drive.1) } else { place };
+        let probe = if table.control == Control::Displacement { Probe::Reaction(drive.0) } else { Probe::Dof(drive.0) };
         let (mut rows, mut values, mut sigmas, mut labels) = (vec![], vec![], vec![], vec![]);
         for row in &table.rows {
             let f = row.frequency.ok_or_else(|| {
@@ -118,14 +138,6 @@ impl EnergyPlan {
                     "frequency = \"1 Hz\" in every row",
                 )
             })?;
-            let samples: Vec<[f64; 3]> = (0..=STEPS)
-                .map(|k| {
-                    let (s, c) = (TAU * k as f64 / STEPS as f64).sin_cos();
-                    let (half, w) = (0.5 * (high - low), TAU * f);
-                    [0.5 * (high + low) + half * s, half * w * c, -half * w * w * s]
-                })
-                .collect();
-            let loads = site::loads(table.control, drive.0, drive.1, 1.0 / (f * STEPS as f64), &samples);
             let conditions = plan.conditions.clone().into_iter().chain(row.conditions.iter().map(|(k, c)| (k.clone(), c.value))).collect();
             for (name, value) in [("W_D", &row.dissipated), ("W_s", &row.stored)] {
                 if let Some(v) = value {
@@ -137,7 +149,16 @@ impl EnergyPlan {
                     sigmas.push(deviation(v) / v.value);
                 }
             }
-            rows.push(Row { loads, conditions, dissipated: row.dissipated.is_some(), stored: row.stored.is_some() });
+            let row = Row {
+                drive: (table.control, drive.0, drive.1),
+                limits: (low, high),
+                frequency: f,
+                loads: Loads::default(),
+                conditions,
+                dissipated: row.dissipated.is_some(),
+                stored: row.stored.is_some(),
+            };
+            rows.push(row.sampled(STEPS));
         }
         if table.rows.iter().any(|r| r.stored.is_some()) && table.stored.is_none() {
             plan.notes.push("the table does not say what W_s was evaluated as: read as dF^2/(2 k_s) over the middle 60 % of travel".into());
@@ -169,16 +190,31 @@ impl EnergyPlan {
             };
             plan.add_block(block, picked.iter().map(|k| values[*k]).collect(), picked.iter().map(|k| sigmas[*k]).collect());
         }
-        Ok(EnergyPlan { rows, reading: table.stored, probes: vec![other] })
+        Ok(EnergyPlan { rows, reading: table.stored, probe: Some(probe), steps: STEPS })
+    }
+
+    /// The same rows in twice the steps; `None` where there are as many as there may be.
+    pub(super) fn finer(&self) -> Option<Self> {
+        (self.steps < MOST_STEPS).then(|| self.marched(2 * self.steps))
+    }
+
+    /// The same rows in this part of the steps, though never in fewer than they began with; `None` where they have no more.
+    pub(super) fn coarser(&self, part: usize) -> Option<Self> {
+        let steps = (self.steps / part).max(STEPS);
+        (steps < self.steps).then(|| self.marched(steps))
+    }
+
+    fn marched(&self, steps: usize) -> Self {
+        EnergyPlan { rows: self.rows.iter().map(|r| r.clone().sampled(steps)).collect(), steps, ..self.clone() }
     }
 
     pub(super) fn periods(&self) -> (f64, f64) {
-        let periods = self.rows.iter().map(|r| r.loads.dt * STEPS as f64);
+        let periods = self.rows.iter().map(|r| 1.0 / r.frequency);
         periods.fold((f64::INFINITY, 0.0), |(lo, hi), t| (lo.min(t / 5.0), hi.max(t)))
     }
 
     fn cycle(&self, row: &Row, model: &Model, bound: &Bound, id: &str, slopes: bool) -> Result<Cycle, ResponseError> {
-        periodic(model, bound, &row.loads, &[self.probes[0].0], slopes).map_err(|source| ResponseError::Engine { test: id.into(), source })
+        periodic(model, bound, &row.loads, self.probe.as_slice(), slopes).map_err(|source| ResponseError::Engine { test: id.into(), source })
     }
 
     pub(super) fn evaluate(
@@ -203,7 +239,7 @@ impl EnergyPlan {
             let reading = self.reading.unwrap_or(StoredEnergy::Slope);
             let run = |k: Option<usize>| {
                 let out: Vec<Dual64> =
-                    (0..STEPS).map(|s| Dual64::new(cycle.values[0][s], k.map_or(0.0, |k| cycle.slopes[0][s * n_free + k]))).collect();
+                    (0..self.steps).map(|s| Dual64::new(cycle.values[0][s], k.map_or(0.0, |k| cycle.slopes[0][s * n_free + k]))).collect();
                 let drive: Vec<Dual64> = driven.iter().map(|d| Dual64::from_re(*d)).collect();
                 let e = if force_driven { energies(&out, &drive) } else { energies(&drive, &out) };
                 e.map(|e| (e.dissipated, e.stored(reading), e.force_range.re * e.travel.re)).ok_or_else(|| {

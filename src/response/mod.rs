@@ -297,6 +297,7 @@ impl Plan {
             let finer = match &now.work {
                 Work::Cycle(cycle) => cycle.finer().map(Work::Cycle),
                 Work::Transient(record) => record.finer().map(Work::Transient),
+                Work::Energy(table) => table.finer().map(Work::Energy),
                 _ => None,
             };
             let Some(finer) = finer else { return best };
@@ -328,6 +329,7 @@ impl Plan {
                 (coarser.steps() < cycle.steps()).then_some(Work::Cycle(coarser))
             }
             Work::Transient(record) => record.coarser(4).map(Work::Transient),
+            Work::Energy(table) => table.coarser(4).map(Work::Energy),
             _ => None,
         };
         work.map(|work| Plan { work, ..self.clone() })
