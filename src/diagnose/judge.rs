@@ -21,6 +21,8 @@ const WORTH_ALONE: f64 = 0.1;
 const WORTH_FAR: f64 = 0.01;
 /// Part of what a test shows beyond the noise that an error of its own instrument must explain.
 const OWN_PART: f64 = 0.5;
+/// Part of what it gains on the fitted tests that it may cost on the select tests.
+const LITTLE: f64 = 0.1;
 
 /// What candidates are judged against.
 pub struct Judge<'a> {
@@ -43,7 +45,7 @@ impl<'a> Judge<'a> {
     /// hardly show the effect they cannot, and then it must bring the fit tests from beyond the noise down to it, or hold in parts of the
     /// fit tests that it was not fitted to. So it must where there are no select tests; with one test alone the fall must be worth the
     /// name. An error of the instrument of one fitted test shows nowhere else: there the cost must fall by more than Schwarz's price and
-    /// the select tests must not object.
+    /// the select tests must not object, or by a small part of that fall.
     pub fn earned(&self, proof: &Proof) -> (bool, String) {
         let gain = cost(&self.before.fit) - cost(&proof.fit);
         let added = (proof.fitted.free.len() - self.before.fitted.free.len()) as f64;
@@ -74,6 +76,17 @@ impl<'a> Judge<'a> {
         self.elsewhere(proof).unwrap_or_else(|| (gain > WORTH_ALONE * cost(&self.before.fit), String::new()))
     }
 
+    /// Mean improvement of the squared residual on the tests that decide; none of an error of one test's instrument, which no other test
+    /// shows.
+    pub fn gain(&self, proof: &Proof) -> Option<f64> {
+        let improved = if proof.select.is_empty() {
+            improvement(&self.before.fit, &proof.fit)
+        } else {
+            improvement(&self.before.select, &proof.select)
+        };
+        self.own_test(proof).is_none().then_some(improved.0)
+    }
+
     /// Whether it holds in parts of the fit tests that it was not fitted to; none where there is but one.
     fn elsewhere(&self, proof: &Proof) -> Option<(bool, String)> {
         let folds = || cross_validated(self.case, &self.before.fitted.system, self.monitor).ok();
@@ -98,7 +111,9 @@ impl<'a> Judge<'a> {
         let (before, after) = (square(&self.before.fit[test]), square(&proof.fit[test]));
         let explained = before - after > OWN_PART * (before - 1.0);
         let (mean, error) = improvement(&self.before.select, &proof.select);
-        let borne = proof.select.is_empty() || mean >= -STANDARD_ERRORS * error;
+        let loss = cost(&proof.select) - cost(&self.before.select);
+        let gain = cost(&self.before.fit) - cost(&proof.fit);
+        let borne = proof.select.is_empty() || mean >= -STANDARD_ERRORS * error || loss < LITTLE * gain;
         (worth && explained && borne, format!("; its own test from {before:.3} to {after:.3}"))
     }
 }

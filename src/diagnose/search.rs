@@ -24,6 +24,9 @@ pub const SURE: f64 = 1e-3;
 /// Part of what the model misses, as an excess of squares over the noise, that the best candidate must leave for two to be tried at once.
 const LEFT: f64 = 0.03;
 
+/// Times a decisive difference of cost by which a candidate takes the place of one that has earned it.
+const SURELY: f64 = 2.0;
+
 /// What one step found.
 pub struct Step {
     /// Every candidate that was weighed, best first.
@@ -174,18 +177,30 @@ struct Chosen {
 /// fewest parameters.
 fn choose(refits: &[Refit], pair: Option<[usize; 2]>, judge: &Judge) -> Chosen {
     let mut weighed = vec![String::new(); refits.len()];
-    let mut earned = |k: usize| {
+    let earned = |k: usize, weighed: &mut [String]| {
         let Ok(proof) = &refits[k].result else { return false };
         let (earned, text) = judge.earned(proof);
         weighed[k] = text;
         earned
     };
-    let mut winner = pair.into_iter().flatten().chain(0..refits.len()).find(|k| earned(*k));
+    let mut winner = pair.into_iter().flatten().chain(0..refits.len()).find(|k| earned(*k, &mut weighed));
+    // What costs decisively less and improves the tests that decide by no less is the better reason for what the winner has proved.
+    let proof = |k: usize| refits[k].result.as_ref().ok();
+    if let Some(w) = winner.filter(|_| pair.is_none())
+        && let Some(best) = proof(w)
+    {
+        let better =
+            |p: &Proof| verdict_cost(p) < verdict_cost(best) - SURELY * DECISIVE && judge.gain(p) >= judge.gain(best).or(Some(0.0));
+        if let Some(k) = (0..w).find(|k| proof(*k).is_some_and(better)) {
+            weighed[k] += "; decisively cheaper than what has proved itself, and no worse there";
+            winner = Some(k);
+        }
+    }
     let mut ties = vec![];
     if let Some((w, best)) = winner.and_then(|w| Some((w, refits[w].result.as_ref().ok()?))) {
         ties = (0..refits.len()).filter(|k| *k != w && refits[*k].result.as_ref().is_ok_and(|p| tied(best, p))).take(TIES).collect();
         let size = |k: usize| refits[k].result.as_ref().map_or(usize::MAX, |p| p.fitted.free.len());
-        if let Some(t) = (0..ties.len()).filter(|t| size(ties[*t]) < size(w)).find(|t| earned(ties[*t])) {
+        if let Some(t) = (0..ties.len()).filter(|t| size(ties[*t]) < size(w)).find(|t| earned(ties[*t], &mut weighed)) {
             winner = Some(std::mem::replace(&mut ties[t], w));
         }
     }
