@@ -92,6 +92,8 @@ impl Link {
 pub struct March<'a> {
     bound: &'a Bound,
     loads: &'a Loads,
+    /// Length of the step at hand [s].
+    dt: f64,
     mass: Vec<f64>,
     /// Index among the free degrees of freedom; `None` where prescribed.
     free: Vec<Option<usize>>,
@@ -141,6 +143,8 @@ const ITERATIONS: usize = 120;
 const PATIENCE: usize = 30;
 /// Fall of the residual per iteration at which kept factors no longer serve.
 const SLOW: f64 = 0.1;
+/// A step is taken in parts down to twice this.
+const LEAST_PART: f64 = 0.02;
 /// Shortest part of a Newton step.
 const SHORTEST: f64 = 1e-4;
 
@@ -185,6 +189,7 @@ impl<'a> March<'a> {
         let mut march = March {
             bound,
             loads,
+            dt: loads.dt,
             // The inertia of parts that turn depends on where they are.
             mass: model.dofs.iter().map(|d| if model.space.is_some() { 0.0 } else { d.mass }).collect(),
             spatial: Spatial::new(model, joints, &layout, &free)?,
@@ -224,7 +229,7 @@ impl<'a> March<'a> {
     }
 
     fn rates(&self) -> Rates {
-        self.alpha.rates(self.loads.dt)
+        self.alpha.rates(self.dt)
     }
 
     /// Rest, at step 0 of the loads for what is prescribed, with `columns` sensitivities of zero.
@@ -272,7 +277,7 @@ impl<'a> March<'a> {
 
     /// Sums the elements at trial motion `q, v, a` into the internal forces; with `newton` also the tangent matrix.
     fn internal(&mut self, state: &mut State, stage: Stage, force: &mut [f64]) -> f64 {
-        let (dt, rates) = (self.loads.dt, self.rates());
+        let (dt, rates) = (self.dt, self.rates());
         force.fill(0.0);
         let mut scale = 0.0;
         self.new_s.copy_from_slice(&self.old.s);
@@ -317,30 +322,48 @@ impl<'a> March<'a> {
         scale
     }
 
-    /// One step, to the loads at index `k`.
+    /// One step, to the loads at index `k`. Where large rotations leave no equilibrium to be found at its end, it is taken in halves.
     pub fn step(&mut self, k: usize, state: &mut State, columns: usize) -> Result<(), EngineError> {
         let mut force = std::mem::take(&mut self.force);
-        let done = self.advance(k, state, columns, &mut force);
+        let done = self.parts(k, (0.0, 1.0), state, columns, &mut force);
         self.force = force;
         done
     }
 
-    fn advance(&mut self, k: usize, state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
-        let (dt, alpha, n) = (self.loads.dt, self.alpha, self.mass.len());
+    /// From one part of the step to another.
+    fn parts(&mut self, k: usize, (from, to): (f64, f64), state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
+        self.dt = (to - from) * self.loads.dt;
+        match self.advance(k, to, state, columns, force) {
+            Err(EngineError::NoEquilibrium { .. } | EngineError::NotFinite { .. }) if self.spatial.is_some() && to - from > LEAST_PART => {
+                state.clone_from(&self.old);
+                self.keep = false;
+                let middle = 0.5 * (from + to);
+                self.parts(k, (from, middle), state, columns, force)?;
+                self.parts(k, (middle, to), state, columns, force)
+            }
+            done => done,
+        }
+    }
+
+    /// A step of `self.dt` that ends at the part `to` of the way to the loads at index `k`.
+    fn advance(&mut self, k: usize, to: f64, state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
+        let (dt, alpha, n) = (self.dt, self.alpha, self.mass.len());
         let steps = self.loads.prescribed.first().map(|p| p.1.len()).or(self.loads.forces.first().map(|f| f.1.len())).unwrap_or(1) - 1;
+        let along = |before: f64, after: f64| if to < 1.0 { before + to * (after - before) } else { after };
         self.old.clone_from(state);
         self.external.fill(0.0);
         for (dof, f) in &self.constant {
             self.external[*dof] += f;
         }
         for (dof, path) in &self.loads.forces {
-            self.external[*dof] += path[k];
+            self.external[*dof] += along(path[k - 1], path[k]);
         }
         if let Some(spatial) = &mut self.spatial {
             spatial.begin(&self.old);
         }
         for (dof, path) in &self.loads.prescribed {
-            (state.q[*dof], state.v[*dof], state.a[*dof]) = (path[k][0], path[k][1], path[k][2]);
+            let [q, v, a] = [0, 1, 2].map(|i| along(path[k - 1][i], path[k][i]));
+            (state.q[*dof], state.v[*dof], state.a[*dof]) = (q, v, a);
         }
         let update = |state: &mut State, old: &State, dofs: &[usize]| {
             for &d in dofs {

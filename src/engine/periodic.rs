@@ -50,6 +50,8 @@ const STEP: usize = 8;
 const CHORD: f64 = 0.3;
 /// Spectral radius at infinite frequency: little error of second order in what is resolved, and damping of what is not.
 const RADIUS: f64 = 0.7;
+/// The same of a large system, most of whose modes are not resolved: they vanish at once.
+const STIFF_RADIUS: f64 = 0.0;
 
 /// Marches to the steady cycle. `loads` holds one cycle: its first and last sample are equal.
 pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], sensitivities: bool) -> Result<Cycle, EngineError> {
@@ -59,10 +61,11 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
     let mut march = March::new(model, bound, loads, RADIUS)?;
     let mut z = Shooting::new(&march, &march.rest(0));
     if z.len() > SHOOT {
-        let state = ramp(model, bound, loads, rise, columns)?;
+        march = March::new(model, bound, loads, STIFF_RADIUS)?;
+        let state = ramp(model, bound, loads, rise, columns, STIFF_RADIUS)?;
         return repeated(&mut march, state, &mut z, steps, probes, columns);
     }
-    let mut state = ramp(model, bound, loads, rise, 0)?;
+    let mut state = ramp(model, bound, loads, rise, 0, RADIUS)?;
     let mut cycles = 0;
     let mut change = f64::INFINITY;
     let mut wait = 3;
@@ -150,7 +153,7 @@ struct Path<'a> {
 
 impl Path<'_> {
     fn march(&self, march: &mut March, steps: usize) -> Result<State, EngineError> {
-        let mut state = ramp(self.model, self.bound, self.loads, self.rise, self.columns)?;
+        let mut state = ramp(self.model, self.bound, self.loads, self.rise, self.columns, RADIUS)?;
         for _ in 0..self.cycles {
             for k in 1..=steps {
                 march.step(k, &mut state, self.columns)?;
@@ -207,7 +210,7 @@ fn length(loads: &Loads) -> usize {
 }
 
 /// From rest to the loads at the start of the cycle along a smooth monotonic path, with `columns` sensitivities.
-fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize, columns: usize) -> Result<State, EngineError> {
+fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize, columns: usize, radius: f64) -> Result<State, EngineError> {
     let rise = |k: usize| {
         let t = k as f64 / steps as f64;
         let per_step = 1.0 / (steps as f64 * loads.dt);
@@ -226,7 +229,7 @@ fn ramp(model: &Model, bound: &Bound, loads: &Loads, steps: usize, columns: usiz
             .map(|(d, f)| (d, (0..=steps).map(|k| f * rise(k).0).collect()))
             .collect(),
     };
-    let mut march = March::loading(model, bound, &path, RADIUS)?;
+    let mut march = March::loading(model, bound, &path, radius)?;
     let mut state = march.rest(columns);
     for k in 1..=steps {
         march.step(k, &mut state, columns)?;

@@ -60,7 +60,7 @@ impl March<'_> {
     }
 
     fn differentiate(&mut self, spatial: Option<&Spatial>, state: &mut State, columns: usize) -> Result<(), EngineError> {
-        let (dt, n) = (self.loads.dt, self.mass.len());
+        let (dt, n) = (self.dt, self.mass.len());
         let rates = self.rates();
         // Parts of dw', dv', da' that do not depend on dq': stored where these will stand.
         state.dq[..n * columns].fill(0.0);

@@ -128,7 +128,7 @@ impl JointWork {
 impl March<'_> {
     /// The spatial counterpart of the sum over the elements; inertia included.
     pub(super) fn internal_spatial(&mut self, spatial: &mut Spatial, state: &mut State, stage: Stage, force: &mut [f64]) -> f64 {
-        let (dt, rates) = (self.loads.dt, self.rates());
+        let (dt, rates) = (self.dt, self.rates());
         let mut scale = 0.0;
         spatial.pose(&state.q);
         for work in &mut spatial.joints {
