@@ -468,17 +468,6 @@ impl<'a> March<'a> {
     }
 }
 
-/// Sum of the products. By index: an iterator's adapters are not inlined everywhere.
-#[inline]
-fn inner(a: &[f64], b: &[f64]) -> f64 {
-    let n = a.len().min(b.len());
-    let (a, b, mut sum) = (&a[..n], &b[..n], 0.0);
-    for k in 0..n {
-        sum += a[k] * b[k];
-    }
-    sum
-}
-
 /// Adds a stiffness between two degrees of freedom, at the slots that are free: (to, to), (from, from), (to, from), (from, to).
 #[inline]
 fn add_link(matrix: &mut BlockTri<f64>, slots: &[Option<usize>; 4], k: f64) {

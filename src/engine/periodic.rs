@@ -42,6 +42,8 @@ const SHOOT: usize = 200;
 const CYCLES: usize = 300;
 /// Cycles in which the change per cycle must halve, or it never ends: at rounding, or in a motion that does not repeat.
 const STUCK: usize = 40;
+/// The same of a large system, each cycle of which takes its time.
+const STUCK_LARGE: usize = 10;
 /// Cycles of the loading path that are marched with sensitivities.
 const PATH_CYCLES: usize = 3;
 /// What a step with sensitivities costs before their first column, in columns.
@@ -173,23 +175,28 @@ fn repeated(
     columns: usize,
 ) -> Result<Cycle, EngineError> {
     let (mut steady, mut followed, mut waited) = (false, false, 0);
+    let (mut least, mut halved) = (f64::INFINITY, 0);
     let mut before = z.pack_columns(&state, columns);
     for cycles in 1..=CYCLES {
         let start = state.clone();
         let mut cycle = record_with(march, &mut state, steps, probes, columns, Some(z))?;
         let change = z.slow_change(&start, &state);
+        if change < 0.5 * least {
+            (least, halved) = (change, cycles);
+        }
         steady |= change < REPEATS;
         let after = z.pack_columns(&state, columns);
         let settled = (0..columns).all(|c| (before.column(c) - after.column(c)).amax() <= SENSED * after.column(c).amax());
         before = after;
         waited += usize::from(steady);
+        let last = cycles == CYCLES || cycles > halved + STUCK_LARGE;
         if steady && !state.fs.is_empty() && !followed {
             follow(march, &mut state, steps)?;
             followed = true;
-        } else if steady && (settled || waited > ROUNDS) || (cycles == CYCLES && change <= 1e-6) {
+        } else if steady && (settled || waited > ROUNDS) || (last && change <= 1e-6) {
             cycle.cycles = cycles;
             return Ok(cycle);
-        } else if cycles == CYCLES {
+        } else if last && !steady {
             return Err(EngineError::NotPeriodic { change, cycles });
         }
     }

@@ -17,7 +17,7 @@ use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, TableFor
 
 /// Steps per cycle at least, before [`Plan::refined`] looks whether they are enough, and at most.
 const STEPS: usize = 100;
-const MOST_STEPS: usize = 6400;
+const MOST_STEPS: usize = 800;
 /// Part of the travel, in the middle, over which the slope of the branch mean is taken.
 const MIDDLE: f64 = 0.6;
 

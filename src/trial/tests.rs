@@ -157,3 +157,19 @@ fn a_hit_rings_as_the_closed_form_says() {
         assert!((x - want).abs() < 5e-3 * size, "{t}: {x} {want}");
     }
 }
+
+/// A relaxing branch at one place and an inertance at another, which a springpot takes for itself one at a time; a compliance that stands
+/// as a relaxing branch one connector off until a loss at the base is there; a gain of one channel, which costs the select tests next to
+/// nothing.
+#[test]
+fn two_at_once_a_neighbour_exchanged_and_a_gain_of_one_test_are_found() {
+    let both = Options { seed: 424_243, kinds: vec![], structure: Structure::Both };
+    let two = run_case(&both, 23, &Monitor::default()).unwrap().unwrap();
+    assert!(two.truth.len() == 2 && two.strict && two.extra == 0, "{:?} {:?}", two.truth, two.said);
+    let pairs = Options { seed: 5, kinds: vec![Kind::Two], structure: Structure::Chain };
+    let exchanged = run_case(&pairs, 43, &Monitor::default()).unwrap().unwrap();
+    assert!(exchanged.strict && exchanged.extra == 0, "{:?} {:?}", exchanged.truth, exchanged.said);
+    let chains = Options { seed: 777, kinds: vec![], structure: Structure::Chain };
+    let gain = run_case(&chains, 7, &Monitor::default()).unwrap().unwrap();
+    assert!(gain.strict && gain.said == ["gain at frf-1.response"], "{:?} {:?}", gain.truth, gain.said);
+}

@@ -4,8 +4,6 @@
 //! sec. 7.3): `z = -H r`, then `z += s_(j+1) (s_j.z)/|s_j|^2` for the steps before, and `s = z / (1 - s_n.z/|s_n|^2)`. It costs a few inner
 //! products, where each evaluation that it saves costs the whole model.
 
-use super::inner;
-
 /// Steps that are remembered.
 const MOST: usize = 12;
 /// A divisor below this would leave the neighbourhood of the factors.
@@ -50,6 +48,17 @@ impl Broyden {
             self.clear();
         }
     }
+}
+
+/// Sum of the products. By index: an iterator's adapters are not inlined everywhere.
+#[inline]
+fn inner(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len().min(b.len());
+    let (a, b, mut sum) = (&a[..n], &b[..n], 0.0);
+    for k in 0..n {
+        sum += a[k] * b[k];
+    }
+    sum
 }
 
 #[cfg(test)]
