@@ -80,7 +80,10 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
         let info = effect.info();
         match info.role {
             Role::Force | Role::Series => {
-                for (at, places) in sites(system).into_iter().chain(bodies(case, system, info.family == "inertial")) {
+                for (at, places) in sites(case, system).into_iter().chain(bodies(case, system, info.family == "inertial")) {
+                    if info.role == Role::Series && !forced(system, &places) {
+                        continue;
+                    }
                     if !allowed(&at) || already(system, info.name, &places, info.params.iter().any(|p| p.kind == Kind::Shape)) {
                         continue;
                     }
@@ -96,13 +99,13 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                             continue;
                         };
                         let taken = system.instances.iter().any(|c| {
-                            c.target.as_ref().is_some_and(|t| t.instance == i && t.condition == condition) && c.name() == info.name
+                            c.target.as_ref().is_some_and(|t| t.instances.contains(&i) && t.condition == condition) && c.name() == info.name
                         });
                         if taken || !allowed(&target.at) {
                             continue;
                         }
                         let of = format!("{}.{}", target.name(), target.effect.info().params[0].name);
-                        let to = Target { instance: i, param: 0, condition: condition.clone(), reference };
+                        let to = Target { instances: vec![i], param: 0, condition: condition.clone(), reference };
                         push(
                             &mut names,
                             &mut trials,
@@ -131,8 +134,9 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
     (names, trials)
 }
 
-/// Every place of a connector (of a spatial model those where something acts), and the groups that effects of the model share.
-pub fn sites(system: &System) -> Vec<(String, Vec<usize>)> {
+/// Every place of a connector (of a spatial model those where something acts), the groups that effects of the model share, and the places
+/// and groups that the study asks for, whether anything acts there or not.
+pub fn sites(case: &Case, system: &System) -> Vec<(String, Vec<usize>)> {
     let model = &system.model;
     let acted = |p: usize| system.instances.iter().any(|i| matches!(&i.site, Site::Places(list) if list.contains(&p)));
     let there = |p: &usize| if model.space.is_some() { acted(*p) } else { model.on_connector(*p) };
@@ -145,7 +149,22 @@ pub fn sites(system: &System) -> Vec<(String, Vec<usize>)> {
             sites.push((i.at.clone(), list.clone()));
         }
     }
+    for at in case.search.places.iter().flatten() {
+        let places: Result<Vec<Vec<usize>>, _> = at.split(',').map(|one| model.places_at(one.trim())).collect();
+        let Ok(places) = places.map(|p| p.concat()) else { continue };
+        if places.iter().all(|p| model.on_connector(*p)) && !sites.iter().any(|(_, s)| *s == places) {
+            sites.push((at.clone(), places));
+        }
+    }
     sites
+}
+
+/// Whether a force acts at all of these places, for an effect in series to be in series with.
+fn forced(system: &System, places: &[usize]) -> bool {
+    let forces = |p: &usize| {
+        system.instances.iter().any(|i| i.effect.info().role == Role::Force && matches!(&i.site, Site::Places(at) if at.contains(p)))
+    };
+    places.iter().all(forces)
 }
 
 /// Bodies as places, where an effect would act between the body and the ground: those that the study asks for, and for an inertia, which a
@@ -233,8 +252,13 @@ fn shapes(effect: &Effect, places: &[usize], scene: &Scene) -> Vec<Vec<(usize, f
     let (scales, mut combinations) = (scene.at(places), vec![vec![]]);
     for (k, p) in effect.info().params.iter().enumerate().filter(|(_, p)| p.grid != Grid::None) {
         let values = p.grid.values(&scales);
-        combinations =
-            combinations.iter().flat_map(|c: &Vec<(usize, f64)>| values.iter().map(move |v| [c.as_slice(), &[(k, *v)]].concat())).collect();
+        // One setting at a time: where the band of a law begins elsewhere than it does by default, its other settings keep their defaults.
+        let elsewhere = |(j, v): &(usize, f64)| matches!(effect.info().params[*j].grid, Grid::Between(always, _) if *v != always);
+        let with = |c: &Vec<(usize, f64)>| match p.kind == Kind::Setting && c.iter().any(elsewhere) {
+            true => vec![c.clone()],
+            false => values.iter().map(|v| [c.as_slice(), &[(k, *v)]].concat()).collect(),
+        };
+        combinations = combinations.iter().flat_map(with).collect();
     }
     combinations
 }

@@ -59,7 +59,7 @@ pub fn exchange(
     watch: &(dyn Fn(&str) + Sync),
 ) -> Option<Swap> {
     let system = &fitted.system;
-    let targeted = |k: usize| system.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instance == k));
+    let targeted = |k: usize| system.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instances.contains(&k)));
     let own = |k: usize| rivals.iter().find(|r| r.of.effect == missing[k].effect && r.of.at == missing[k].at);
     let stands = |n: &Name| system.instances.iter().any(|i| i.name() == n.effect && i.at == n.at);
     let earlier = (0..missing.len().saturating_sub(1)).filter(|k| !targeted(base + k));

@@ -355,7 +355,7 @@ fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missin
             let k = base + at;
             let mut without = system.clone();
             let gone = without.instances.remove(k);
-            if without.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instance >= k)) {
+            if without.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instances.iter().any(|i| *i >= k))) {
                 return None;
             }
             let params = gone.params.iter().filter(|p| p.free).count() as f64;

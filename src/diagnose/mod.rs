@@ -20,6 +20,8 @@ mod simplify;
 mod trace;
 mod unexplained;
 
+#[cfg(test)]
+pub(crate) use candidates::{Scene, candidates};
 pub use case::{Case, Fitted, Search, compare, fit, unit_of};
 pub use error::DiagnoseError;
 pub use ladder::{diagnose, ladder};

@@ -22,6 +22,8 @@ const CHOICE: u64 = 4;
 const FIRST_LOOK: u64 = 6;
 /// A candidate is refitted in full when its cost is within this factor of the best after the first look ([`hopeful`]).
 const HOPEFUL: f64 = 10.0;
+/// Where none comes near the noise, its cost must also have fallen by this part of the best's fall.
+const FALLEN: f64 = 0.25;
 /// Iterations of a refit in full.
 const REFIT_ITERATIONS: u64 = 40;
 /// How often one that has not ended is gone on with, and the part of its cost that it must have lost the time before.
@@ -153,14 +155,25 @@ impl Bench<'_> {
             }
         }
         let looks = parallel::map_into(chosen, |_, l| l.and_then(|f| look.go_on(f, FIRST_LOOK)));
+        let count = |b: &[bool]| b.iter().filter(|b| **b).count();
         let in_full = |f: Fitted| if rough.is_some() { self.from(&f.system) } else { self.go_on(f, REFIT_ITERATIONS) };
-        let hopeful = hopeful(&looks, reached);
+        let unexplained = whitened(&look.case.plans_of(SplitName::Fit), self.base).map_or(f64::INFINITY, |w| cost(&w));
+        let hopeful = hopeful(&looks, unexplained, reached);
         let mut before: Vec<f64> = looks.iter().map(cost_of).collect();
+        let least = before.iter().copied().fold(f64::INFINITY, f64::min);
+        watch(&format!(
+            "refitting {} of {} in full: costs from {least:.4e} after a first look, {unexplained:.4e} before",
+            count(&hopeful),
+            looks.len()
+        ));
         let mut fitted = parallel::map_into(looks, |k, l| l.and_then(|f| if hopeful[k] { in_full(f) } else { Ok(f) }));
         let off = parallel::over(fitted.len(), |k| match &fitted[k] {
             Ok(f) if hopeful[k] => self.off_plateau(f),
             _ => vec![],
         });
+        if off.iter().any(|o| !o.is_empty()) {
+            watch(&format!("refitting from {} points off a plateau", off.iter().map(Vec::len).sum::<usize>()));
+        }
         self.exchange(&mut fitted, off, 0.0);
         let more_free = |(k, f): (usize, &Result<Fitted, String>)| f.as_ref().ok().filter(|_| hopeful[k]).and_then(freed);
         let more_free = fitted.iter().enumerate().map(|f| more_free(f).into_iter().collect()).collect();
@@ -181,6 +194,7 @@ impl Bench<'_> {
             if again.is_empty() {
                 break;
             }
+            watch(&format!("refitting {} further", again.len()));
             before = now;
             let further = parallel::map(&again, |k| fitted[*k].clone().and_then(|f| self.go_on(f, REFIT_ITERATIONS)));
             again.into_iter().zip(further).filter(|(_, f)| f.is_ok()).for_each(|(k, f)| fitted[k] = f);
@@ -307,16 +321,21 @@ fn among_three(mut costs: Vec<f64>) -> f64 {
     (HOPEFUL * best).min(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
 }
 
-/// What is worth a refit in full after the first look: a cost within a factor of the best, or among the best three. Once the best is at the
-/// noise the others must be within the factor, or have fewer parameters: nothing else can take its place. Where an earlier refit has
-/// `reached` a cost, what is not within the factor of it is not worth the time.
-fn hopeful(looks: &[Result<Fitted, String>], reached: Option<f64>) -> Vec<bool> {
+/// What is worth a refit in full after the first look: a cost within a factor of the best that has fallen from the `unexplained` by its part
+/// of the best's fall, or among the best three. Once the best is at the noise the others must be within the factor, or have fewer
+/// parameters: nothing else can take its place. Where an earlier refit has `reached` a cost, what is not within the factor of it is not
+/// worth the time.
+fn hopeful(looks: &[Result<Fitted, String>], unexplained: f64, reached: Option<f64>) -> Vec<bool> {
     let mut order: Vec<&Fitted> = looks.iter().flatten().collect();
     order.sort_by(|a, b| a.outcome.cost.total_cmp(&b.outcome.cost));
     let Some(best) = order.first() else { return vec![false; looks.len()] };
     let n = best.outcome.n_residuals;
     let explained = at_floor(((2.0 * best.outcome.cost / n.max(1) as f64).sqrt(), n));
     let third = order.get(2).or(order.last()).map_or(0.0, |f| f.outcome.cost);
+    let fallen = |f: &Fitted| {
+        let fall = (unexplained - f.outcome.cost) / (unexplained - best.outcome.cost);
+        f.outcome.cost <= third || !(fall < FALLEN)
+    };
     let worth = |f: &Fitted| {
         let among_three = f.outcome.cost <= third && (!explained || f.free.len() < best.free.len());
         match reached {
@@ -324,7 +343,7 @@ fn hopeful(looks: &[Result<Fitted, String>], reached: Option<f64>) -> Vec<bool> 
             None => f.outcome.cost <= HOPEFUL * best.outcome.cost || among_three,
         }
     };
-    looks.iter().map(|l| l.as_ref().is_ok_and(worth)).collect()
+    looks.iter().map(|l| l.as_ref().is_ok_and(|f| fallen(f) && worth(f))).collect()
 }
 
 fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {

@@ -38,7 +38,7 @@ pub fn simplify(
             let f = &fitted.free[*i];
             f.instance == k && info.params[f.param].kind == Kind::Shape
         });
-        let targeted = fitted.system.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instance >= k));
+        let targeted = fitted.system.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instances.iter().any(|i| *i >= k)));
         if info.role != Role::Force || !shape_at_bound || targeted {
             continue;
         }

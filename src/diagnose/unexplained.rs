@@ -113,7 +113,7 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
         ..case.clone()
     };
     let scene = Scene::new(&plans, &base.system);
-    let sites: Vec<(String, Vec<usize>)> = sites(&base.system).into_iter().filter(|(_, places)| places.len() == 1).collect();
+    let sites: Vec<(String, Vec<usize>)> = sites(case, &base.system).into_iter().filter(|(_, places)| places.len() == 1).collect();
     let mut trials: Vec<Trial> = Vec::new();
     let mut kept: Vec<(usize, usize)> = Vec::new();
     for (s, (at, places)) in sites.iter().enumerate() {

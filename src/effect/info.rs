@@ -185,6 +185,9 @@ pub enum Grid {
     /// Multiples of the middle of the frequencies of the tests, on a logarithmic scale [Hz]; 0 where they show none. A setting
     /// that is then fitted where that is worth a parameter.
     OfMiddle(&'static [f64]),
+    /// A frequency [Hz]: the first value, whatever the tests show; where they span more than three decades also those at these fractions of
+    /// the way from their lowest to their highest frequency on a logarithmic scale, which part slow tests from fast ones.
+    Between(f64, &'static [f64]),
     /// These values, whatever the tests show.
     Values(&'static [f64]),
     /// These values, whatever the tests show, from which a setting is then fitted.
@@ -227,6 +230,12 @@ impl Grid {
             Grid::OfMiddle(f) => {
                 let middle = times(f, (scales.periods.0 * scales.periods.1).sqrt().recip());
                 if middle.is_empty() { vec![0.0] } else { middle }
+            }
+            Grid::Between(always, fractions) => {
+                let (low, high) = (scales.periods.1.recip(), scales.periods.0.recip());
+                let wide = low > 0.0 && high.is_finite() && high > 1e3 * low;
+                let between = fractions.iter().filter(|_| wide).map(|f| low * (high / low).powf(*f));
+                std::iter::once(always).chain(between).collect()
             }
             Grid::Values(v) | Grid::Starts(v) => v.to_vec(),
             Grid::Time(n) => {

@@ -17,7 +17,7 @@ impl Force for StructuralDamping {
         equation: "F = sum_j g (s_j - w^2 tau_j^2/(1 + w^2 tau_j^2) x),  ds_j/dt = v - s_j/tau_j,  g = 2 h ln(r)/pi,  tau_j spaced by the ratio r over the band,  w = 2 pi f_ref",
         params: &[
             Param::strength("h", Dim::F_PER_X, Sign::NonNegative, "loss modulus: h = eta k for a loss factor eta on a stiffness k"),
-            Param::setting("f_low", Dim::PER_T, Sign::Positive, 0.01, "lower end of the band"),
+            Param::setting("f_low", Dim::PER_T, Sign::Positive, 0.01, "lower end of the band").tried(Grid::Between(0.01, &[0.5, 0.75])),
             Param::setting("f_high", Dim::PER_T, Sign::Positive, 1e4, "upper end of the band"),
             Param::setting(
                 "f_ref",

@@ -160,7 +160,7 @@ fn coefficients(
 ) -> Result<(), ModelError> {
     for (c, law) in system.instances.iter().enumerate() {
         let (Effect::Coefficient(coefficient), Some(target), Site::Places(places)) = (law.effect, &law.target, &law.site) else { continue };
-        if target.instance != i || !places.contains(&place) {
+        if !target.instances.contains(&i) || !places.contains(&place) {
             continue;
         }
         let condition = conditions.get(&target.condition).ok_or_else(|| {

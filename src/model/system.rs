@@ -57,9 +57,9 @@ impl ChannelSite {
 /// What a coefficient acts on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
-    /// Index of the instance whose parameter it scales.
-    pub instance: usize,
-    /// Index of that parameter.
+    /// Indices of the instances whose parameter it scales: several, of one law, where one coefficient serves several groups of places.
+    pub instances: Vec<usize>,
+    /// Index of that parameter in each.
     pub param: usize,
     /// Name of the condition.
     pub condition: String,
@@ -156,7 +156,7 @@ impl System {
             let info = instance.effect.info();
             let stem = match &instance.target {
                 Some(t) => {
-                    let of = self.instances[t.instance].effect.info();
+                    let of = self.instances[t.instances[0]].effect.info();
                     format!("{}.{}({}.{})", instance.at, info.name, of.name, of.params[t.param].name)
                 }
                 None => format!("{}.{}", instance.at, info.name),

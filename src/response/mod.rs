@@ -355,6 +355,20 @@ impl Plan {
         plan
     }
 
+    /// An FRF test whose model is known to be off by itself by this part of |H|, root mean square; others as they are. The variance of each
+    /// line becomes `sigma^2 + (part |H|)^2 / 2`, of the real and of the imaginary part alike.
+    pub fn tolerant(mut self, part: f64) -> Plan {
+        for block in self.blocks.iter().filter(|b| b.kind == BlockKind::Frf) {
+            let lines = self.measured[block.range.clone()].chunks(2).zip(self.sigma[block.range.clone()].chunks_mut(2));
+            for (h, sigma) in lines {
+                let own = part * h.iter().map(|x| x * x).sum::<f64>().sqrt() / std::f64::consts::SQRT_2;
+                sigma.iter_mut().for_each(|s| *s = s.hypot(own));
+            }
+            self.notes.push(format!("{:.3} % of |H| is allowed to the model beside the noise (frf_tolerance)", 100.0 * part));
+        }
+        self
+    }
+
     /// Shortest and longest period the test speaks of [s].
     pub fn periods(&self) -> (f64, f64) {
         match &self.work {
@@ -362,7 +376,7 @@ impl Plan {
             Work::Frf(w) => w.periods(),
             Work::Transient(w) => (w.dt() * 10.0, w.duration()),
             Work::Energy(w) => w.periods(),
-            Work::Modal(_) => (f64::INFINITY, 0.0),
+            Work::Modal(w) => w.periods(),
         }
     }
 }

@@ -34,6 +34,8 @@ struct Row {
     family: Option<Family>,
     order: usize,
     damping: bool,
+    /// As measured [Hz].
+    frequency: f64,
 }
 
 /// Assumed relative deviation of a frequency and of a damping ratio that state none.
@@ -65,7 +67,7 @@ impl ModalPlan {
             }
             let family = row.family.as_deref().and_then(Family::parse);
             let order = family.map_or(number - 1, |_| rows.iter().filter(|r| r.family == family).count());
-            rows.push(Row { family, order, damping: row.damping.is_some() });
+            rows.push(Row { family, order, damping: row.damping.is_some(), frequency: row.frequency.value });
             for (k, value) in [Some(&row.frequency), row.damping.as_ref()].into_iter().enumerate() {
                 let Some(v) = value else { continue };
                 if v.value <= 0.0 {
@@ -97,6 +99,11 @@ impl ModalPlan {
             plan.add_block(block, std::mem::take(&mut values[k]), std::mem::take(&mut sigmas[k]));
         }
         Ok(ModalPlan { rows })
+    }
+
+    pub(super) fn periods(&self) -> (f64, f64) {
+        let periods = self.rows.iter().map(|r| r.frequency.recip());
+        periods.fold((f64::INFINITY, 0.0), |(lo, hi), t| (lo.min(t), hi.max(t)))
     }
 
     pub(super) fn evaluate(

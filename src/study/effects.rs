@@ -122,11 +122,11 @@ fn target(
 ) -> Result<(Target, Unit), StudyError> {
     let table = &head.table;
     let of = table.optional("of", |v| v.string())?;
-    let (instance, param) = target_of(model, sites, &head.site, of).map_err(|e| match table.get("of").or(table.get("at")) {
+    let (instances, param) = target_of(model, sites, &head.site, of).map_err(|e| match table.get("of").or(table.get("at")) {
         Some(v) => located(&v, &e),
         None => table.refuse(e.to_string(), e.accepted()),
     })?;
-    if at_levels[instance] {
+    if instances.iter().any(|i| at_levels[*i]) {
         let message = "it acts on an effect whose values are given per value of a condition";
         return Err(table.refuse(message, "either `per` on the effect, or a law over the condition").into());
     }
@@ -139,38 +139,53 @@ fn target(
     };
     let accepted = format!("the {name} at which the factor is 1 ({})", unit.dimension.examples());
     let reference = table.require("reference", &accepted)?.quantity(unit.dimension)?.value;
-    Ok((Target { instance, param, condition: name.to_string(), reference }, unit))
+    Ok((Target { instances, param, condition: name.to_string(), reference }, unit))
 }
 
-/// The instance and parameter a coefficient at `site` acts on: `of` as `effect.parameter`, or the strength of the only effect there.
+/// The instances and parameter a coefficient at `site` acts on: `of` as `effect.parameter`, or the strength of the only effect there.
+/// Where no one effect covers the site, those of the name that share it out among them.
 pub(super) fn target_of(
     model: &Model,
     sites: &[(&'static Effect, &Site)],
     site: &Site,
     of: Option<&str>,
-) -> Result<(usize, usize), ModelError> {
+) -> Result<(Vec<usize>, usize), ModelError> {
     let Site::Places(mine) = site else { return Err(ModelError::invalid("at", "a coefficient acts at a place", "a connector's axis")) };
-    let covers = |(_, s): &(&Effect, &Site)| matches!(s, Site::Places(p) if mine.iter().all(|m| p.contains(m)));
-    let touches = |(_, s): &(&Effect, &Site)| matches!(s, Site::Places(p) if mine.iter().any(|m| p.contains(m)));
+    let covers = |(_, s): &(&Effect, &Site)| mine.iter().all(|m| places_of(s).contains(m));
+    let touches = |(_, s): &(&Effect, &Site)| mine.iter().any(|m| places_of(s).contains(m));
     let acting = |e: &Effect| matches!(e, Effect::Force(_) | Effect::Series(_));
     let place = mine.first().map_or(String::new(), |p| model.place_name(*p));
     let here: Vec<usize> = (0..sites.len()).filter(|&i| acting(sites[i].0) && covers(&sites[i])).collect();
     // Every name a target may have; the second effect of a name is `name#2`, as in the names of parameters.
-    let mut known: Vec<(String, (usize, usize))> = Vec::new();
+    let mut known: Vec<(String, (Vec<usize>, usize))> = Vec::new();
     for (k, &i) in here.iter().enumerate() {
         let info = sites[i].0.info();
         let before = here[..k].iter().filter(|&&j| sites[j].0.info().name == info.name).count();
         let number = if before > 0 { format!("#{}", before + 1) } else { String::new() };
-        known.extend(info.params.iter().enumerate().map(|(p, param)| (format!("{}{number}.{}", info.name, param.name), (i, p))));
+        known.extend(info.params.iter().enumerate().map(|(p, param)| (format!("{}{number}.{}", info.name, param.name), (vec![i], p))));
+    }
+    for &(effect, _) in sites.iter().filter(|s| acting(s.0) && touches(s)) {
+        let info = effect.info();
+        if known.iter().any(|k| k.0.starts_with(&format!("{}.", info.name))) {
+            continue;
+        }
+        let group: Vec<usize> = (0..sites.len()).filter(|&i| sites[i].0.info().name == info.name && touches(&sites[i])).collect();
+        let mut theirs: Vec<usize> = group.iter().flat_map(|&i| places_of(sites[i].1)).copied().collect();
+        theirs.sort_unstable();
+        let mut asked = mine.clone();
+        asked.sort_unstable();
+        if theirs == asked {
+            known.extend(info.params.iter().enumerate().map(|(p, param)| (format!("{}.{}", info.name, param.name), (group.clone(), p))));
+        }
     }
     let Some(of) = of else {
         let mut force = here.iter().filter(|&&i| matches!(sites[i].0, Effect::Force(_)));
         return match (force.next(), force.next()) {
-            (Some(&i), None) => Ok((i, 0)),
+            (Some(&i), None) => Ok((vec![i], 0)),
             (None, _) if sites.iter().any(|s| acting(s.0) && touches(s)) => Err(ModelError::invalid(
                 &place,
                 "the coefficient covers places that do not share one value".to_string(),
-                "one [[effect]] for each effect it acts on",
+                "`of`, where effects of one name share these places out among them, or one [[effect]] for each effect it acts on",
             )),
             (None, _) => Err(ModelError::invalid(&place, format!("no force effect acts at `{place}`"), "a place with a force effect")),
             _ => {
@@ -183,16 +198,28 @@ pub(super) fn target_of(
             }
         };
     };
-    known.iter().find(|k| k.0 == of).map(|k| k.1).ok_or_else(|| ModelError::no_such("parameter", of, known.into_iter().map(|k| k.0)))
+    known
+        .iter()
+        .find(|k| k.0 == of)
+        .map(|k| k.1.clone())
+        .ok_or_else(|| ModelError::no_such("parameter", of, known.into_iter().map(|k| k.0)))
+}
+
+/// The places of a site; none for a channel.
+fn places_of(site: &Site) -> &[usize] {
+    match site {
+        Site::Places(places) => places,
+        Site::Channel(_) => &[],
+    }
 }
 
 /// The name of a target as `of` takes it.
 pub(super) fn of_name(model: &Model, instances: &[Instance], at: &Site, target: &Target) -> String {
     let sites: Vec<(&'static Effect, &Site)> = instances.iter().map(|i| (i.effect, &i.site)).collect();
-    let Some(info) = instances.get(target.instance).map(|i| i.effect.info()) else { return String::new() };
+    let Some(info) = instances.get(target.instances[0]).map(|i| i.effect.info()) else { return String::new() };
     let param = info.params.get(target.param).map_or("", |p| p.name);
     let name = |n: usize| if n > 1 { format!("{}#{n}.{param}", info.name) } else { format!("{}.{param}", info.name) };
-    let meant = |n: &usize| target_of(model, &sites, at, Some(&name(*n))) == Ok((target.instance, target.param));
+    let meant = |n: &usize| target_of(model, &sites, at, Some(&name(*n))) == Ok((target.instances.clone(), target.param));
     name((1..=instances.len()).find(meant).unwrap_or(1))
 }
 

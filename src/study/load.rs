@@ -161,8 +161,8 @@ impl Study {
         let target = match (law, of) {
             (Effect::Coefficient(_), Some(of)) => {
                 let sites: Vec<_> = self.system.instances.iter().map(|i| (i.effect, &i.site)).collect();
-                let (instance, param) = effects::target_of(&self.system.model, &sites, &site, of.of.as_deref())?;
-                Some(Target { instance, param, condition: of.condition.clone(), reference: of.reference })
+                let (instances, param) = effects::target_of(&self.system.model, &sites, &site, of.of.as_deref())?;
+                Some(Target { instances, param, condition: of.condition.clone(), reference: of.reference })
             }
             (Effect::Coefficient(_), None) => {
                 let message = format!("`{effect}` needs a condition and its reference");

@@ -12,7 +12,7 @@
 //! | `folder = "../raw"` | where the raw files lie, if not where dataset.toml says; `--data` goes before it |
 //! | `split = { select = [...], held_out = [...] }` | test ids; every other test is fitted |
 //! | `[[leave_out]]` | `test`, `quantity` (natural_frequency, modal_damping), `mode`, `why`: a row that is computed and compared with nothing |
-//! | `fit = { loss, width, max_iterations, starts, points }` | loss: squares, huber, soft_l1, cauchy; width in units of the noise; points of a loop that are compared |
+//! | `fit = { loss, width, max_iterations, starts, points, frf_tolerance }` | loss: squares, huber, soft_l1, cauchy; width in units of the noise; points of a loop that are compared; part of \|H\| that the model of an FRF may be off by itself, beside the noise |
 //! | `search = { effects, places, max_added }` | what the search for missing effects may try |
 //! | `[[body]]` | `name`, `fixed = true` or `free = ["x", ...]`, `mass`, `inertia`, `count` (then `name1` ... ) |
 //! | `[[connector]]` | `name`, and `from`, `to` or `chain = "body with count"`; `ground` need not be declared |

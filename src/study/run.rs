@@ -31,6 +31,7 @@ impl Case {
                 plan.leave_out(left.quantity, f64::from(left.mode), &left.why);
             }
             let plan = study.fit.points.map_or_else(|| plan.clone(), |n| plan.thinned(n));
+            let plan = study.fit.frf_tolerance.map_or_else(|| plan.clone(), |part| plan.clone().tolerant(part));
             Ok((plan, split_of(study, &test.id)))
         };
         let plans = parallel::map(&study.dataset.tests, plan).into_iter().collect::<Result<Vec<_>, _>>()?;

@@ -44,11 +44,13 @@ pub struct FitSettings {
     pub starts: usize,
     /// Points of a loop that are compared, at most; none: all.
     pub points: Option<usize>,
+    /// What the model may be off by in an FRF by itself, beside the noise: a part of |H|, root mean square.
+    pub frf_tolerance: Option<f64>,
 }
 
 impl Default for FitSettings {
     fn default() -> Self {
-        FitSettings { loss: Loss::Squares, max_iterations: None, starts: 1, points: None }
+        FitSettings { loss: Loss::Squares, max_iterations: None, starts: 1, points: None, frf_tolerance: None }
     }
 }
 
@@ -136,7 +138,7 @@ pub(super) fn split(root: &TableView<'_>, dataset: &Dataset) -> Result<Split, To
 pub(super) fn fit(root: &TableView<'_>) -> Result<FitSettings, TomlError> {
     let Some(value) = root.get("fit") else { return Ok(FitSettings::default()) };
     let table = value.table()?;
-    table.only(&["loss", "width", "max_iterations", "starts", "points"])?;
+    table.only(&["loss", "width", "max_iterations", "starts", "points", "frf_tolerance"])?;
     #[derive(Clone, Copy)]
     enum Word {
         Squares,
@@ -160,12 +162,18 @@ pub(super) fn fit(root: &TableView<'_>) -> Result<FitSettings, TomlError> {
         (Word::SoftL1, w) => Loss::SoftL1(w.unwrap_or(1.345)),
         (Word::Cauchy, w) => Loss::Cauchy(w.unwrap_or(2.385)),
     };
+    let frf_tolerance = table.optional("frf_tolerance", |v| {
+        let part = v.number()?;
+        let accepted = "a part of |H| above 0 and below 1, such as 0.03";
+        if part > 0.0 && part < 1.0 { Ok(part) } else { Err(v.refuse(format!("a tolerance of {part}"), accepted)) }
+    })?;
     let default = FitSettings::default();
     Ok(FitSettings {
         loss,
         max_iterations: table.optional("max_iterations", |v| v.integer(1, 1_000_000))?.map(|n| n as usize),
         starts: table.optional("starts", |v| v.integer(1, 10_000))?.map_or(default.starts, |n| n as usize),
         points: table.optional("points", |v| v.integer(16, 400))?.map(|n| n as usize),
+        frf_tolerance,
     })
 }
 

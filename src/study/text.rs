@@ -186,6 +186,9 @@ impl Study {
         if let Some(n) = self.fit.points {
             let _ = writeln!(text, "points = {n}");
         }
+        if let Some(part) = self.fit.frf_tolerance {
+            let _ = writeln!(text, "frf_tolerance = {part:?}");
+        }
         let search = &self.search;
         if search.effects.is_some() || search.places.is_some() || search.max_added.is_some() {
             text.push_str("\n[search]\n");

@@ -115,6 +115,7 @@ width = 1.345
 max_iterations = 50
 starts = 2
 points = 100
+frf_tolerance = 0.03
 [search]
 effects = ["film"]
 places = ["c1.x"]
@@ -271,6 +272,7 @@ pub const OPTIONAL: &[&str] = &[
     "fit.max_iterations",
     "fit.starts",
     "fit.points",
+    "fit.frf_tolerance",
     "search",
     "search.effects",
     "search.places",

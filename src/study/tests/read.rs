@@ -1,7 +1,9 @@
 use super::*;
+use crate::diagnose::Case;
 use crate::effect::Sign;
 use crate::identify::Loss;
 use crate::model::{ChannelSite, Site};
+use crate::response::Plan;
 use crate::study::{CycleQuantity, Predicted, dimension_of, unit_of};
 use crate::units::Dimension;
 
@@ -97,7 +99,7 @@ m = "20 g"
     assert_eq!(of("backlash").params[0].value, 1e-5);
     let law = of("interference_law");
     let target = law.target.as_ref().unwrap();
-    assert_eq!((target.instance, target.param, target.condition.as_str(), target.reference), (1, 0, "i", 0.3e-3));
+    assert_eq!((target.instances.as_slice(), target.param, target.condition.as_str(), target.reference), ([1].as_slice(), 0, "i", 0.3e-3));
     assert_eq!((law.params[0].value, law.params[0].min), (200.0, 0.0));
     assert_eq!(dimension_of(&study.system, &study.dataset, law, 0), Dimension::DIMENSIONLESS.over(Dimension::LENGTH));
     assert_eq!(of("offset").site, Site::Channel(ChannelSite { test: "loop-1Hz".into(), role: "force".into() }));
@@ -123,7 +125,7 @@ fn a_coefficient_without_of_takes_the_only_strength_there() {
     let study = Folder::one(&first).load().unwrap();
     // Declared before its target: the order of the effects in the file does not matter.
     let target = study.system.instances[0].target.as_ref().unwrap();
-    assert_eq!((target.instance, target.param), (1, 0));
+    assert_eq!((target.instances.as_slice(), target.param), ([1].as_slice(), 0));
 }
 
 #[test]
@@ -264,5 +266,63 @@ fn every_library_effect_has_a_unit_for_printing() {
             let text = unit.print(0.00123);
             assert_eq!(crate::units::parse(&text, dimension).unwrap(), 0.00123, "{text}");
         }
+    }
+}
+
+#[test]
+fn one_law_serves_several_groups_of_one_effect() {
+    let data = format!("{FRF}{}", cycle(1.0, ", i = \"0.3 mm\"")).replace("load = \"80 N\"", "load = \"80 N\", i = \"0.1 mm\"");
+    let law = |at: &str| {
+        format!(
+            "[[effect]]\neffect = \"interference_law\"\nat = {at}\nof = \"linear_stiffness.k\"\ncondition = \"i\"\nreference = \"0.3 mm\"\na = \"2 1/mm\"\n"
+        )
+    };
+    let one = Folder::new(&format!("{CHAIN}{}", law("[\"base.x\", \"c1-7.x\"]")), &data);
+    let study = one.load().unwrap();
+    let target = study.system.instances[2].target.as_ref().unwrap();
+    assert_eq!((target.instances.as_slice(), target.param), ([0, 1].as_slice(), 0));
+    assert_eq!(study.system.free().last().unwrap().name, "base.x,c1-7.x.interference_law(linear_stiffness.k).a");
+    // Two laws of the same exponent say the same, and a step of the one exponent moves the response as steps of both do.
+    let two = Folder::new(&format!("{CHAIN}{}{}", law("\"base.x\""), law("\"c1-7.x\"")), &data).load().unwrap();
+    let computed = |study: &Study| {
+        let plan = Plan::new(study.dataset.test("frf-a").unwrap(), &study.system.model).unwrap();
+        plan.evaluate(&study.system, &study.system.free(), true).unwrap()
+    };
+    let (a, b) = (computed(&study), computed(&two));
+    assert_eq!(a.values, b.values);
+    let na = study.system.free().len();
+    let column = |c: &crate::response::Computed, k: usize| -> Vec<f64> {
+        c.slopes.chunks(c.slopes.len() / c.values.len()).map(|row| row[k]).collect()
+    };
+    let (shared, each) = (column(&a, na - 1), [column(&b, na - 1), column(&b, na)]);
+    let size = shared.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    assert!(size > 0.0);
+    for (i, s) in shared.iter().enumerate() {
+        assert!((s - each[0][i] - each[1][i]).abs() < 1e-9 * size, "{i}: {s} {} {}", each[0][i], each[1][i]);
+    }
+    // Written and read again it is the same.
+    assert_eq!(essence(&read(&study.with_values(&study.system, one.path()), &one.dataset()).unwrap()), essence(&study));
+    // Part of a group cannot be scaled.
+    let e = read(&format!("{CHAIN}{}", law("[\"base.x\", \"c1.x\"]")), &one.dataset()).unwrap_err();
+    assert!(e.to_string().contains("no parameter `linear_stiffness.k`"), "{e}");
+}
+
+#[test]
+fn what_a_model_may_be_off_by_in_an_frf_widens_its_sigma() {
+    let dataset = Folder::new(CHAIN, FRF).dataset();
+    let plans = |text: &str| Case::from_study(&read(text, &dataset).unwrap(), 1).unwrap().plans;
+    let (plain, wide) = (plans(CHAIN), plans(&CHAIN.replacen("dataset", "fit = { frf_tolerance = 0.03 }\ndataset", 1)));
+    let (a, b) = (&plain[0].0, &wide[0].0);
+    for (line, (s, w)) in a.sigma.chunks(2).zip(b.sigma.chunks(2)).enumerate() {
+        let h = a.measured[2 * line].hypot(a.measured[2 * line + 1]);
+        for k in 0..2 {
+            assert!((w[k].powi(2) - s[k].powi(2) - 0.5 * (0.03 * h).powi(2)).abs() < 1e-12 * w[k].powi(2));
+        }
+    }
+    assert!(b.notes.iter().any(|n| n.contains("3.000 % of |H|")), "{:?}", b.notes);
+    for bad in ["0", "1", "-0.1", "\"3 %\""] {
+        let e = read(&CHAIN.replacen("dataset", &format!("fit = {{ frf_tolerance = {bad} }}\ndataset"), 1), &dataset).unwrap_err();
+        let said = format!("{e} {}", crate::explain::Explain::place(&e));
+        assert!(said.contains("frf_tolerance") || said.contains("a tolerance of"), "{bad}: {said}");
     }
 }

@@ -1,5 +1,6 @@
 //! Parts along arcs, from the file to every kind of response.
 
+use crate::diagnose::{Case, Scene, candidates};
 use crate::response::Plan;
 
 use super::*;
@@ -249,4 +250,34 @@ fn the_modal_basis_gives_the_number_of_parts() {
     let text = text.replace("GF1-7", "GF1-13").replace("GF4-7", "GF4-13").replace("\"b8\"", "\"b14\"");
     let study = read(&text, &dataset).unwrap();
     assert_eq!(study.system.model.connectors.len(), 13 + 2);
+}
+
+#[test]
+fn places_asked_for_are_searched_where_nothing_acts() {
+    let asked = SPACE.replacen("[[arc]]", "[search]\nplaces = [\"shelf.y\", \"shelf.y,device.y\", \"GF1-3.psi\"]\n[[arc]]", 1);
+    let study = Folder::new(&asked, &TESTS.replace("\"900 Hz\"", "\"2900 Hz\"")).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let plans: Vec<&Plan> = case.plans.iter().map(|(p, _)| p).collect();
+    let scene = Scene::new(&plans, &study.system);
+    let (names, trials) = candidates(&case, &study.system, &plans, &scene);
+    let at = |effect: &str| -> Vec<&str> { names.iter().filter(|n| n.effect == effect).map(|n| n.at.as_str()).collect() };
+    assert_eq!(at("coulomb"), ["GF1-3.psi", "shelf.y", "shelf.y,device.y"]);
+    // Nothing acts there for it to be in series with.
+    assert_eq!(at("backlash"), ["GF1-3.psi"]);
+    let places = |name: &str| {
+        let trial = trials.iter().find(|t| names[t.candidate].at == name).unwrap();
+        let crate::model::Site::Places(places) = &trial.instance.site else { panic!("places") };
+        places.iter().map(|p| study.system.model.place_name(*p)).collect::<Vec<_>>()
+    };
+    assert_eq!(places("shelf.y,device.y"), ["shelf.y", "device.y"]);
+    // Slow loops and fast modes: the band of a constant loss may begin at either end of what lies between, and the modes lend the law their
+    // periods.
+    let mut bands: Vec<f64> = trials
+        .iter()
+        .filter(|t| names[t.candidate].effect == "structural_damping" && names[t.candidate].at == "GF1-3.psi")
+        .map(|t| t.instance.params[1].value)
+        .collect();
+    bands.dedup();
+    assert!(bands.len() == 3 && bands[0] == 0.01, "{bands:?}");
+    assert!((bands[1] / 2900f64.sqrt() - 1.0).abs() < 1e-9 && (bands[2] / 2900f64.powf(0.75) - 1.0).abs() < 1e-9, "{bands:?}");
 }
