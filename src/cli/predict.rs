@@ -3,11 +3,13 @@
 use std::path::PathBuf;
 
 use crate::parallel;
+use polars::prelude::{Column, DataFrame, ParquetWriter};
 use serde_json::{Value, json};
 
 use crate::diagnose::Fitted;
 use crate::identify::{Replicate, UncertaintyOptions, uncertainty};
-use crate::report::{ReportInput, html_with};
+use crate::report::{ReportInput, Sweep, html_with};
+use crate::study::run::{RunError, RunFolder};
 use crate::study::{Predicted, PredictionSpec, Study};
 use crate::units::Dimension;
 
@@ -56,7 +58,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut rows = Vec::new();
     let mut predictions: Vec<Value> = Vec::new();
     let (mut off, mut all) = (0.0, 0.0);
+    let mut sweeps: Vec<Sweep> = Vec::new();
     for spec in &study.predictions {
+        sweeps.extend(value::sweep(spec, &fitted.system)?);
         let found = value::evaluate(spec, &study, &fitted.system, &fitted.free)?;
         let std = value::deviation(&found, &spread.covariance, &fitted.outcome.p);
         let scattered = scattered(spec, &study, &fitted, &replicates);
@@ -116,9 +120,12 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         text += &tolerance::text(outcome, spec);
         tolerance::write_surface(&outcome.surface, &folder)?;
     }
+    if !sweeps.is_empty() {
+        write_sweeps(&sweeps, &folder)?;
+    }
     value["predictions"] = predictions.into();
     let input = ReportInput { study: &study, system: Some(&fitted.system), fit: Some(&result), diagnosis: None, ladder: None };
-    folder.write(report::FILE, html_with(&input, outcome.as_ref())?.as_bytes())?;
+    folder.write(report::FILE, html_with(&input, outcome.as_ref(), &sweeps)?.as_bytes())?;
     let mut value = fit::json(&value, &folder)?;
     if stopped {
         text += &format!("Stopped; to go on: --resume {}\n", folder.path.display());
@@ -127,6 +134,29 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     folder.result(&value)?;
     text += &format!("Run: {}\n", folder.path.display());
     Ok(Outcome { json: value, text, code: if stopped { INTERRUPTED } else { fit::code(&result.termination) } })
+}
+
+/// Writes columns of equal length as a Parquet file of the run.
+fn write_columns(file: &str, columns: Vec<Column>, folder: &RunFolder) -> Result<(), Failure> {
+    let fail = |e: polars::error::PolarsError| RunError::Write { path: folder.path.join(file), reason: e.to_string() };
+    let mut frame = DataFrame::new(columns.first().map_or(0, Column::len), columns).map_err(fail)?;
+    let mut bytes = Vec::new();
+    ParquetWriter::new(&mut bytes).finish(&mut frame).map_err(fail)?;
+    folder.write(file, &bytes)?;
+    Ok(())
+}
+
+/// `sweeps.parquet`: case, time [s], frequency [Hz], displacement [m].
+fn write_sweeps(sweeps: &[Sweep], folder: &RunFolder) -> Result<(), Failure> {
+    let all = |of: &dyn Fn(&Sweep) -> Vec<f64>| sweeps.iter().flat_map(of).collect::<Vec<f64>>();
+    let cases: Vec<&str> = sweeps.iter().flat_map(|s| s.time.iter().map(|_| s.case.as_str())).collect();
+    let columns = vec![
+        Column::new("case".into(), cases),
+        Column::new("time".into(), all(&|s| s.time.clone())),
+        Column::new("frequency".into(), all(&|s| s.time.iter().map(|t| s.frequency(*t)).collect())),
+        Column::new("displacement".into(), all(&|s| s.displacement.clone())),
+    ];
+    write_columns("sweeps.parquet", columns, folder)
 }
 
 /// A prediction over the replicates; none without them.

@@ -19,6 +19,7 @@ use super::blocktri::{BlockTri, Layout, Levels};
 use super::spatial::{self, Joint};
 
 mod broyden;
+mod halves;
 mod method;
 mod probe;
 mod sensitivities;
@@ -135,6 +136,8 @@ pub struct March<'a> {
     scale: f64,
     /// Whether the factors at hand are taken again.
     keep: bool,
+    /// Steps asked for and halvings made of them.
+    halved: halves::Halved,
 }
 
 /// Newton iterations and shortened steps together, at most.
@@ -143,8 +146,6 @@ const ITERATIONS: usize = 120;
 const PATIENCE: usize = 30;
 /// Fall of the residual per iteration at which kept factors no longer serve.
 const SLOW: f64 = 0.1;
-/// A step is taken in parts down to twice this.
-const LEAST_PART: f64 = 0.02;
 /// Shortest part of a Newton step.
 const SHORTEST: f64 = 1e-4;
 
@@ -223,6 +224,7 @@ impl<'a> March<'a> {
             forces: vec![0.0; bound.elements.len()],
             scale: 0.0,
             keep: false,
+            halved: halves::Halved::default(),
         };
         march.leave_out(&model.attached, model);
         Ok(march)
@@ -320,29 +322,6 @@ impl<'a> March<'a> {
             }
         }
         scale
-    }
-
-    /// One step, to the loads at index `k`. Where large rotations leave no equilibrium to be found at its end, it is taken in halves.
-    pub fn step(&mut self, k: usize, state: &mut State, columns: usize) -> Result<(), EngineError> {
-        let mut force = std::mem::take(&mut self.force);
-        let done = self.parts(k, (0.0, 1.0), state, columns, &mut force);
-        self.force = force;
-        done
-    }
-
-    /// From one part of the step to another.
-    fn parts(&mut self, k: usize, (from, to): (f64, f64), state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
-        self.dt = (to - from) * self.loads.dt;
-        match self.advance(k, to, state, columns, force) {
-            Err(EngineError::NoEquilibrium { .. } | EngineError::NotFinite { .. }) if self.spatial.is_some() && to - from > LEAST_PART => {
-                state.clone_from(&self.old);
-                self.keep = false;
-                let middle = 0.5 * (from + to);
-                self.parts(k, (from, middle), state, columns, force)?;
-                self.parts(k, (middle, to), state, columns, force)
-            }
-            done => done,
-        }
     }
 
     /// A step of `self.dt` that ends at the part `to` of the way to the loads at index `k`.

@@ -17,6 +17,7 @@ mod parameters;
 mod shapes;
 mod stage;
 mod summary;
+mod sweeps;
 mod text;
 mod tolerance;
 mod unexplained;
@@ -33,6 +34,7 @@ use crate::study::Study;
 use crate::tolerance::Outcome;
 
 pub use error::ReportError;
+pub use sweeps::Sweep;
 
 /// What a report is made of. A part that is not there is left out of the page.
 #[derive(Clone, Copy, Debug)]
@@ -54,11 +56,11 @@ pub struct ReportInput<'a> {
 /// Curves are thinned to at most 800 points per trace, and to fewer where there are many, so that the page stays under 8 MB. Refuses
 /// curves whose columns are not equally long.
 pub fn html(input: &ReportInput) -> Result<String, ReportError> {
-    html_with(input, None)
+    html_with(input, None, &[])
 }
 
-/// The page with what a prediction says of tolerance cases.
-pub fn html_with(input: &ReportInput, tolerance: Option<&Outcome>) -> Result<String, ReportError> {
+/// The page with what a prediction says of tolerance cases and of sweeps.
+pub fn html_with(input: &ReportInput, tolerance: Option<&Outcome>, sweeps: &[Sweep]) -> Result<String, ReportError> {
     let stages = stage::stages(input);
     stage::check(&stages)?;
     let mut charts = chart::Charts::default();
@@ -70,6 +72,7 @@ pub fn html_with(input: &ReportInput, tolerance: Option<&Outcome>) -> Result<Str
     page.section("candidates", "Effects that were weighed", evidence::candidates(input));
     page.section("findings", "What the residuals show", evidence::findings(input));
     page.section("tolerance", "Tolerance cases", tolerance.map_or(String::new(), |t| tolerance::section(t, &mut charts)));
+    page.section("sweeps", "Sweeps", sweeps::section(sweeps, &mut charts));
     page.section("parameters", "Parameters", parameters::section(input, &stages));
     page.section("modes", "Natural modes", modes::section(input, &mut charts));
     page.section("curves", "Measurement and model, test by test", curves::section(input, &stages, &mut charts));

@@ -2,12 +2,12 @@
 
 use crate::parallel;
 use nalgebra::DMatrix;
-use polars::prelude::{Column, DataFrame, ParquetWriter};
+use polars::prelude::Column;
 use serde_json::{Value, json};
 
 use crate::data::{Condition, StoredEnergy};
 use crate::model::{FreeParam, System};
-use crate::study::run::{RunError, RunFolder};
+use crate::study::run::RunFolder;
 use crate::study::{CycleQuantity, Predicted, PredictionSpec, Study, ToleranceSpec};
 use crate::tolerance::{Outcome, Predicted as Energy, Question, Surface, answer};
 use crate::units::{Dimension, Unit};
@@ -180,7 +180,6 @@ fn equation(words: &str, coefficients: &[f64]) -> String {
 /// `surface.parquet`: the two tolerances [m] and the energies [J].
 pub(super) fn write_surface(surface: &Surface, folder: &RunFolder) -> Result<(), Failure> {
     let column = |name: &str, k: usize| Column::new(name.into(), surface.points.iter().map(|p| p[k]).collect::<Vec<f64>>());
-    let fail = |e: polars::error::PolarsError| RunError::Write { path: folder.path.join(SURFACE), reason: e.to_string() };
     let columns = vec![
         column(&surface.axes[0], 0),
         column(&surface.axes[1], 1),
@@ -188,11 +187,5 @@ pub(super) fn write_surface(surface: &Surface, folder: &RunFolder) -> Result<(),
         column("W_D_model_scaled", 3),
         column("W_D_law", 4),
     ];
-    let mut frame = DataFrame::new(surface.points.len(), columns).map_err(fail)?;
-    let mut bytes = Vec::new();
-    ParquetWriter::new(&mut bytes).finish(&mut frame).map_err(fail)?;
-    folder.write(SURFACE, &bytes)?;
-    Ok(())
+    super::write_columns("surface.parquet", columns, folder)
 }
-
-const SURFACE: &str = "surface.parquet";

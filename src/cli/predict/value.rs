@@ -12,6 +12,7 @@ use crate::data::{
     TimeRecord,
 };
 use crate::model::{FreeParam, Site, System};
+use crate::report::Sweep;
 use crate::response::Plan;
 use crate::study::{CycleQuantity, Predicted, PredictionSpec, Study};
 use crate::units::{Dimension, Unit};
@@ -85,7 +86,7 @@ pub(super) fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, fr
             Ok(Found::of(re, im, size, re.value / size, im.value / size))
         }
         Predicted::Sweep { .. } => {
-            let (_, all) = sweep(spec, &system, free)?;
+            let (_, all) = march(spec, &system, free)?;
             let by_value = |a: &&Found, b: &&Found| a.value.total_cmp(&b.value);
             let (Some(low), Some(high)) = (all.iter().min_by(by_value), all.iter().max_by(by_value)) else {
                 return Err(refused(spec, "nothing was computed"));
@@ -148,8 +149,23 @@ const SAMPLES: f64 = 40.0;
 /// Samples at most.
 const MOST: f64 = 1e6;
 
+/// The history of a sweep; none for other quantities.
+pub(super) fn sweep(spec: &PredictionSpec, system: &System) -> Result<Option<Sweep>, Failure> {
+    let Predicted::Sweep { at, respond, mean, amplitude, frequencies, .. } = &spec.quantity else { return Ok(None) };
+    let (time, all) = march(spec, &structure(system), &[])?;
+    Ok(Some(Sweep {
+        case: spec.case.clone(),
+        respond: respond.clone(),
+        at: at.clone(),
+        force: (*mean, *amplitude),
+        frequencies: *frequencies,
+        time,
+        displacement: all.iter().map(|f| f.value).collect(),
+    }))
+}
+
 /// Times of a sweep [s] and the displacement at each.
-pub(super) fn sweep(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<(Vec<f64>, Vec<Found>), Failure> {
+fn march(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<(Vec<f64>, Vec<Found>), Failure> {
     let Predicted::Sweep { at, respond, mean, amplitude, frequencies: (from, to), duration } = &spec.quantity else {
         return Err(refused(spec, "it is no sweep"));
     };
