@@ -334,7 +334,7 @@ fn hopeful(looks: &[Result<Fitted, String>], unexplained: f64, reached: Option<f
     let third = order.get(2).or(order.last()).map_or(0.0, |f| f.outcome.cost);
     let fallen = |f: &Fitted| {
         let fall = (unexplained - f.outcome.cost) / (unexplained - best.outcome.cost);
-        f.outcome.cost <= third || !(fall < FALLEN)
+        f.outcome.cost <= third || fall.is_nan() || fall >= FALLEN
     };
     let worth = |f: &Fitted| {
         let among_three = f.outcome.cost <= third && (!explained || f.free.len() < best.free.len());
