@@ -15,6 +15,9 @@ use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, Par
 
 /// Relative change of the cost at which a coarse fit ends.
 const COARSE: f64 = 1e-5;
+/// Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than
+/// `sqrt(2e-7)` of its standard deviation.
+const WORTH_NO_STEP: f64 = 1e-7;
 
 /// What the search for missing effects may use.
 #[derive(Clone, Debug, Default)]
@@ -142,6 +145,7 @@ impl Case {
             options.losses = vec![LossBlock { rows: 0..n_residuals, loss: self.loss }];
         }
         options.tolerances.max_iterations = self.max_iterations;
+        options.tolerances.drop = WORTH_NO_STEP;
         if self.coarse {
             options.tolerances.f_tol = COARSE;
         }

@@ -15,13 +15,19 @@ mod refit;
 pub mod results;
 mod score;
 mod search;
+mod secant;
 mod selection;
 mod simplify;
 mod trace;
 mod unexplained;
 
+/// What tests of whole studies look into.
 #[cfg(test)]
-pub(crate) use candidates::{Scene, candidates};
+pub(crate) mod testing {
+    pub use super::candidates::{Scene, candidates};
+    pub use super::refit::{Bench, cost, started, whitened};
+    pub use super::score::{Score, score};
+}
 pub use case::{Case, Fitted, Search, compare, fit, unit_of};
 pub use error::DiagnoseError;
 pub use ladder::{diagnose, ladder};

@@ -12,11 +12,11 @@ use super::accept::at_floor;
 use super::candidates::{Name, Trial};
 use super::case::{Case, Fitted};
 use super::results::SplitName;
-use super::score::Score;
+use super::score::{Score, Scores};
+use super::secant::Secant;
 
-/// Starts of a candidate: its best shapes, as far as they promise at least this part of the best of them.
-const STARTS: usize = 3;
-const PROMISING: f64 = 0.3;
+/// Secants of a candidate, the cheapest, from which a first look is taken: the cheapest alone is not always that of the best fit.
+const LOOKS: usize = 2;
 /// Iterations after which one of the starts is chosen, and those that every picked candidate gets.
 const CHOICE: u64 = 4;
 const FIRST_LOOK: u64 = 6;
@@ -77,12 +77,6 @@ pub fn best_per_candidate(scores: &[Score], trials: &[Trial]) -> Vec<Score> {
     scores.iter().filter(|s| s.drop > 0.0 && seen.insert(trials[s.trial].candidate)).copied().collect()
 }
 
-/// The scores that a candidate's refit starts from, its best first.
-fn starts(best: &Score, scores: &[Score], trials: &[Trial]) -> Vec<Score> {
-    let own = scores.iter().filter(|s| trials[s.trial].candidate == trials[best.trial].candidate);
-    own.filter(|s| s.drop > PROMISING * best.drop).take(STARTS).copied().collect()
-}
-
 /// The candidate's instance with a start for its strength, everything of it free.
 pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
     let mut instance = trial.instance.clone();
@@ -127,6 +121,8 @@ pub struct Bench<'a> {
     pub names: &'a [Name],
     /// Their trials.
     pub trials: &'a [Trial],
+    /// What these score.
+    pub scores: &'a Scores,
     /// Watch over the fits.
     pub monitor: &'a Monitor<'a>,
 }
@@ -136,14 +132,16 @@ impl Bench<'_> {
     /// one that does best; those that then stand far behind are shown as they are, the others are refitted in full. What has not ended and
     /// still falls is gone on with, where it is among the best or was expected to be.
     /// `reached`: the cost of the best of earlier refits.
-    pub fn refit_all(&self, picked: &[Score], scores: &[Score], reached: Option<f64>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
-        let first: Vec<(usize, Score)> =
-            picked.iter().enumerate().flat_map(|(k, s)| starts(s, scores, self.trials).into_iter().map(move |s| (k, s))).collect();
+    pub fn refit_all(&self, picked: &[Score], reached: Option<f64>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         // Which is worth it shows in coarser steps as well.
         let rough = self.case.coarser();
         let look = Bench { case: rough.as_ref().unwrap_or(self.case), ..*self };
-        let begun = parallel::map(&first, |(_, score)| look.first_look(score));
-        let mut chosen: Vec<Result<Fitted, String>> = picked.iter().map(|_| Err("it was not begun".to_string())).collect();
+        let secants = look.secants(picked);
+        let first = secants.iter().enumerate().flat_map(|(k, s)| s.iter().flatten().take(LOOKS).map(move |s| (k, &s.system)));
+        let first: Vec<(usize, &System)> = first.collect();
+        let begun = parallel::map(&first, |(_, system)| fit_some(look.case, system, CHOICE, self.monitor));
+        let failed = |s: &Result<Vec<Secant>, String>| Err(s.as_ref().err().cloned().unwrap_or_default());
+        let mut chosen: Vec<Result<Fitted, String>> = secants.iter().map(failed).collect();
         for ((k, _), look) in first.iter().zip(begun) {
             let better = match (&chosen[*k], &look) {
                 (Ok(a), Ok(b)) => b.outcome.cost < a.outcome.cost,
@@ -273,28 +271,9 @@ impl Bench<'_> {
         fit_some(self.case, &fitted.system, iterations, self.monitor)
     }
 
-    /// The first iterations of a refit.
-    fn first_look(&self, score: &Score) -> Result<Fitted, String> {
-        self.begun(&[score], CHOICE)
-    }
-
-    /// Two candidates refitted at once.
-    pub fn both(&self, a: &Score, b: &Score) -> Result<Proof, String> {
-        proof(self.case, self.begun(&[a, b], REFIT_ITERATIONS)?)
-    }
-
-    /// Fits with these candidates. Where the model cannot be computed at the strengths the scores expect, they start with less.
-    fn begun(&self, added: &[&Score], iterations: u64) -> Result<Fitted, String> {
-        let mut failed = String::new();
-        for part in [1.0, 0.3, 0.1] {
-            let mut system = self.base.clone();
-            system.instances.extend(added.iter().map(|s| started(&self.trials[s.trial], part * s.strength)));
-            match fit_some(self.case, &system, iterations, self.monitor) {
-                Ok(fitted) => return Ok(fitted),
-                Err(reason) => failed = reason,
-            }
-        }
-        Err(failed)
+    /// Candidates refitted at once.
+    pub fn both(&self, added: &[Score]) -> Result<Proof, String> {
+        proof(self.case, self.from(&self.together(added)?.system)?)
     }
 }
 

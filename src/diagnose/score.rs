@@ -24,6 +24,10 @@ use super::selection::{Column, select};
 
 /// A column keeps at least this part of itself after projection, or the data cannot tell it from what the model has.
 const VISIBLE: f64 = 1e-3;
+/// Singular value of columns of unit length below which a combination of them is numerically nothing, and that below which what it would
+/// have to do of a candidate is no guide.
+const DEPENDENT: f64 = 1e-8;
+const SHOWS: f64 = 1e-4;
 /// Draws of the null distribution of the best score.
 const DRAWS: usize = 10_000;
 
@@ -50,6 +54,8 @@ pub struct Scores {
     pub list: Vec<Score>,
     /// The second opinion: candidates that a sparse combination of all columns needs, with their part of what it explains.
     pub selected: Vec<(usize, f64)>,
+    /// What each free parameter of the model does of a unit of a trial's strength, `-J^+ g`, in the fit's variables.
+    pub own: Vec<DVector<f64>>,
 }
 
 /// The residual and the trials' columns, without what the model's own parameters can do.
@@ -58,6 +64,8 @@ pub struct Projected {
     pub r: DVector<f64>,
     /// Column `g~` of each trial; none where the data cannot tell it from what the model has.
     pub columns: Vec<Option<DVector<f64>>>,
+    /// See [`Scores::own`].
+    pub own: Vec<DVector<f64>>,
     /// Half the sum of squares before.
     pub cost: f64,
 }
@@ -104,19 +112,21 @@ pub fn projected(
         return Err(crate::identify::IdentifyError::StartFails { reason }.into());
     }
     let kept: Vec<usize> = (0..own).filter(|k| !at_bound[*k]).collect();
-    let plain = base.select_columns(&kept);
-    let q = basis(&plain);
+    let (q, back) = decomposed(&base.select_columns(&kept));
     let column = |t: usize| {
         let mut g = DVector::zeros(rows);
         g.rows_mut(0, j.nrows()).copy_from(&j.column(own + t));
-        let size = g.norm();
+        let (size, mut moved) = (g.norm(), DVector::zeros(own));
         if !(size.is_finite() && size > 0.0) {
-            return None;
+            return (None, moved);
         }
+        let gives = -(&back * q.tr_mul(&g));
+        kept.iter().zip(gives.iter()).for_each(|(k, v)| moved[*k] = *v);
         let left = project(&q, g);
-        (left.norm() >= VISIBLE * size).then_some(left)
+        ((left.norm() >= VISIBLE * size).then_some(left), moved)
     };
-    Ok(Projected { columns: parallel::over(trials.len(), column), r: project(&q, extended), cost })
+    let (columns, of_own) = parallel::over(trials.len(), column).into_iter().unzip();
+    Ok(Projected { columns, own: of_own, r: project(&q, extended), cost })
 }
 
 /// Scores every trial; the largest expected drop first.
@@ -128,7 +138,7 @@ pub fn score(
     priors: &[(usize, f64, f64)],
     seed: u64,
 ) -> Result<Scores, DiagnoseError> {
-    let Projected { r, columns: all, cost } = projected(plans, system, trials, at_bound, priors)?;
+    let Projected { r, columns: all, own, cost } = projected(plans, system, trials, at_bound, priors)?;
     let mut scores = Vec::new();
     let mut columns: Vec<DVector<f64>> = Vec::new();
     for (t, (trial, left)) in trials.iter().zip(all).enumerate() {
@@ -168,24 +178,28 @@ pub fn score(
         })
         .collect();
     scores.sort_by(|a, b| b.drop.total_cmp(&a.drop));
-    Ok(Scores { list: scores, selected })
+    Ok(Scores { list: scores, selected, own })
 }
 
 /// Orthonormal basis of the columns, leaving out what is numerically dependent.
 pub fn basis(j: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut scaled = j.clone();
-    for mut c in scaled.column_iter_mut() {
-        let n = c.norm();
-        if n > 0.0 {
-            c /= n;
-        }
-    }
+    decomposed(j).0
+}
+
+/// An orthonormal basis `Q` of the columns, leaving out what is numerically dependent, and the matrix that turns coordinates in it into those
+/// of the columns: `J^+ = back Q'`, without the combinations that hardly show.
+fn decomposed(j: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let size: Vec<f64> = j.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
+    let scaled = DMatrix::from_fn(j.nrows(), j.ncols(), |i, k| j[(i, k)] / size[k]);
     if scaled.ncols() == 0 {
-        return scaled;
+        return (scaled, DMatrix::zeros(0, 0));
     }
-    let svd = scaled.svd(true, false);
-    let keep: Vec<usize> = (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > 1e-8).collect();
-    svd.u.map_or_else(|| DMatrix::zeros(j.nrows(), 0), |u| u.select_columns(&keep))
+    let svd = scaled.svd(true, true);
+    let (Some(u), Some(v)) = (svd.u, svd.v_t) else { return (DMatrix::zeros(j.nrows(), 0), DMatrix::zeros(j.ncols(), 0)) };
+    let s = svd.singular_values;
+    let keep: Vec<usize> = (0..s.len()).filter(|k| s[*k] > DEPENDENT).collect();
+    let back = |k: usize, m: usize| if s[keep[m]] > SHOWS { v[(keep[m], k)] / (s[keep[m]] * size[k]) } else { 0.0 };
+    (u.select_columns(&keep), DMatrix::from_fn(j.ncols(), keep.len(), back))
 }
 
 fn project(q: &DMatrix<f64>, v: DVector<f64>) -> DVector<f64> {

@@ -11,7 +11,7 @@ use super::judge::Judge;
 use super::picks::{self, REFITS};
 use super::refit::{Bench, Proof, Refit, best_per_candidate, cost, proof};
 use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
-use super::score::{Score, Scores, score};
+use super::score::{Score, score};
 use super::{DiagnoseError, trace};
 
 /// Candidates tied with the best that are named at most.
@@ -66,25 +66,25 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let at_bound: Vec<bool> = (0..base.free.len()).map(|k| bound.iter().any(|(i, _)| *i == k)).collect();
     let priors: Vec<_> = base.options.priors.iter().map(|p| (p.index, p.mean, p.sigma)).collect();
     let started = std::time::Instant::now();
-    let Scores { list: mut scores, mut selected } = score(&plans, &base.system, &trials, &at_bound, &priors, case.seed)?;
+    let mut scores = score(&plans, &base.system, &trials, &at_bound, &priors, case.seed)?;
     let least = |list: &[Score]| list.iter().filter(|s| s.drop > 0.0).map(|s| s.p_value).fold(1.0, f64::min);
-    if least(&scores) > LEVEL && judged_on_select {
+    if least(&scores.list) > LEVEL && judged_on_select {
         // What the fit tests do not show the select tests may, where they reach further.
         let both = [plans.clone(), case.plans_of(SplitName::Select)].concat();
         let wider = score(&both, &base.system, &trials, &at_bound, &priors, case.seed)?;
         if least(&wider.list) <= SURE {
-            (scores, selected) = (wider.list, wider.selected);
+            scores = wider;
         }
     }
     let mut effort = Effort { trials: trials.len(), score_s: started.elapsed().as_secs_f64(), ..Effort::default() };
-    let best = best_per_candidate(&scores, &trials);
-    let p_value = least(&scores);
-    let visible = visible(&scores, &names, &trials);
+    let best = best_per_candidate(&scores.list, &trials);
+    let p_value = least(&scores.list);
+    let visible = visible(&scores.list, &names, &trials);
     let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails { reason });
     let before = proof(case, base.clone()).map_err(failed)?;
     let n: usize = before.fit.iter().chain(&before.select).map(Vec::len).sum();
     let left = ((2.0 * (cost(&before.fit) + cost(&before.select)) / n.max(1) as f64).sqrt(), n);
-    let listed = Listed { names: &names, trials: &trials, before: &before, selected: &selected };
+    let listed = Listed { names: &names, trials: &trials, before: &before, selected: &scores.selected };
     if p_value > LEVEL || trace::stopped(monitor) {
         let remark = |s: &Score| if s.p_value > LEVEL { "within what chance gives" } else { "not refitted: the search was stopped" };
         let list = best.iter().take(REFITS).map(|s| listed.blank(s, remark(s))).collect();
@@ -103,21 +103,21 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         });
     }
     let beyond: Vec<Score> = best.iter().filter(|s| s.p_value <= LEVEL).copied().collect();
-    let picked = picks::first(&beyond, &selected, &trials);
+    let picked = picks::first(&beyond, &scores.selected, &trials);
     watch(&format!("refitting the best {}", picked.len()));
-    let bench = Bench { case, base: &base.system, names: &names, trials: &trials, monitor };
+    let bench = Bench { case, base: &base.system, names: &names, trials: &trials, scores: &scores, monitor };
     let started = std::time::Instant::now();
-    let mut refits = bench.refit_all(&picked, &scores, None, watch);
+    let mut refits = bench.refit_all(&picked, None, watch);
     sort(&mut refits);
     let leads = refits.first().and_then(|r| r.result.as_ref().ok());
     let (reached, explained) = (leads.map(|p| p.fitted.outcome.cost), leads.is_some_and(|p| at_floor(rms(&p.fit))));
     let further = picks::second(&beyond, &refits, explained, &names, &trials);
     if !(further.is_empty() || trace::stopped(monitor)) {
         watch(&format!("refitting {} more", further.len()));
-        refits.extend(bench.refit_all(&further, &scores, reached, watch));
+        refits.extend(bench.refit_all(&further, reached, watch));
         sort(&mut refits);
     }
-    let pair = together(&bench, &before, &refits, picks::pair(&beyond, &selected, &names, &trials));
+    let pair = together(&bench, &before, &refits, picks::pair(&beyond, &scores.selected, &names, &trials));
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     let rest: Vec<Score> =
         best.iter().filter(|s| !refits.iter().any(|r| r.candidate == trials[s.trial].candidate)).take(REFITS).copied().collect();
@@ -160,7 +160,7 @@ fn together(bench: &Bench, before: &Proof, refits: &[Refit], pair: Option<[Score
     }
     let at = |s: &Score| refits.iter().position(|r| r.candidate == bench.trials[s.trial].candidate && r.result.is_ok());
     let found = [at(&a)?, at(&b)?];
-    let both = bench.both(&a, &b).ok()?;
+    let both = bench.both(&[a, b]).ok()?;
     let reaches = at_floor(rms(&both.fit)) && verdict_cost(&both) < verdict_cost(best) - DECISIVE;
     reaches.then(|| [found[0].min(found[1]), found[0].max(found[1])])
 }

@@ -56,10 +56,10 @@ pub fn simplify(
         let scene = Scene::new(&fits, &without);
         let (names, trials) = candidates(&narrow, &without, &fits, &scene);
         let free = without.free().len();
-        let scores = score(&fits, &without, &trials, &vec![false; free], &[], case.seed)?.list;
-        let picked: Vec<_> = best_per_candidate(&scores, &trials).into_iter().take(REFITS).collect();
-        let bench = Bench { case: &narrow, base: &without, names: &names, trials: &trials, monitor };
-        let refits = bench.refit_all(&picked, &scores, None, watch);
+        let scores = score(&fits, &without, &trials, &vec![false; free], &[], case.seed)?;
+        let picked: Vec<_> = best_per_candidate(&scores.list, &trials).into_iter().take(REFITS).collect();
+        let bench = Bench { case: &narrow, base: &without, names: &names, trials: &trials, scores: &scores, monitor };
+        let refits = bench.refit_all(&picked, None, watch);
         let rise = |r: &super::refit::Refit| r.result.as_ref().map_or(f64::INFINITY, |p| cost(&p.fit) + cost(&p.select) - now);
         let Some(best) = refits.into_iter().min_by(|a, b| rise(a).total_cmp(&rise(b))) else { continue };
         let (rise, name) = (rise(&best), &names[best.candidate]);

@@ -422,11 +422,16 @@ impl<'a> Problem<'a> {
         }
         self.laws(mode.lambda)?;
         let weight = -self.products(mode.lambda, &mode.shape, &mode.shape).1.inv();
-        for (e, element) in bound.elements.iter().enumerate().filter(|(_, e)| e.chains.iter().any(|c| !c.is_empty())) {
+        // Elements of one law do their part together.
+        let mut square = vec![Complex64::ZERO; bound.elements.len()];
+        for (e, first) in self.small.same.iter().enumerate() {
+            square[*first] += self.small.relative(e, &mode.shape).powi(2);
+        }
+        let depends = |e: usize| bound.elements[e].chains.iter().any(|c| !c.is_empty());
+        for e in (0..square.len()).filter(|e| self.small.same[*e] == *e && depends(*e)) {
             self.small.law(e, mode.lambda, &mut self.dp)?;
-            let x = self.small.relative(e, &mode.shape);
-            for (chain, dp) in element.chains.iter().zip(&self.dp) {
-                chain.iter().for_each(|(theta, slope)| slopes[*theta] += dp * x * x * *slope);
+            for (chain, dp) in bound.elements[e].chains.iter().zip(&self.dp) {
+                chain.iter().for_each(|(theta, slope)| slopes[*theta] += dp * square[e] * *slope);
             }
         }
         self.small.add_moved(mode.lambda, &mode.shape, &mode.shape, &mut slopes)?;

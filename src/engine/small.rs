@@ -84,7 +84,7 @@ impl<'a> Small<'a> {
         for (i, e) in bound.elements.iter().enumerate() {
             let like = |&j: &usize| {
                 bound.elements[j].same_law(e)
-                    && (e.is_linear() || (small.points[i].x == small.points[j].x && small.points[i].f == small.points[j].f))
+                    && (e.is_alike_everywhere() || (small.points[i].x == small.points[j].x && small.points[i].f == small.points[j].f))
             };
             let first = firsts.iter().copied().find(like);
             if first.is_none() {
@@ -192,9 +192,10 @@ impl<'a> Small<'a> {
         if self.moved.is_empty() {
             return Ok(());
         }
-        let mut dp = Vec::new();
-        for e in 0..self.rows.len() {
-            let (z, _, by_x) = self.law(e, s, &mut dp)?;
+        let (mut dp, mut laws) = (Vec::new(), Vec::with_capacity(self.rows.len()));
+        for (e, first) in self.same.iter().enumerate() {
+            let (z, by_x) = if *first < e { laws[*first] } else { self.law(e, s, &mut dp).map(|(z, _, by_x)| (z, by_x))? };
+            laws.push((z, by_x));
             let (bu, bv) = (self.relative(e, u), self.relative(e, v));
             for (out, moved) in out.iter_mut().zip(&self.moved) {
                 let along = |w: &[Complex64]| moved.rows[e].iter().map(|(d, b)| w[*d] * *b).sum::<Complex64>();

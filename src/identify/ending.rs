@@ -86,6 +86,8 @@ pub struct Tolerances {
     pub f_tol: f64,
     pub x_tol: f64,
     pub g_tol: f64,
+    /// fall of the cost, in its own unit, that is worth no step; 0: none
+    pub drop: f64,
     pub max_iterations: u64,
     /// first damping, in units of the squared column norms
     pub lambda: f64,
@@ -95,6 +97,6 @@ pub struct Tolerances {
 
 impl Default for Tolerances {
     fn default() -> Self {
-        Self { f_tol: 1e-15, x_tol: 1e-10, g_tol: 1e-9, max_iterations: 1000, lambda: 1e-3, acceleration: true }
+        Self { f_tol: 1e-15, x_tol: 1e-10, g_tol: 1e-9, drop: 0.0, max_iterations: 1000, lambda: 1e-3, acceleration: true }
     }
 }

@@ -64,6 +64,9 @@ impl FitOptions {
                 return Err(IdentifyError::Option { option, value: value.to_string(), accepted: "a positive number" });
             }
         }
+        if !(t.drop.is_finite() && t.drop >= 0.0) {
+            return Err(IdentifyError::Option { option: "drop", value: t.drop.to_string(), accepted: "a number that is not negative" });
+        }
         Ok(())
     }
 }

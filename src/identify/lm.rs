@@ -10,7 +10,7 @@
 //! |---|---|
 //! | gradient | sqrt(||r||^2 - ||r + J d0||^2) <= g_tol ||r||: the cosine between the residual and the free tangent space |
 //! | step | ||D d0|| <= x_tol ||D p|| |
-//! | cost | predicted drop of d0, and the last drop achieved, both <= f_tol cost; where rounding in the residual hides smaller drops: 1e3 f_tol, and 1e6 f_tol when no step at all lowers the cost |
+//! | cost | predicted drop of d0, and the last drop achieved, both <= f_tol cost or <= drop; where rounding in the residual hides smaller drops: 1e3 f_tol, and 1e6 f_tol when no step at all lowers the cost |
 
 use super::constraints::{Constraints, Inequality, Source};
 use super::ending::{Convergence, Event, LogEntry, Termination, Tolerances};
@@ -163,11 +163,12 @@ impl<'a> ConstrainedLm<'a> {
         let d = &step.solve(UNDAMPED)?.d;
         let drop = predicted_drop(reduced, d);
         let norm = |v: &V| scaled_norm(v, scale);
+        let worth = self.tolerances.drop.max(self.tolerances.f_tol * cost);
         if (2.0 * drop.max(0.0)).sqrt() <= self.tolerances.g_tol * reduced.q.norm() {
             Some(Convergence::Gradient)
         } else if norm(d) <= self.tolerances.x_tol * norm(p) {
             Some(Convergence::Step)
-        } else if drop <= self.tolerances.f_tol * cost && self.last_drop <= self.tolerances.f_tol * cost {
+        } else if drop <= worth && self.last_drop <= worth {
             Some(Convergence::Cost)
         } else {
             None

@@ -160,9 +160,9 @@ impl Element {
         self.p == other.p && self.chains == other.chains && names(self) == names(other)
     }
 
-    /// Whether the force is a fixed linear combination of displacement, velocity and acceleration.
-    pub fn is_linear(&self) -> bool {
-        !self.opening && self.forces.is_empty()
+    /// Whether small motion about any operating point is as about rest: linear laws, and those that remember, which are stuck where they are.
+    pub fn is_alike_everywhere(&self) -> bool {
+        self.series.is_empty() && self.forces.iter().chain(&self.followers).all(|f| f.law.linear() || f.law.info().states > 0)
     }
 
     /// Mass or moment of inertia of its linear laws; 0 where it stands behind an opening.

@@ -1,6 +1,7 @@
 //! Parts along arcs, from the file to every kind of response.
 
-use crate::diagnose::{Case, Scene, candidates};
+use crate::diagnose::Case;
+use crate::diagnose::testing::{Scene, candidates};
 use crate::response::Plan;
 
 use super::*;
