@@ -60,8 +60,13 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let (mut off, mut all) = (0.0, 0.0);
     let mut sweeps: Vec<Sweep> = Vec::new();
     for spec in &study.predictions {
-        sweeps.extend(value::sweep(spec, &fitted.system)?);
-        let found = value::evaluate(spec, &study, &fitted.system, &fitted.free)?;
+        let found = match value::sweep(spec, &fitted.system, &fitted.free)? {
+            Some((sweep, range)) => {
+                sweeps.push(sweep);
+                range
+            }
+            None => value::evaluate(spec, &study, &fitted.system, &fitted.free)?,
+        };
         let std = value::deviation(&found, &spread.covariance, &fitted.outcome.p);
         let scattered = scattered(spec, &study, &fitted, &replicates);
         let reference = spec.reference.as_ref().map(|q| q.value);

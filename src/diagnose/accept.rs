@@ -35,6 +35,14 @@ pub fn improvement(before: &Whitened, after: &Whitened) -> (f64, f64) {
     paired(before, after, |b, a| b - a)
 }
 
+/// The improvement on the tests that decide: the select tests, the fit tests where there are none.
+pub fn improved(before: &Proof, after: &Proof) -> (f64, f64) {
+    match after.select.is_empty() {
+        true => improvement(&before.fit, &after.fit),
+        false => improvement(&before.select, &after.select),
+    }
+}
+
 /// Whether these tests cannot decide: they neither object to an effect, nor does it move their responses by so much that, were it true, their
 /// improvement would exceed two standard errors. (A true effect improves the mean square by the mean square of what it moves.)
 pub fn undecided(before: &Whitened, after: &Whitened) -> bool {

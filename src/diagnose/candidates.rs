@@ -178,9 +178,15 @@ fn bodies(case: &Case, system: &System, inertial: bool) -> Vec<(String, Vec<usiz
     all.filter(|(at, p)| asked(at) || (inertial && !joined(grounded(&model.places[p[0]])))).collect()
 }
 
+/// Whether two groups are the same places, in whatever order.
+fn same_places(a: &[usize], b: &[usize]) -> bool {
+    a.len() == b.len() && a.iter().all(|p| b.contains(p))
+}
+
 /// Whether the effect already stands at exactly these places and a second one could not differ from it.
 fn already(system: &System, effect: &str, places: &[usize], shaped: bool) -> bool {
-    let here = system.instances.iter().filter(|i| i.name() == effect && matches!(&i.site, Site::Places(p) if p == places)).count();
+    let here =
+        system.instances.iter().filter(|i| i.name() == effect && matches!(&i.site, Site::Places(p) if same_places(p, places))).count();
     here > usize::from(shaped)
 }
 

@@ -99,21 +99,21 @@ impl Case {
 
     /// The case with as many time steps in every test as the noise asks for at the system's present values; `None` where they are enough.
     pub fn refined(&self, system: &System) -> Option<Case> {
-        let finer = parallel::map(&self.plans, |(p, _)| p.refined(system));
-        if finer.iter().all(Option::is_none) {
-            return None;
-        }
-        let plans = self.plans.iter().zip(finer).map(|((p, s), f)| (f.unwrap_or_else(|| p.clone()), *s)).collect();
-        Some(Case { plans: Arc::new(plans), ..self.clone() })
+        self.in_other_steps(|p| p.refined(system))
     }
 
     /// The case in fewer time steps ([`Plan::coarser`]), for a first look at what it may say; `None` where there are none to spare.
     pub fn coarser(&self) -> Option<Case> {
-        let coarser: Vec<_> = self.plans.iter().map(|(p, _)| p.coarser()).collect();
-        if coarser.iter().all(Option::is_none) {
+        self.in_other_steps(Plan::coarser)
+    }
+
+    /// The case with the plans that have other steps; `None` where none has.
+    fn in_other_steps(&self, of: impl Fn(&Plan) -> Option<Plan> + Sync) -> Option<Case> {
+        let other = parallel::map(&self.plans, |(p, _)| of(p));
+        if other.iter().all(Option::is_none) {
             return None;
         }
-        let plans = self.plans.iter().zip(coarser).map(|((p, s), c)| (c.unwrap_or_else(|| p.clone()), *s)).collect();
+        let plans = self.plans.iter().zip(other).map(|((p, s), o)| (o.unwrap_or_else(|| p.clone()), *s)).collect();
         Some(Case { plans: Arc::new(plans), ..self.clone() })
     }
 

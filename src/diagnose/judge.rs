@@ -6,7 +6,7 @@ use crate::identify::Monitor;
 use crate::model::Site;
 
 use super::Case;
-use super::accept::{STANDARD_ERRORS, at_floor, earns_its_place, far, improvement, rms, undecided};
+use super::accept::{STANDARD_ERRORS, at_floor, earns_its_place, far, improved, improvement, rms, undecided};
 use super::refit::{Proof, Whitened, cost, cross_validated};
 use super::results::SplitName;
 
@@ -79,12 +79,7 @@ impl<'a> Judge<'a> {
     /// Mean improvement of the squared residual on the tests that decide; none of an error of one test's instrument, which no other test
     /// shows.
     pub fn gain(&self, proof: &Proof) -> Option<f64> {
-        let improved = if proof.select.is_empty() {
-            improvement(&self.before.fit, &proof.fit)
-        } else {
-            improvement(&self.before.select, &proof.select)
-        };
-        self.own_test(proof).is_none().then_some(improved.0)
+        self.own_test(proof).is_none().then(|| improved(self.before, proof).0)
     }
 
     /// Whether it holds in parts of the fit tests that it was not fitted to; none where there is but one.

@@ -146,6 +146,31 @@ fn interrupted(missing: &[Missing]) -> (String, Verdict) {
     (format!("it was interrupted {found}; more may be missing"), verdict)
 }
 
+/// How a ladder stands that ends with what it has added.
+struct Standing {
+    /// Root mean square of the whitened residuals.
+    left: f64,
+    /// Whether that is above the noise.
+    remainder: bool,
+    formula: Option<Unexplained>,
+    verdict: Verdict,
+}
+
+impl Standing {
+    /// `first`: what the first model left, and that model as the search sees it.
+    fn of(case: &Case, system: &System, first: Option<&((f64, usize), Fitted)>, monitor: &Monitor, watch: Watch) -> Standing {
+        let searched = case.with_instruments(system);
+        let after = left_by(&searched, system);
+        let stands = Standing { left: after.0, remainder: !at_floor(after), formula: None, verdict: Verdict::Missing };
+        match first {
+            Some((before, given)) if stands.remainder && !mostly(*before, after) => {
+                Standing { formula: suggestion(&searched, given, monitor, watch), verdict: Verdict::Unexplained, ..stands }
+            }
+            _ => stands,
+        }
+    }
+}
+
 /// Root mean square over tests.
 fn pooled(tests: &[TestResult], pick: impl Fn(&TestResult) -> f64) -> Option<f64> {
     let held: Vec<f64> = tests.iter().filter(|t| t.split == SplitName::HeldOut).map(pick).collect();
@@ -177,21 +202,21 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break interrupted(&missing);
         }
         if missing.len() >= limit || rungs.len() > 2 * limit {
-            let searched = case.with_instruments(&fitted.system);
-            let after = left_by(&searched, &fitted.system);
-            (left, remainder) = (Some(after.0), !at_floor(after));
-            let verdict = match &first {
-                Some((before, given)) if remainder && !mostly(*before, after) => {
-                    formula = suggestion(&searched, given, monitor, watch);
-                    Verdict::Unexplained
-                }
-                _ => Verdict::Missing,
-            };
-            break (format!("{} effects were added, and {limit} is the limit", missing.len()), verdict);
+            let stands = Standing::of(&case, &fitted.system, first.as_ref(), monitor, watch);
+            (left, remainder, formula) = (Some(stands.left), stands.remainder, stands.formula);
+            break (format!("{} effects were added, and {limit} is the limit", missing.len()), stands.verdict);
         }
         watch(&format!("rung {now}"));
         let searched = case.with_instruments(&fitted.system);
-        let step = step(&searched, &fitted, monitor, watch)?;
+        let step = match step(&searched, &fitted, monitor, watch) {
+            // What was found is not lost with a model in which nothing more can be looked for.
+            Err(why) if !missing.is_empty() => {
+                let stands = Standing::of(&case, &fitted.system, first.as_ref(), monitor, watch);
+                (left, remainder, formula) = (Some(stands.left), stands.remainder, stands.formula);
+                break (format!("what else is missing could not be looked for: {why}"), stands.verdict);
+            }
+            step => step?,
+        };
         if let Some(last) = rungs.last_mut() {
             last.candidates = step.candidates.clone();
             last.second_opinion = step.second_opinion.clone();
@@ -245,9 +270,15 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
         // A new effect may ask for finer steps; what is reported takes the stated sigma at its word.
         let finer = case.refined(&system).unwrap_or_else(|| case.clone());
-        let closer = as_close_as_it_shows(&finer).fit_system(&system, finer.plans_of(SplitName::Fit), monitor)?;
-        // Far from the noise, what improves the fit in coarse steps alone explains nothing.
-        if coarse && removed.is_empty() && closer.outcome.cost >= fitted.outcome.cost && !trace::stopped(monitor) {
+        let closer = as_close_as_it_shows(&finer).fit_system(&system, finer.plans_of(SplitName::Fit), monitor);
+        let closer = closer.and_then(|f| compare(&finer, &f.system, &seen).map(|tests| (f, tests)));
+        // Far from the noise, what improves the fit in coarse steps alone explains nothing; nor does what cannot be computed in finer ones.
+        let explains = |f: &Fitted| !coarse || !removed.is_empty() || f.outcome.cost < fitted.outcome.cost;
+        let closer = match closer {
+            Err(why) if !removed.is_empty() => return Err(why),
+            closer => closer.ok(),
+        };
+        let Some((closer, tests)) = closer.filter(|(f, _)| explains(f) || trace::stopped(monitor)) else {
             watch(&format!("withdrew {} at {}: in finer steps it explains nothing", name.effect, name.at));
             missing.pop();
             (left, remainder) = (Some(step.left.0), !missing.is_empty());
@@ -255,9 +286,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             formula = suggestion(&searched, if kept { &step.base } else { &given }, monitor, watch);
             let ended = format!("{} at {} improves the fit in coarse time steps alone, and nothing else was better", name.effect, name.at);
             break (ended, if kept && !missing.is_empty() { Verdict::Missing } else { Verdict::Unexplained });
-        }
+        };
         (case, fitted) = (finer, closer);
-        let tests = compare(&case, &fitted.system, &seen)?;
         let added = EffectAt { effect: name.effect.into(), at: name.at };
         rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
         for turn in [Turn::Exchange, Turn::Simplify] {
@@ -280,7 +310,11 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let stands = |tie: &&Tie| missing.iter().any(|m| m.effect == tie.name.effect && m.at == tie.name.at && !m.tied_with.is_empty());
     let (next_test, no_next_test) = next_test(ties_left.iter().find(stands), started, monitor, watch);
     let before = compare(&case, &first_system, &[SplitName::HeldOut])?;
-    let after = compare(&case, &fitted.system, &[SplitName::HeldOut])?;
+    // A climb is not lost with a held-out test that the last model cannot compute: it says so, and has no error there.
+    let (after, ended) = match compare(&case, &fitted.system, &[SplitName::HeldOut]) {
+        Ok(after) => (after, ended),
+        Err(why) => (vec![], format!("{ended}; the held-out tests cannot be computed: {why}")),
+    };
     let held_out = HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&after, |t| t.floor) };
     if rungs.len() > 1
         && let Some(rung) = rungs.first_mut()

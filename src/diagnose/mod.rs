@@ -25,7 +25,7 @@ mod unexplained;
 #[cfg(test)]
 pub(crate) mod testing {
     pub use super::candidates::{Scene, candidates};
-    pub use super::refit::{Bench, cost, started, whitened};
+    pub use super::refit::{Bench, cost, whitened};
     pub use super::score::{Score, score};
 }
 pub use case::{Case, Fitted, Search, compare, fit, unit_of};

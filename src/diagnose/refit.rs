@@ -15,8 +15,6 @@ use super::results::SplitName;
 use super::score::{Score, Scores};
 use super::secant::Secant;
 
-/// Secants of a candidate, the cheapest, from which a first look is taken: the cheapest alone is not always that of the best fit.
-const LOOKS: usize = 2;
 /// Iterations after which one of the starts is chosen, and those that every picked candidate gets.
 const CHOICE: u64 = 4;
 const FIRST_LOOK: u64 = 6;
@@ -136,8 +134,9 @@ impl Bench<'_> {
         // Which is worth it shows in coarser steps as well.
         let rough = self.case.coarser();
         let look = Bench { case: rough.as_ref().unwrap_or(self.case), ..*self };
-        let secants = look.secants(picked);
-        let first = secants.iter().enumerate().flat_map(|(k, s)| s.iter().flatten().take(LOOKS).map(move |s| (k, &s.system)));
+        let unexplained = whitened(&look.case.plans_of(SplitName::Fit), self.base).map_or(f64::INFINITY, |w| cost(&w));
+        let secants = parallel::map(picked, |best| look.secants(best, unexplained));
+        let first = secants.iter().enumerate().flat_map(|(k, s)| s.iter().flatten().map(move |s| (k, &s.system)));
         let first: Vec<(usize, &System)> = first.collect();
         let begun = parallel::map(&first, |(_, system)| fit_some(look.case, system, CHOICE, self.monitor));
         let failed = |s: &Result<Vec<Secant>, String>| Err(s.as_ref().err().cloned().unwrap_or_default());
@@ -155,8 +154,7 @@ impl Bench<'_> {
         let looks = parallel::map_into(chosen, |_, l| l.and_then(|f| look.go_on(f, FIRST_LOOK)));
         let count = |b: &[bool]| b.iter().filter(|b| **b).count();
         let in_full = |f: Fitted| if rough.is_some() { self.from(&f.system) } else { self.go_on(f, REFIT_ITERATIONS) };
-        let unexplained = whitened(&look.case.plans_of(SplitName::Fit), self.base).map_or(f64::INFINITY, |w| cost(&w));
-        let hopeful = hopeful(&looks, unexplained, reached);
+        let hopeful = hopeful(&looks.iter().map(Look::of).collect::<Vec<_>>(), unexplained, reached);
         let mut before: Vec<f64> = looks.iter().map(cost_of).collect();
         let least = before.iter().copied().fold(f64::INFINITY, f64::min);
         watch(&format!(
@@ -164,7 +162,8 @@ impl Bench<'_> {
             count(&hopeful),
             looks.len()
         ));
-        let mut fitted = parallel::map_into(looks, |k, l| l.and_then(|f| if hopeful[k] { in_full(f) } else { Ok(f) }));
+        // A refit that fails farther on leaves what the look has reached.
+        let mut fitted = parallel::map_into(looks, |k, l| l.and_then(|f| if hopeful[k] { in_full(f.clone()).or(Ok(f)) } else { Ok(f) }));
         let off = parallel::over(fitted.len(), |k| match &fitted[k] {
             Ok(f) if hopeful[k] => self.off_plateau(f),
             _ => vec![],
@@ -300,29 +299,44 @@ fn among_three(mut costs: Vec<f64>) -> f64 {
     (HOPEFUL * best).min(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
 }
 
+/// What a first look came to.
+#[derive(Clone, Copy)]
+struct Look {
+    cost: f64,
+    n_free: usize,
+    n_residuals: usize,
+}
+
+impl Look {
+    fn of(fitted: &Result<Fitted, String>) -> Option<Look> {
+        let f = fitted.as_ref().ok()?;
+        Some(Look { cost: f.outcome.cost, n_free: f.free.len(), n_residuals: f.outcome.n_residuals })
+    }
+}
+
 /// What is worth a refit in full after the first look: a cost within a factor of the best that has fallen from the `unexplained` by its part
 /// of the best's fall, or among the best three. Once the best is at the noise the others must be within the factor, or have fewer
 /// parameters: nothing else can take its place. Where an earlier refit has `reached` a cost, what is not within the factor of it is not
 /// worth the time.
-fn hopeful(looks: &[Result<Fitted, String>], unexplained: f64, reached: Option<f64>) -> Vec<bool> {
-    let mut order: Vec<&Fitted> = looks.iter().flatten().collect();
-    order.sort_by(|a, b| a.outcome.cost.total_cmp(&b.outcome.cost));
+fn hopeful(looks: &[Option<Look>], unexplained: f64, reached: Option<f64>) -> Vec<bool> {
+    let mut order: Vec<&Look> = looks.iter().flatten().collect();
+    order.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(best) = order.first() else { return vec![false; looks.len()] };
-    let n = best.outcome.n_residuals;
-    let explained = at_floor(((2.0 * best.outcome.cost / n.max(1) as f64).sqrt(), n));
-    let third = order.get(2).or(order.last()).map_or(0.0, |f| f.outcome.cost);
-    let fallen = |f: &Fitted| {
-        let fall = (unexplained - f.outcome.cost) / (unexplained - best.outcome.cost);
-        f.outcome.cost <= third || fall.is_nan() || fall >= FALLEN
+    let n = best.n_residuals;
+    let explained = at_floor(((2.0 * best.cost / n.max(1) as f64).sqrt(), n));
+    let third = order.get(2).or(order.last()).map_or(0.0, |f| f.cost);
+    let fallen = |f: &Look| {
+        let fall = (unexplained - f.cost) / (unexplained - best.cost);
+        f.cost <= third || fall.is_nan() || fall >= FALLEN
     };
-    let worth = |f: &Fitted| {
-        let among_three = f.outcome.cost <= third && (!explained || f.free.len() < best.free.len());
+    let worth = |f: &Look| {
+        let among_three = f.cost <= third && (!explained || f.n_free < best.n_free);
         match reached {
-            Some(cost) => f.outcome.cost <= HOPEFUL * best.outcome.cost.min(cost),
-            None => f.outcome.cost <= HOPEFUL * best.outcome.cost || among_three,
+            Some(cost) => f.cost <= HOPEFUL * best.cost.min(cost),
+            None => f.cost <= HOPEFUL * best.cost || among_three,
         }
     };
-    looks.iter().map(|l| l.as_ref().is_ok_and(|f| fallen(f) && worth(f))).collect()
+    looks.iter().map(|l| l.as_ref().is_some_and(|f| fallen(f) && worth(f))).collect()
 }
 
 fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
@@ -391,4 +405,26 @@ fn over_stretches(plans: &[&Plan], fit: impl Fn(Vec<&Plan>) -> Result<Fitted, St
 /// Half the sum of squares.
 pub fn cost(w: &Whitened) -> f64 {
     0.5 * w.iter().flatten().map(|r| r * r).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_not_gained_a_quarter_of_the_best_is_not_refitted() {
+        let look = |cost: f64| Some(Look { cost, n_free: 5, n_residuals: 20 });
+        let list = |costs: &[f64]| costs.iter().map(|c| look(*c)).collect::<Vec<_>>();
+        // The best falls by 900 of 1000: a quarter of it is 225.
+        let far = list(&[100.0, 700.0, 780.0, 774.0, 776.0]);
+        assert_eq!(hopeful(&far, 1000.0, None), [true, true, false, true, false]);
+        // The best three are refitted whatever they gained, a failed one is not.
+        assert_eq!(hopeful(&[look(100.0), look(990.0), None, look(995.0), look(996.0)], 1000.0, None), [true, true, false, true, false]);
+        // At the noise only what is within the factor, or simpler.
+        let (near, simple) = (look(9.0), Look { cost: 300.0, n_free: 4, n_residuals: 20 });
+        assert_eq!(hopeful(&[near, look(80.0), look(300.0)], 1000.0, None), [true, true, false]);
+        assert_eq!(hopeful(&[near, look(80.0), Some(simple)], 1000.0, None), [true, true, true]);
+        // What was reached before sets the measure.
+        assert_eq!(hopeful(&list(&[100.0, 110.0]), 1000.0, Some(9.0)), [false, false]);
+    }
 }

@@ -91,9 +91,14 @@ pub fn projected(
     // What a candidate does need not be known as closely as what the model says: a slope off by a hundredth changes no order.
     let coarser: Vec<Option<Plan>> = plans.iter().map(|p| p.coarser()).collect();
     let of_trials: Vec<&Plan> = plans.iter().zip(&coarser).map(|(p, c)| c.as_ref().unwrap_or(p)).collect();
-    let (p, mut r, j) = at(of_trials, augmented)?;
+    let (mut spared, mut first) = (coarser.iter().any(Option::is_some), at(of_trials, augmented.clone()));
+    // A model that stands in its own steps need not stand in coarser ones.
+    if spared && first.is_err() {
+        (spared, first) = (false, at(plans.to_vec(), augmented));
+    }
+    let (p, mut r, j) = first?;
     let mut of_own = j.columns(0, own).into_owned();
-    if coarser.iter().any(Option::is_some) {
+    if spared {
         (_, r, of_own) = at(plans.to_vec(), system.clone())?;
     }
     let rows = r.len() + priors.len();

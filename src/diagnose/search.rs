@@ -3,13 +3,13 @@
 use crate::identify::{Monitor, Termination};
 use crate::model::Instance;
 
-use super::accept::{DECISIVE, at_floor, improvement, rms, tied, verdict_cost};
+use super::accept::{DECISIVE, at_floor, improved, rms, tied, verdict_cost};
 use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::{Case, Fitted};
 use super::exchange::RIVALS;
 use super::judge::Judge;
 use super::picks::{self, REFITS};
-use super::refit::{Bench, Proof, Refit, best_per_candidate, cost, proof};
+use super::refit::{Bench, Proof, Refit, best_per_candidate, proof};
 use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
 use super::score::{Score, score};
 use super::{DiagnoseError, trace};
@@ -82,8 +82,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let visible = visible(&scores.list, &names, &trials);
     let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails { reason });
     let before = proof(case, base.clone()).map_err(failed)?;
-    let n: usize = before.fit.iter().chain(&before.select).map(Vec::len).sum();
-    let left = ((2.0 * (cost(&before.fit) + cost(&before.select)) / n.max(1) as f64).sqrt(), n);
+    let left = rms(&[before.fit.as_slice(), &before.select].concat());
     let listed = Listed { names: &names, trials: &trials, before: &before, selected: &scores.selected };
     if p_value > LEVEL || trace::stopped(monitor) {
         let remark = |s: &Score| if s.p_value > LEVEL { "within what chance gives" } else { "not refitted: the search was stopped" };
@@ -264,11 +263,7 @@ impl Listed<'_> {
             Ok(proof) => {
                 c.error_after = Some(proof.error);
                 c.accepted = winner == Some(k);
-                let (mean, error) = if proof.select.is_empty() {
-                    improvement(&self.before.fit, &proof.fit)
-                } else {
-                    improvement(&self.before.select, &proof.select)
-                };
+                let (mean, error) = improved(self.before, proof);
                 c.remark = format!(
                     "improves the mean squared residual by {mean:.3} +- {error:.3}{weighed}, cost {:.5e}{}",
                     verdict_cost(proof),

@@ -30,8 +30,12 @@ impl Case {
             for left in study.leave_out.iter().filter(|l| l.test == test.id) {
                 plan.leave_out(left.quantity, f64::from(left.mode), &left.why);
             }
-            let plan = study.fit.points.map_or_else(|| plan.clone(), |n| plan.thinned(n));
-            let plan = study.fit.frf_tolerance.map_or_else(|| plan.clone(), |part| plan.clone().tolerant(part));
+            if let Some(points) = study.fit.points {
+                plan = plan.thinned(points);
+            }
+            if let Some(part) = study.fit.frf_tolerance {
+                plan = plan.tolerant(part);
+            }
             Ok((plan, split_of(study, &test.id)))
         };
         let plans = parallel::map(&study.dataset.tests, plan).into_iter().collect::<Result<Vec<_>, _>>()?;

@@ -85,14 +85,7 @@ pub(super) fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, fr
             }
             Ok(Found::of(re, im, size, re.value / size, im.value / size))
         }
-        Predicted::Sweep { .. } => {
-            let (_, all) = march(spec, &system, free)?;
-            let by_value = |a: &&Found, b: &&Found| a.value.total_cmp(&b.value);
-            let (Some(low), Some(high)) = (all.iter().min_by(by_value), all.iter().max_by(by_value)) else {
-                return Err(refused(spec, "nothing was computed"));
-            };
-            Ok(Found::of(high, low, high.value - low.value, 1.0, -1.0))
-        }
+        Predicted::Sweep { .. } => range(spec, &march(spec, &system, free)?.1),
         Predicted::Shift { test, against, mode } => {
             let (a, b) = (in_table(spec, study, test, *mode, &system, free)?, in_table(spec, study, against, *mode, &system, free)?);
             Ok(Found::of(&a, &b, a.value / b.value - 1.0, 1.0 / b.value, -a.value / b.value.powi(2)))
@@ -149,11 +142,11 @@ const SAMPLES: f64 = 40.0;
 /// Samples at most.
 const MOST: f64 = 1e6;
 
-/// The history of a sweep; none for other quantities.
-pub(super) fn sweep(spec: &PredictionSpec, system: &System) -> Result<Option<Sweep>, Failure> {
+/// The history of a sweep and its range; none for other quantities.
+pub(super) fn sweep(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<Option<(Sweep, Found)>, Failure> {
     let Predicted::Sweep { at, respond, mean, amplitude, frequencies, .. } = &spec.quantity else { return Ok(None) };
-    let (time, all) = march(spec, &structure(system), &[])?;
-    Ok(Some(Sweep {
+    let (time, all) = march(spec, &structure(system), free)?;
+    let sweep = Sweep {
         case: spec.case.clone(),
         respond: respond.clone(),
         at: at.clone(),
@@ -161,7 +154,17 @@ pub(super) fn sweep(spec: &PredictionSpec, system: &System) -> Result<Option<Swe
         frequencies: *frequencies,
         time,
         displacement: all.iter().map(|f| f.value).collect(),
-    }))
+    };
+    Ok(Some((sweep, range(spec, &all)?)))
+}
+
+/// Greatest minus least.
+fn range(spec: &PredictionSpec, all: &[Found]) -> Result<Found, Failure> {
+    let by_value = |a: &&Found, b: &&Found| a.value.total_cmp(&b.value);
+    let (Some(low), Some(high)) = (all.iter().min_by(by_value), all.iter().max_by(by_value)) else {
+        return Err(refused(spec, "nothing was computed"));
+    };
+    Ok(Found::of(high, low, high.value - low.value, 1.0, -1.0))
 }
 
 /// Times of a sweep [s] and the displacement at each.

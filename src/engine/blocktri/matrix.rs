@@ -282,3 +282,36 @@ fn eliminate_dispatched<T: Entry>(matrix: &mut BlockTri<T>) -> Result<WeakestPiv
     }
     matrix.eliminate()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Levels;
+    use super::*;
+
+    #[test]
+    fn a_block_adds_what_its_entries_do() {
+        // Two blocks that overlap in degrees of freedom out of order; coordinate 1 of each does not move.
+        let dofs = [[Some(4), None, Some(0), Some(3)], [Some(1), None, Some(4), Some(2)]];
+        let pairs: Vec<_> = dofs.iter().flat_map(|d| d.iter().flatten().flat_map(|i| d.iter().flatten().map(|j| (*i, *j)))).collect();
+        let layout = Arc::new(Layout::new(Levels::new(5, &pairs).unwrap()));
+        let entry = |i: usize, j: usize| if i == j { 9.0 } else { 0.3 * i as f64 - 0.7 * j as f64 };
+        let (mut at_once, mut one_by_one) = (BlockTri::<f64>::new(layout.clone()), BlockTri::<f64>::new(layout.clone()));
+        for d in &dofs {
+            at_once.add_block(&layout.block(*d).unwrap(), entry);
+            for (i, a) in d.iter().enumerate() {
+                for (j, b) in d.iter().enumerate() {
+                    if let (Some(a), Some(b)) = (a, b) {
+                        one_by_one.add(*a, *b, entry(i, j)).unwrap();
+                    }
+                }
+            }
+        }
+        let solved = |mut m: BlockTri<f64>| {
+            let mut x = [1.0, -2.0, 3.0, 0.5, 4.0];
+            m.factor().unwrap();
+            m.solve(&mut x).unwrap();
+            x
+        };
+        assert_eq!(solved(at_once), solved(one_by_one));
+    }
+}

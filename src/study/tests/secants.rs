@@ -1,10 +1,9 @@
 //! Where refits begin, on a study of this repository.
 
 use crate::diagnose::results::SplitName;
-use crate::diagnose::testing::{Bench, Scene, Score, candidates, cost, score, started, whitened};
+use crate::diagnose::testing::{Bench, Scene, Score, candidates, cost, score, whitened};
 use crate::diagnose::{Case, fit};
 use crate::identify::Monitor;
-use crate::model::System;
 use crate::study::Study;
 
 /// 01 fitted without its slider: at the strength the score expects, a spring that stands still leaves the model farther off than one
@@ -22,18 +21,19 @@ fn a_slider_takes_from_the_spring_beside_it() {
     let bench = Bench { case: &case, base: &fitted.system, names: &names, trials: &trials, scores: &scores, monitor: &monitor };
     let slider = |s: &&Score| names[trials[s.trial].candidate].effect == "elastic_slip" && names[trials[s.trial].candidate].at == "c5.x";
     let best = *scores.list.iter().find(slider).unwrap();
-    let cost_of = |system: &System| cost(&whitened(&plans, system).unwrap());
-    let before = cost_of(&fitted.system);
-    let mut still = fitted.system.clone();
-    still.instances.push(started(&trials[best.trial], best.strength));
-    let (still, gives) = (cost_of(&still), cost_of(&bench.giving_way(&[best], 1.0).unwrap()));
+    let before = cost(&whitened(&plans, &fitted.system).unwrap());
+    let at = |gives: bool| bench.secant(&[best], 1.0, gives).unwrap().cost;
+    let (still, gives) = (at(false), at(true));
     let predicted = (1.0 - best.drop) * before;
     assert!(
         gives < still && gives < before && (gives - predicted).abs() < 0.5 * (before - predicted),
         "{gives} {still} {before} {predicted}"
     );
-    let secants = bench.secants(&[best]).remove(0).unwrap();
-    assert!(secants.len() > 1 && secants.windows(2).all(|w| w[0].cost <= w[1].cost) && secants[0].cost <= gives);
+    let secants = bench.secants(&best, before).unwrap();
+    // Two that give way, the cheaper first, and one that stands still, which here costs less than the model without the slider.
+    let costs: Vec<f64> = secants.iter().map(|s| s.cost).collect();
+    assert!(costs.len() == 3 && costs[0] <= costs[1] && costs[0] <= gives && costs[2] <= still && still < before, "{costs:?} {still}");
+    assert_eq!(bench.secants(&best, 0.0).unwrap().len(), 2);
     let alone = bench.together(&[best]).unwrap();
     assert!(alone.cost <= gives && secants.iter().any(|s| s.cost == alone.cost));
 }
