@@ -21,6 +21,11 @@ mod simplify;
 mod trace;
 mod unexplained;
 
+pub use case::{Case, Fitted, Search, compare, fit, unit_of};
+pub use error::DiagnoseError;
+pub use ladder::{diagnose, ladder};
+pub use unexplained::{Missed, Unexplained};
+
 /// What tests of whole studies look into.
 #[cfg(test)]
 pub(crate) mod testing {
@@ -28,7 +33,3 @@ pub(crate) mod testing {
     pub use super::refit::{Bench, cost, whitened};
     pub use super::score::{Score, score};
 }
-pub use case::{Case, Fitted, Search, compare, fit, unit_of};
-pub use error::DiagnoseError;
-pub use ladder::{diagnose, ladder};
-pub use unexplained::{Missed, Unexplained};
