@@ -170,6 +170,15 @@ impl Case {
         };
         Ok(Fitted { system: problem.system_at(&outcome.p), free: problem.free, outcome, options })
     }
+
+    /// More iterations for a fit to these tests that has used up its own.
+    pub fn go_on(&self, fitted: Fitted, plans: Vec<&Plan>, monitor: &Monitor) -> Result<Fitted, DiagnoseError> {
+        let Fitted { system, mut options, outcome, .. } = fitted;
+        let problem = Problem::new(plans, system);
+        options.tolerances.max_iterations = self.max_iterations;
+        let outcome = identify::go_on(&problem, outcome, &options, monitor)?;
+        Ok(Fitted { system: problem.system_at(&outcome.p), free: problem.free, outcome, options })
+    }
 }
 
 /// Fits a case to its fit tests and holds every test that `splits` names against the result. The case comes back with the time steps

@@ -255,6 +255,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             };
             break (said, v);
         };
+        // Without it, where it has to be withdrawn.
+        let stood = missing.clone();
         ties_left.extend(Tie::new(&searched, &name, &proof.fitted, &step.tied));
         rivals.push(Rivals { of: EffectAt { effect: name.effect.into(), at: name.at.clone() }, list: step.rivals });
         watch(&format!("added {} at {}", name.effect, name.at));
@@ -274,18 +276,21 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         let closer = closer.and_then(|f| compare(&finer, &f.system, &seen).map(|tests| (f, tests)));
         // Far from the noise, what improves the fit in coarse steps alone explains nothing; nor does what cannot be computed in finer ones.
         let explains = |f: &Fitted| !coarse || !removed.is_empty() || f.outcome.cost < fitted.outcome.cost;
-        let closer = match closer {
-            Err(why) if !removed.is_empty() => return Err(why),
-            closer => closer.ok(),
-        };
-        let Some((closer, tests)) = closer.filter(|(f, _)| explains(f) || trace::stopped(monitor)) else {
-            watch(&format!("withdrew {} at {}: in finer steps it explains nothing", name.effect, name.at));
-            missing.pop();
-            (left, remainder) = (Some(step.left.0), !missing.is_empty());
-            let kept = mostly(first_left, step.left);
-            formula = suggestion(&searched, if kept { &step.base } else { &given }, monitor, watch);
-            let ended = format!("{} at {} improves the fit in coarse time steps alone, and nothing else was better", name.effect, name.at);
-            break (ended, if kept && !missing.is_empty() { Verdict::Missing } else { Verdict::Unexplained });
+        let (closer, tests) = match closer {
+            Ok((closer, tests)) if explains(&closer) || trace::stopped(monitor) => (closer, tests),
+            withdrawn => {
+                let why = match withdrawn {
+                    Ok(_) => "improves the fit in coarse time steps alone".into(),
+                    Err(why) => format!("cannot be computed in finer time steps ({why})"),
+                };
+                watch(&format!("withdrew {} at {}: it {why}", name.effect, name.at));
+                missing = stood;
+                (left, remainder) = (Some(step.left.0), !missing.is_empty());
+                let kept = mostly(first_left, step.left);
+                formula = suggestion(&searched, if kept { &step.base } else { &given }, monitor, watch);
+                let ended = format!("{} at {} {why}, and nothing else was better", name.effect, name.at);
+                break (ended, if kept && !missing.is_empty() { Verdict::Missing } else { Verdict::Unexplained });
+            }
         };
         (case, fitted) = (finer, closer);
         let added = EffectAt { effect: name.effect.into(), at: name.at };

@@ -8,6 +8,7 @@ use crate::model::System;
 use crate::residual::test_error;
 use crate::response::Plan;
 
+use super::DiagnoseError;
 use super::accept::at_floor;
 use super::candidates::{Name, Trial};
 use super::case::{Case, Fitted};
@@ -16,7 +17,7 @@ use super::score::{Score, Scores};
 use super::secant::Secant;
 
 /// Iterations after which one of the starts is chosen, and those that every picked candidate gets.
-const CHOICE: u64 = 4;
+const CHOICE: u64 = 2;
 const FIRST_LOOK: u64 = 6;
 /// A candidate is refitted in full when its cost is within this factor of the best after the first look ([`hopeful`]).
 const HOPEFUL: f64 = 10.0;
@@ -267,7 +268,8 @@ impl Bench<'_> {
         if fitted.outcome.termination != Termination::MaxIterations {
             return Ok(fitted);
         }
-        fit_some(self.case, &fitted.system, iterations, self.monitor)
+        let some = some(self.case, iterations);
+        ended(some.go_on(fitted, self.case.plans_of(SplitName::Fit), &self.monitor.quiet()))
     }
 
     /// Candidates refitted at once.
@@ -339,9 +341,18 @@ fn hopeful(looks: &[Option<Look>], unexplained: f64, reached: Option<f64>) -> Ve
     looks.iter().map(|l| l.as_ref().is_some_and(|f| fallen(f) && worth(f))).collect()
 }
 
+/// The case with one start and no more than so many iterations.
+fn some(case: &Case, iterations: u64) -> Case {
+    Case { starts: 1, max_iterations: case.max_iterations.min(iterations), coarse: true, ..case.clone() }
+}
+
 fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
-    let single = Case { starts: 1, max_iterations: case.max_iterations.min(iterations), coarse: true, ..case.clone() };
-    let fitted = single.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
+    ended(some(case, iterations).fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()))
+}
+
+/// A fit that ended without a failure of the model.
+fn ended(fitted: Result<Fitted, DiagnoseError>) -> Result<Fitted, String> {
+    let fitted = fitted.map_err(|e| e.to_string())?;
     match &fitted.outcome.termination {
         Termination::Failed(reason) => Err(reason.clone()),
         _ => Ok(fitted),
@@ -371,7 +382,7 @@ pub fn proof(case: &Case, fitted: Fitted) -> Result<Proof, String> {
 /// test than about the effect, and the parts are stretches of every test.
 pub fn cross_validated(case: &Case, system: &System, monitor: &Monitor) -> Result<Whitened, String> {
     let plans = case.plans_of(SplitName::Fit);
-    let single = Case { starts: 1, max_iterations: case.max_iterations.min(REFIT_ITERATIONS), coarse: true, ..case.clone() };
+    let single = some(case, REFIT_ITERATIONS);
     let fit = |plans: Vec<&Plan>| single.fit_system(system, plans, &monitor.quiet()).map_err(|e| e.to_string());
     if plans.len() >= FOLDS { over_tests(&plans, fit) } else { over_stretches(&plans, fit) }
 }

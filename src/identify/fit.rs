@@ -103,6 +103,7 @@ pub struct FitOutcome {
     /// parameters that moved no residual at the last point
     pub held: Vec<usize>,
     pub log: Vec<LogEntry>,
+    pub(crate) gait: Gait,
 }
 
 impl FitOutcome {
@@ -110,6 +111,16 @@ impl FitOutcome {
     pub fn whitened_rms(&self) -> f64 {
         (self.residuals.rows(0, self.n_residuals).norm_squared() / self.n_residuals.max(1) as f64).sqrt()
     }
+}
+
+/// How the solver was moving when it ended: what [`go_on`] takes up again.
+#[derive(Debug, Clone)]
+pub(crate) struct Gait {
+    pub(crate) lambda: f64,
+    pub(crate) growth: f64,
+    /// one per parameter
+    pub(crate) scale: Vec<f64>,
+    pub(crate) last_drop: f64,
 }
 
 /// argmin's view of the problem.
@@ -139,22 +150,51 @@ pub fn fit<P: LeastSquares + ?Sized>(
     options: &FitOptions,
     monitor: &Monitor<'_>,
 ) -> Result<FitOutcome, IdentifyError> {
-    let clock = Instant::now();
     options.validate_with_start(problem, start)?;
-    let augmented = Augmented { problem, priors: &options.priors };
     let losses = Losses::new(&options.losses, problem.n_residuals())?;
-    let mut solver = ConstrainedLm::new(options.tolerances, &options.constraints, losses.clone(), &options.names, monitor);
-
+    let mut solver = ConstrainedLm::new(options.tolerances, &options.constraints, losses, &options.names, monitor);
     let mut p = start.to_vec();
     if let Some(file) = monitor.checkpoint.as_ref().filter(|_| monitor.resumes()) {
-        let found = Checkpoint::load(&file.path, &options.names, augmented.n_rows())?;
+        let found = Checkpoint::load(&file.path, &options.names, problem.n_residuals() + options.priors.len())?;
         p = found.p;
         // decimal digits may move a bound by its last bit
         options.constraints.snap(&mut p, &[]);
         options.constraints.check_start(&p, &options.names)?;
-        (solver.lambda, solver.growth, solver.scale, solver.first_iteration) = (found.lambda, found.growth, found.scale, found.iteration);
-        solver.last_drop = found.last_drop.unwrap_or(f64::INFINITY);
+        solver.first_iteration = found.iteration;
+        let last_drop = found.last_drop.unwrap_or(f64::INFINITY);
+        solver.walk_as(Gait { lambda: found.lambda, growth: found.growth, scale: found.scale, last_drop });
     }
+    run(problem, p, solver, options)
+}
+
+/// As many iterations more as `options` allows, from where an earlier fit of the same problem under the same statement ended: its residuals,
+/// its Jacobian and its damping are taken up as they are, so that nothing is evaluated twice.
+pub fn go_on<P: LeastSquares + ?Sized>(
+    problem: &P,
+    from: FitOutcome,
+    options: &FitOptions,
+    monitor: &Monitor<'_>,
+) -> Result<FitOutcome, IdentifyError> {
+    options.validate_with_start(problem, &from.p)?;
+    let rows = problem.n_residuals() + options.priors.len();
+    if from.residuals.len() != rows {
+        return Err(IdentifyError::Dimension { what: "residuals of the fit that is gone on with".into(), got: from.residuals.len(), expected: rows });
+    }
+    let losses = Losses::new(&options.losses, problem.n_residuals())?;
+    let mut solver = ConstrainedLm::new(options.tolerances, &options.constraints, losses, &options.names, monitor);
+    solver.walk_as(from.gait);
+    solver.known = Some((from.residuals, from.jacobian));
+    run(problem, from.p, solver, options)
+}
+
+fn run<P: LeastSquares + ?Sized>(
+    problem: &P,
+    p: Vec<f64>,
+    solver: ConstrainedLm<'_>,
+    options: &FitOptions,
+) -> Result<FitOutcome, IdentifyError> {
+    let clock = Instant::now();
+    let augmented = Augmented { problem, priors: &options.priors };
     let start = p.clone();
     let first_iteration = solver.first_iteration;
     let limit = options.tolerances.max_iterations.saturating_sub(first_iteration);
@@ -181,16 +221,17 @@ pub fn fit<P: LeastSquares + ?Sized>(
     });
     Ok(FitOutcome {
         start,
-        cost: losses.cost(&residuals),
+        cost: solver.losses.cost(&residuals),
         start_cost,
         n_residuals: problem.n_residuals(),
-        termination: solver.termination.clone().unwrap_or(Termination::MaxIterations),
+        termination: solver.termination.unwrap_or(Termination::MaxIterations),
         iterations: first_iteration + state.get_iter(),
         evaluations,
         wall_s: clock.elapsed().as_secs_f64(),
         active: active.collect(),
-        held: solver.held.clone(),
+        held: solver.held,
         log: solver.log,
+        gait: Gait { lambda: solver.lambda, growth: solver.growth, scale: solver.scale, last_drop: solver.last_drop },
         p: p.as_slice().to_vec(),
         residuals,
         jacobian,

@@ -14,6 +14,7 @@
 
 use super::constraints::{Constraints, Inequality, Source};
 use super::ending::{Convergence, Event, LogEntry, Termination, Tolerances};
+use super::fit::Gait;
 use super::linalg::{QrReducer, Reduced};
 use super::monitor::{Checkpoint, Monitor, Progress};
 use super::problem::Losses;
@@ -75,6 +76,8 @@ pub struct ConstrainedLm<'a> {
     reducer: QrReducer,
     second_reducer: QrReducer,
     last_saved: Option<Instant>,
+    /// residuals and Jacobian at the start, where they are known
+    pub(crate) known: Option<(V, DMatrix<f64>)>,
 }
 
 /// The state between two iterations, taken out of argmin's boxes.
@@ -130,7 +133,13 @@ impl<'a> ConstrainedLm<'a> {
             reducer: QrReducer::default(),
             second_reducer: QrReducer::default(),
             last_saved: None,
+            known: None,
         }
+    }
+
+    /// Goes on as an earlier fit went.
+    pub(crate) fn walk_as(&mut self, gait: Gait) {
+        (self.lambda, self.growth, self.scale, self.last_drop) = (gait.lambda, gait.growth, gait.scale, gait.last_drop);
     }
 
     fn note(&mut self, iteration: u64, cost: f64, event: Event) {
@@ -404,7 +413,8 @@ where
 
     fn init(&mut self, problem: &mut Problem<O>, mut state: LmState) -> Result<(LmState, Option<KV>), Error> {
         let p = state.take_param().ok_or_else(incomplete)?;
-        let (r, j) = problem.problem("jacobian_count", |o| o.jacobian(&p))?;
+        let known = self.known.take().map(Ok);
+        let (r, j) = known.unwrap_or_else(|| problem.problem("jacobian_count", |o| o.jacobian(&p)))?;
         let cost = self.losses.cost(&r);
         Ok((store(state, Point { p, r, j, cost }), None))
     }

@@ -33,7 +33,7 @@ pub use bootstrap::{Replicate, bootstrap, quantile};
 pub use constraints::{Constraints, LinearRow, Order};
 pub use ending::{Convergence, Event, LogEntry, Termination, Tolerances};
 pub use error::{EvalError, IdentifyError};
-pub use fit::{ActiveConstraint, FitOptions, FitOutcome, fit};
+pub use fit::{ActiveConstraint, FitOptions, FitOutcome, fit, go_on};
 pub use gate::{Blocking, GateParameter, GateReport, gate};
 pub use monitor::{Checkpoint, CheckpointFile, Monitor, Progress, interrupt_flag};
 pub use multi_start::{StartResult, latin_hypercube, multi_start};
