@@ -165,8 +165,10 @@ impl Bench<'_> {
         ));
         // A refit that fails farther on leaves what the look has reached.
         let mut fitted = parallel::map_into(looks, |k, l| l.and_then(|f| if hopeful[k] { in_full(f.clone()).or(Ok(f)) } else { Ok(f) }));
+        let expected = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop).fold(0.0, f64::max);
+        let near = among_three(fitted.iter().map(cost_of).collect());
         let off = parallel::over(fitted.len(), |k| match &fitted[k] {
-            Ok(f) if hopeful[k] => self.off_plateau(f),
+            Ok(f) if hopeful[k] && (f.outcome.cost <= near || picked[k].drop >= expected) => self.off_plateau(f),
             _ => vec![],
         });
         if off.iter().any(|o| !o.is_empty()) {
@@ -179,7 +181,6 @@ impl Bench<'_> {
         for round in (1..=CONTINUED).rev() {
             let now: Vec<f64> = fitted.iter().map(cost_of).collect();
             let (best, near) = (now.iter().copied().fold(f64::INFINITY, f64::min), among_three(now.clone()));
-            let expected = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop).fold(0.0, f64::max);
             let open = |k: &usize| -> bool {
                 let wanted = now[*k] <= near || picked[*k].drop >= expected;
                 // At its present rate, which only slackens, it must get to where the best stands; one left at its first look has none.

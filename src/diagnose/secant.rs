@@ -26,6 +26,8 @@ const PROMISING: f64 = 0.3;
 pub struct Secant {
     /// The system, everything of the candidate free.
     pub system: System,
+    /// The part of the strength that the score expects.
+    part: f64,
     /// Half its sum of squares.
     pub cost: f64,
 }
@@ -35,7 +37,12 @@ impl Bench<'_> {
     /// that costs less than `unexplained`; why there is none where the model cannot be computed at any.
     pub fn secants(&self, best: &Score, unexplained: f64) -> Result<Vec<Secant>, String> {
         let shapes = self.shapes(best);
-        let giving = parallel::map(&shapes, |s| self.together(&[*s]));
+        let Some((first, others)) = shapes.split_first() else { return Err("it was not begun".into()) };
+        let begun = self.together(&[*first]);
+        // The part that serves the best shape serves the others.
+        let part = begun.as_ref().map_or(1.0, |s| s.part);
+        let mut giving = parallel::map(others, |s| self.secant(&[*s], part, true));
+        giving.insert(0, begun);
         let failed = giving.iter().find_map(|s| s.as_ref().err().cloned());
         let mut found: Vec<Secant> = giving.into_iter().flatten().collect();
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -79,6 +86,6 @@ impl Bench<'_> {
         }
         let mut system = problem.system;
         system.instances.extend(added.iter().map(|s| started(&self.trials[s.trial], part * s.strength)));
-        Ok(Secant { cost: cost(&whitened(&self.case.plans_of(SplitName::Fit), &system)?), system })
+        Ok(Secant { cost: cost(&whitened(&self.case.plans_of(SplitName::Fit), &system)?), part, system })
     }
 }
