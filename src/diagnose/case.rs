@@ -14,7 +14,7 @@ use super::factors::factors;
 use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
 
 /// Relative change of the cost at which a coarse fit ends.
-const COARSE: f64 = 1e-4;
+const COARSE: f64 = 1e-5;
 /// Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than
 /// `sqrt(2e-7)` of its standard deviation.
 const WORTH_NO_STEP: f64 = 1e-7;
@@ -53,7 +53,7 @@ pub struct Case {
     pub seed: u64,
     /// Search.
     pub search: Search,
-    /// Whether a fit may end where its cost is known to a ten-thousandth: what decides between candidates, no more.
+    /// Whether a fit may end where its cost is known to a hundred-thousandth: what decides between candidates, no more.
     pub coarse: bool,
 }
 

@@ -236,11 +236,14 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
                 }
                 Verdict::NothingMissing => format!("the residual is at the noise and no candidate earned its place {}", judged(&case)),
                 _ if step.p_value > LEVEL => "no candidate scores beyond chance, but the residual lies above the noise".to_string(),
+                _ if at_floor(step.left) => {
+                    format!("the residual is no larger than the noise, if not random, and no candidate earned its place {}", judged(&case))
+                }
                 _ => format!("no candidate earned its place {}", judged(&case)),
             };
-            remainder = step_verdict == Verdict::Unexplained && !missing.is_empty();
+            remainder = !(missing.is_empty() || at_floor(step.left));
             match step_verdict {
-                Verdict::Unexplained => {
+                Verdict::Unexplained if missing.is_empty() || remainder => {
                     // What was added is no part of the answer where it leaves most of the question.
                     let base = if mostly(first_left, step.left) { &step.base } else { &given };
                     formula = suggestion(&searched, base, monitor, watch);

@@ -210,10 +210,16 @@ impl Bench<'_> {
         })
     }
 
-    /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than `worth`.
+    /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than `worth`. A fit that after a first
+    /// look has farther to go to where its candidate stands than it has come is left there.
     fn exchange(&self, fitted: &mut [Result<Fitted, String>], starts: Vec<Vec<System>>, worth: f64) {
         let starts: Vec<(usize, System)> = starts.into_iter().enumerate().flat_map(|(k, s)| s.into_iter().map(move |s| (k, s))).collect();
-        let moved = parallel::map(&starts, |(_, system)| self.from(system));
+        let stands: Vec<f64> = fitted.iter().map(cost_of).collect();
+        let moved = parallel::map(&starts, |(k, system)| {
+            let look = fit_some(self.case, system, FIRST_LOOK, self.monitor)?;
+            let o = &look.outcome;
+            if o.cost - stands[*k] < o.start_cost - o.cost { self.go_on(look, REFIT_ITERATIONS) } else { Ok(look) }
+        });
         for ((k, _), moved) in starts.iter().zip(moved) {
             if cost_of(&moved) < cost_of(&fitted[*k]) - worth {
                 fitted[*k] = moved;

@@ -178,7 +178,11 @@ pub fn go_on<P: LeastSquares + ?Sized>(
     options.validate_with_start(problem, &from.p)?;
     let rows = problem.n_residuals() + options.priors.len();
     if from.residuals.len() != rows {
-        return Err(IdentifyError::Dimension { what: "residuals of the fit that is gone on with".into(), got: from.residuals.len(), expected: rows });
+        return Err(IdentifyError::Dimension {
+            what: "residuals of the fit that is gone on with".into(),
+            got: from.residuals.len(),
+            expected: rows,
+        });
     }
     let losses = Losses::new(&options.losses, problem.n_residuals())?;
     let mut solver = ConstrainedLm::new(options.tolerances, &options.constraints, losses, &options.names, monitor);

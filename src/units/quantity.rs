@@ -61,15 +61,25 @@ impl Unit {
         let exact = self.from_si(si);
         let digits = |n: usize| format!("{exact:.n$e}").parse::<f64>().ok();
         let number = [14, 15, 16].into_iter().filter_map(digits).find(|x| self.to_si(*x) == si).unwrap_or(exact);
-        if self.symbol.is_empty() { format!("{number}") } else { format!("{number} {}", self.symbol) }
+        self.written(number)
     }
 
     /// An SI difference printed in this unit: four significant digits, e.g. `0.0213 N`.
     pub fn print_difference(&self, si: f64) -> String {
         let number: f64 = format!("{:.3e}", self.difference_from_si(si)).parse().unwrap_or(f64::NAN);
-        if self.symbol.is_empty() { format!("{number}") } else { format!("{number} {}", self.symbol) }
+        self.written(number)
+    }
+
+    /// A number in this unit, with a power of ten where all its digits would be more than are read again.
+    fn written(&self, number: f64) -> String {
+        let plain = format!("{number}");
+        let number = if plain.len() > LONGEST { format!("{number:e}") } else { plain };
+        if self.symbol.is_empty() { number } else { format!("{number} {}", self.symbol) }
     }
 }
+
+/// Characters of a number without a power of ten at most: 17 digits, a sign, a point, and some zeros.
+const LONGEST: usize = 32;
 
 /// number * mantissa * 10^exponent with the power of ten as one exact factor or divisor (up to 10^22).
 fn scale(number: f64, mantissa: f64, exponent: i32) -> f64 {
