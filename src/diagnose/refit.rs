@@ -16,8 +16,12 @@ use super::results::SplitName;
 use super::score::{Score, Scores};
 use super::secant::Secant;
 
-/// Iterations after which one of the starts is chosen, and those that every picked candidate gets.
-const CHOICE: u64 = 2;
+/// Iterations after which those of a candidate's starts go on that have fallen by at least this part of what its best has, and after which
+/// one of them is chosen.
+const TRIED: u64 = 2;
+const LEVEL_WITH: f64 = 0.5;
+const CHOICE: u64 = 4;
+/// Iterations that every picked candidate gets from there.
 const FIRST_LOOK: u64 = 6;
 /// A candidate is refitted in full when its cost is within this factor of the best after the first look ([`hopeful`]).
 const HOPEFUL: f64 = 10.0;
@@ -139,17 +143,25 @@ impl Bench<'_> {
         let secants = parallel::map(picked, |best| look.secants(best, unexplained));
         let first = secants.iter().enumerate().flat_map(|(k, s)| s.iter().flatten().map(move |s| (k, &s.system)));
         let first: Vec<(usize, &System)> = first.collect();
-        let begun = parallel::map(&first, |(_, system)| fit_some(look.case, system, CHOICE, self.monitor));
+        let begun = parallel::map(&first, |(k, system)| (*k, fit_some(look.case, system, TRIED, self.monitor)));
+        let mut least = vec![f64::INFINITY; picked.len()];
+        begun.iter().for_each(|(k, f)| least[*k] = least[*k].min(cost_of(f)));
+        let level = |k: usize, f: &Fitted| {
+            let cost = f.outcome.cost;
+            cost <= least[k] || unexplained - cost >= LEVEL_WITH * (unexplained - least[k])
+        };
+        let tried =
+            parallel::map_into(begun, |_, (k, f)| (k, f.and_then(|f| if level(k, &f) { look.go_on(f, CHOICE - TRIED) } else { Ok(f) })));
         let failed = |s: &Result<Vec<Secant>, String>| Err(s.as_ref().err().cloned().unwrap_or_default());
         let mut chosen: Vec<Result<Fitted, String>> = secants.iter().map(failed).collect();
-        for ((k, _), look) in first.iter().zip(begun) {
-            let better = match (&chosen[*k], &look) {
+        for (k, look) in tried {
+            let better = match (&chosen[k], &look) {
                 (Ok(a), Ok(b)) => b.outcome.cost < a.outcome.cost,
                 (Err(_), _) => true,
                 (Ok(_), Err(_)) => false,
             };
             if better {
-                chosen[*k] = look;
+                chosen[k] = look;
             }
         }
         let looks = parallel::map_into(chosen, |_, l| l.and_then(|f| look.go_on(f, FIRST_LOOK)));
