@@ -19,10 +19,10 @@ use super::secant::Secant;
 /// Iterations after which those of a candidate's starts go on that have fallen by at least this part of what its best has, and after which
 /// one of them is chosen.
 const TRIED: u64 = 2;
-const LEVEL_WITH: f64 = 0.5;
+const LEVEL_WITH: f64 = 0.8;
 const CHOICE: u64 = 4;
 /// Iterations that every picked candidate gets from there.
-const FIRST_LOOK: u64 = 6;
+const FIRST_LOOK: u64 = 4;
 /// A candidate is refitted in full when its cost is within this factor of the best after the first look ([`hopeful`]).
 const HOPEFUL: f64 = 10.0;
 /// Where none comes near the noise, its cost must also have fallen by this part of the best's fall.

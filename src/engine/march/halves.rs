@@ -7,8 +7,8 @@ use super::{March, State};
 const LEAST_PART: f64 = 0.02;
 /// Halvings that a march may make at any time, and for every step that it has taken. Here and there a step needs them, such as where a
 /// contact opens; a model that needs them throughout is far from one that stands, and would take a hundred times as long to say so.
-const FIRST: usize = 100;
-const PER_STEP: f64 = 0.25;
+const FIRST: usize = 30;
+const PER_STEP: f64 = 0.05;
 
 /// What a march has had to halve.
 #[derive(Default)]
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn halving_here_and_there_is_admitted_and_throughout_is_not() {
-        assert!(!Halved { steps: 1, halvings: 100 }.too_often() && Halved { steps: 1, halvings: 101 }.too_often());
-        assert!(!Halved { steps: 4000, halvings: 1100 }.too_often() && Halved { steps: 4000, halvings: 1101 }.too_often());
+        assert!(!Halved { steps: 1, halvings: 30 }.too_often() && Halved { steps: 1, halvings: 31 }.too_often());
+        assert!(!Halved { steps: 4000, halvings: 230 }.too_often() && Halved { steps: 4000, halvings: 231 }.too_often());
     }
 }
