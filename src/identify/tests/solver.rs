@@ -276,3 +276,24 @@ fn nothing_to_fit_is_no_panic() {
     assert_eq!(u.unidentifiable.len(), 1);
     assert_eq!(u.unidentifiable[0].label, "p0 - p1");
 }
+
+/// Iterations that are gone on with begin at a lower cost than the start's, evaluate no Jacobian there again, and come to the same minimum.
+#[test]
+fn a_fit_is_gone_on_with_from_its_own_jacobian() {
+    let problem = decay([1.0, 1.5, 0.3], 1.0);
+    let (mut few, whole) = (options(3), options(3));
+    few.tolerances.max_iterations = 2;
+    let start = [3.0, 0.2, -1.0];
+    let begun = fit(&problem, &start, &few, &Monitor::default()).unwrap();
+    assert_eq!(begun.termination, Termination::MaxIterations);
+    let before = begun.cost;
+    let further = super::super::go_on(&problem, begun.clone(), &few, &Monitor::default()).unwrap();
+    assert_eq!(further.start_cost, before);
+    assert!(further.cost < before);
+    // No more than one Jacobian for each step: the first is known.
+    assert!(further.evaluations.1 <= 2, "{:?}", further.evaluations);
+    let ended = super::super::go_on(&problem, further, &whole, &Monitor::default()).unwrap();
+    let at_once = fit(&problem, &start, &whole, &Monitor::default()).unwrap();
+    assert!(ended.termination.is_converged());
+    approx::assert_relative_eq!(ended.p.as_slice(), at_once.p.as_slice(), max_relative = 1e-7);
+}
