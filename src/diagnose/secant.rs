@@ -2,8 +2,8 @@
 //!
 //! A score is a slope at strength zero. At the strength `s` that it expects, a law that is not smooth does something else, and a model whose
 //! own parameters `p` stand still may be far off: a slider adds its stiffness to every FRF, which the spring beside it must give up. So
-//! each of a candidate's best shapes is computed at parts of its strength from `p - s J^+ g`, where `-J^+ g` is what the own parameters do
-//! of a unit of it (`Scores::own`), and once from `p` as it stands. What costs least of the first is where its refits begin, and of the
+//! a candidate's best shape is computed at parts of its strength from `p - s J^+ g`, where `-J^+ g` is what the own parameters do of a unit
+//! of it (`Scores::own`), its other good shapes at the part that costs least there, and each once from `p` as it stands. What costs least of the first is where its refits begin, and of the
 //! second too where it costs no more than the model without the candidate: far from the linear model it is the better guide.
 
 use crate::model::System;
@@ -26,7 +26,7 @@ const PROMISING: f64 = 0.3;
 pub struct Secant {
     /// The system, everything of the candidate free.
     pub system: System,
-    /// The part of the strength that the score expects.
+    /// The part of the strength that the score expects at which it stands.
     part: f64,
     /// Half its sum of squares.
     pub cost: f64,
