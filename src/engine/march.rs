@@ -19,7 +19,7 @@ use super::blocktri::{BlockTri, Layout, Levels};
 use super::spatial::{self, Joint};
 
 mod broyden;
-mod halves;
+mod effort;
 mod method;
 mod probe;
 mod sensitivities;
@@ -136,12 +136,10 @@ pub struct March<'a> {
     scale: f64,
     /// Whether the factors at hand are taken again.
     keep: bool,
-    /// Steps asked for and halvings made of them.
-    halved: halves::Halved,
+    /// What hard steps have taken so far.
+    effort: effort::Effort,
 }
 
-/// Newton iterations and shortened steps together, at most.
-const ITERATIONS: usize = 120;
 /// Newton steps of a spatial model that are taken whole although the residual rises.
 const PATIENCE: usize = 30;
 /// Fall of the residual per iteration at which kept factors no longer serve.
@@ -224,7 +222,7 @@ impl<'a> March<'a> {
             forces: vec![0.0; bound.elements.len()],
             scale: 0.0,
             keep: false,
-            halved: halves::Halved::default(),
+            effort: effort::Effort::default(),
         };
         march.leave_out(&model.attached, model);
         Ok(march)
@@ -365,7 +363,10 @@ impl<'a> March<'a> {
             let patience = if self.spatial.is_some() { PATIENCE } else { 0 };
             self.keep &= patience > 0;
             self.broyden.clear();
-            for iteration in 0..ITERATIONS {
+            for iteration in 0.. {
+                if !self.effort.goes_on(iteration) {
+                    break;
+                }
                 // Factors are kept from step to step while they serve.
                 let stage = if self.keep { Stage::Value } else { Stage::Newton };
                 let mut scale = self.internal(state, stage, force);
