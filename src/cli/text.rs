@@ -45,6 +45,9 @@ pub(super) fn tests(tests: &[TestResult]) -> String {
         }
         text += "\n";
     }
+    for (t, c) in tests.iter().filter_map(|t| Some((t, t.constant_damping.as_ref()?))) {
+        text += &format!("{}, {}\n", t.id, c.words());
+    }
     text
 }
 

@@ -3,6 +3,7 @@
 use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Role, Scales};
 use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
 use crate::response::{BlockKind, Plan};
+use crate::units::Unit;
 
 use super::Case;
 
@@ -93,7 +94,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
             }
             Role::Coefficient => {
                 let Effect::Coefficient(law) = effect else { continue };
-                for (condition, reference) in conditions(plans, law.condition()) {
+                for (condition, reference, unit) in conditions(plans, law.condition()) {
                     for (i, target) in system.instances.iter().enumerate() {
                         let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else {
                             continue;
@@ -105,7 +106,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                             continue;
                         }
                         let of = format!("{}.{}", target.name(), target.effect.info().params[0].name);
-                        let to = Target { instances: vec![i], param: 0, condition: condition.clone(), reference };
+                        let to = Target { instances: vec![i], param: 0, condition: condition.clone(), reference, unit: unit.clone() };
                         push(
                             &mut names,
                             &mut trials,
@@ -190,8 +191,8 @@ fn already(system: &System, effect: &str, places: &[usize], shaped: bool) -> boo
     here > usize::from(shaped)
 }
 
-/// Conditions that every test states and that vary, with a middle value; `only` one, or those that are none of the test's own settings.
-fn conditions(plans: &[&Plan], only: Option<&str>) -> Vec<(String, f64)> {
+/// Conditions that every test states and that vary, with a middle value and the unit; `only` one, or those that are none of the test's own settings.
+fn conditions(plans: &[&Plan], only: Option<&str>) -> Vec<(String, f64, Unit)> {
     let mut names: Vec<&String> = plans.iter().flat_map(|p| p.conditions.keys()).collect();
     names.sort();
     names.dedup();
@@ -205,7 +206,8 @@ fn conditions(plans: &[&Plan], only: Option<&str>) -> Vec<(String, f64)> {
             }
             values.sort_by(f64::total_cmp);
             values.dedup();
-            (values.len() > 1).then(|| (n.clone(), values[values.len() / 2]))
+            let unit = plans.iter().find_map(|p| p.condition_units.get(n))?;
+            (values.len() > 1).then(|| (n.clone(), values[values.len() / 2], unit.clone()))
         })
         .collect()
 }

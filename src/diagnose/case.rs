@@ -3,13 +3,16 @@
 use std::sync::Arc;
 
 use crate::data::TestKind;
+use crate::effect::Dim;
 use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Monitor, Prior, UncertaintyOptions};
-use crate::model::{FreeParam, ModelError, ParamValue, Site, System};
+use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
 use crate::parallel;
 use crate::residual::{Problem, test_error, to_variable};
 use crate::response::{BlockKind, Computed, Plan};
+use crate::units::Unit;
 
 use super::DiagnoseError;
+use super::damping::{constant_damping, fitted_ratio};
 use super::factors::factors;
 use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
 
@@ -222,9 +225,11 @@ pub fn effects(system: &System) -> Vec<EffectAt> {
 /// Holds the tests of the given splits against a system.
 pub fn compare(case: &Case, system: &System, splits: &[SplitName]) -> Result<Vec<TestResult>, DiagnoseError> {
     let wanted: Vec<&(Plan, SplitName)> = case.plans.iter().filter(|(_, split)| splits.contains(split)).collect();
+    let ratio = fitted_ratio(case);
     let one = |(plan, split): &&(Plan, SplitName)| {
         let computed = plan.evaluate(system, &[], false)?;
-        Ok(test_result(plan, *split, system, &computed))
+        let constant_damping = constant_damping(plan, *split, &computed, ratio);
+        Ok(TestResult { constant_damping, ..test_result(plan, *split, system, &computed) })
     };
     parallel::map(&wanted, one).into_iter().collect()
 }
@@ -272,6 +277,7 @@ fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Comput
         n: plan.len(),
         largest_difference: curves.iter().map(difference).collect(),
         factors: factors(plan, system, computed),
+        constant_damping: None,
         curves,
     }
 }
@@ -310,14 +316,27 @@ fn rotational(system: &System, f: &FreeParam) -> bool {
     }
 }
 
+/// What a law over a condition is per, where that is the dimension of the parameter.
+fn per_condition(system: &System, f: &FreeParam) -> Option<Unit> {
+    let instance = &system.instances[f.instance];
+    let dim = instance.effect.info().params[f.param].dim;
+    instance.target.as_ref().filter(|_| dim == Dim::PerCondition).map(Target::per_unit)
+}
+
 /// Unit of a parameter in SI.
 pub fn unit_of(system: &System, f: &FreeParam) -> String {
-    system.instances[f.instance].effect.info().params[f.param].dim.si(rotational(system, f))
+    match per_condition(system, f) {
+        Some(unit) => unit.dimension.si_unit(),
+        None => system.instances[f.instance].effect.info().params[f.param].dim.si(rotational(system, f)),
+    }
 }
 
 /// Unit for printing a parameter that the study gives none for, with its value in SI.
 fn practical_unit(system: &System, f: &FreeParam) -> (String, f64) {
-    system.instances[f.instance].effect.info().params[f.param].dim.practical(rotational(system, f))
+    match per_condition(system, f) {
+        Some(unit) => (unit.symbol, unit.factor),
+        None => system.instances[f.instance].effect.info().params[f.param].dim.practical(rotational(system, f)),
+    }
 }
 
 /// Parameters with their intervals, and the named combinations the data do not determine.

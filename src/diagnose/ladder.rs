@@ -25,6 +25,9 @@ const MAX_ADDED: usize = 4;
 const WORTH_KEEPING: f64 = 4.0;
 /// Part of the first excess of squares over the noise that may be left unexplained where what was added is still what is missing.
 const REMAINDER: f64 = 0.03;
+/// Effects after which more than this part of it being left says that the library does not hold what is missing.
+const IN_VAIN: usize = 2;
+const LEFT: f64 = 0.5;
 
 /// What is looked at again once an effect was added.
 enum Turn {
@@ -120,10 +123,27 @@ fn left_by(case: &Case, system: &System) -> (f64, usize) {
     whitened(&plans, system).map_or((f64::INFINITY, n), |w| rms(&w))
 }
 
+/// Mean square of whitened residuals above the noise.
+fn excess((rms, _): (f64, usize)) -> f64 {
+    (rms * rms - 1.0).max(0.0)
+}
+
 /// Whether what was added takes most of what the first model failed by.
 fn mostly(first: (f64, usize), last: (f64, usize)) -> bool {
-    let excess = |(rms, _): (f64, usize)| (rms * rms - 1.0).max(0.0);
     excess(last) <= REMAINDER * excess(first)
+}
+
+/// Whether so many effects have left so much of what the first model failed by that more of them would be a list, and no answer.
+fn a_list(first: (f64, usize), last: (f64, usize), added: usize) -> bool {
+    added >= IN_VAIN && excess(last) > LEFT * excess(first)
+}
+
+/// Why nothing more is worth adding, where that is so.
+fn in_vain(case: &Case, system: &System, first: Option<&((f64, usize), Fitted)>, added: usize) -> Option<String> {
+    let (before, _) = first.filter(|_| added >= IN_VAIN)?;
+    let after = left_by(&case.with_instruments(system), system);
+    let part = 100.0 * excess(after) / excess(*before);
+    a_list(*before, after, added).then(|| format!("they leave {part:.0} % of the squared residual above the noise"))
 }
 
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
@@ -201,10 +221,12 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         if stopped {
             break interrupted(&missing);
         }
-        if missing.len() >= limit || rungs.len() > 2 * limit {
+        let full = missing.len() >= limit || rungs.len() > 2 * limit;
+        let why = if full { Some(format!("{limit} is the limit")) } else { in_vain(&case, &fitted.system, first.as_ref(), missing.len()) };
+        if let Some(why) = why {
             let stands = Standing::of(&case, &fitted.system, first.as_ref(), monitor, watch);
             (left, remainder, formula) = (Some(stands.left), stands.remainder, stands.formula);
-            break (format!("{} effects were added, and {limit} is the limit", missing.len()), stands.verdict);
+            break (format!("{} effects were added, and {why}", missing.len()), stands.verdict);
         }
         watch(&format!("rung {now}"));
         let searched = case.with_instruments(&fitted.system);
@@ -440,5 +462,21 @@ fn next_test(tie: Option<&Tie>, started: std::time::Instant, monitor: &Monitor, 
     match super::next::separating(&tie.case, &tie.best, &tie.rivals, started.elapsed(), monitor) {
         Ok(test) => (Some(test), None),
         Err(why) => (None, Some(format!("{} at {} is in a tie, and {why}", tie.name.effect, tie.name.at))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_effects_that_leave_half_of_the_excess_are_a_list_and_no_answer() {
+        let (first, n) = ((10.0, 400), 400);
+        // 99 above the noise; half of it is left at a root mean square of sqrt(50.5).
+        assert!(a_list(first, (7.2, n), 2) && !a_list(first, (7.0, n), 2));
+        assert!(!a_list(first, (9.9, n), 1));
+        // Three effects alike leave a third after two of them; what is at the noise is no list whatever it began with.
+        assert!(!a_list(first, (5.8, n), 2) && !a_list((1.1, n), (1.0, n), 3));
+        assert!(mostly(first, (1.9, n)) && !mostly(first, (2.2, n)));
     }
 }

@@ -3,6 +3,7 @@
 mod accept;
 mod candidates;
 mod case;
+mod damping;
 mod error;
 mod exchange;
 mod factors;

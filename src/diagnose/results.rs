@@ -112,6 +112,43 @@ pub struct OneStrength {
     pub weak: f64,
 }
 
+/// Damping of the modes of a test that is not fitted: the model beside one constant ratio.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ConstantDamping {
+    /// The constant: mean of the damping ratios measured of the fitted modes.
+    pub ratio: f64,
+    /// Modes compared.
+    pub modes: usize,
+    /// Root mean square over the modes of computed / measured - 1.
+    pub model: f64,
+    /// The same of the constant.
+    pub constant: f64,
+    /// Mean over the modes of the difference of these squares, constant less model.
+    pub gain: f64,
+    /// Its standard error, paired by modes.
+    pub standard_error: f64,
+    /// `better`, `worse`: the gain is beyond two standard errors; else `tied`.
+    pub verdict: &'static str,
+}
+
+impl ConstantDamping {
+    /// In one clause.
+    pub fn words(&self) -> String {
+        let percent = |v: f64| format!("{:.2}", 100.0 * v);
+        format!(
+            "damping of {} modes that were not fitted: the model is off by {} % (root mean square), one constant ratio of {} % by {} %: the model is {}",
+            self.modes,
+            percent(self.model),
+            percent(self.ratio),
+            percent(self.constant),
+            match self.verdict {
+                "tied" => "tied with it".to_string(),
+                v => format!("{v}, beyond two standard errors"),
+            }
+        )
+    }
+}
+
 /// One test against the model.
 #[derive(Clone, Debug, Serialize)]
 pub struct TestResult {
@@ -136,6 +173,9 @@ pub struct TestResult {
     /// Of a table of energies, how far each channel is off.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub factors: Vec<Factor>,
+    /// Of a table of modes that is not fitted, what a constant damping ratio does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub constant_damping: Option<ConstantDamping>,
     /// Its channels.
     #[serde(skip)]
     pub curves: Vec<Curve>,

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::effect::{Effect, Kind, Param, Sign};
+use crate::units::{Dimension, Unit, parse_unit};
 
 use super::{Model, ModelError};
 
@@ -65,6 +66,17 @@ pub struct Target {
     pub condition: String,
     /// Value of the condition at which the factor is 1 [SI].
     pub reference: f64,
+    /// The unit that the condition is first stated in.
+    pub unit: Unit,
+}
+
+impl Target {
+    /// The unit of one over the condition, which an exponent or a slope has.
+    pub fn per_unit(&self) -> Unit {
+        let (symbol, over) = (&self.unit.symbol, Dimension::DIMENSIONLESS.over(self.unit.dimension));
+        let simple = !symbol.is_empty() && symbol.chars().all(char::is_alphanumeric);
+        simple.then(|| parse_unit(&format!("1/{symbol}"), over).ok()).flatten().unwrap_or_else(|| Unit::si(over))
+    }
 }
 
 /// Where an instance acts.

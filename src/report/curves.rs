@@ -124,9 +124,11 @@ fn errors(stages: &[Stage], id: &str) -> String {
         };
         factors.iter().map(|f| vec![esc(&s.name), esc(&f.channel), digits(f.largest, 4), best(f)]).collect()
     };
+    let damping = |s: &Stage| Some(format!("<p>{}, {}.</p>", esc(&s.name), esc(&test(s, id)?.constant_damping.as_ref()?.words())));
+    let damping: String = stages.iter().filter_map(damping).collect();
     let factors: Vec<Vec<String>> = stages.iter().flat_map(factor).collect();
     if factors.is_empty() {
-        return errors;
+        return errors + &damping;
     }
     let header = ["Model", "Energy", "Largest factor", "Least that its one strength can reach"];
     errors + &table("", &header, &[2], &factors)

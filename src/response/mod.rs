@@ -23,6 +23,7 @@ use nalgebra::{DMatrixViewMut, DVector};
 
 use crate::data::{Record, Test, TestKind, Unsettled};
 use crate::model::{Bound, FreeParam, Model, System};
+use crate::units::Unit;
 
 pub use correlated::{CALIBRATION, Correlated, DELAY, GAIN, OFFSET};
 pub use cycle::CyclePlan;
@@ -86,6 +87,8 @@ pub struct Plan {
     pub kind: TestKind,
     /// Conditions [SI].
     pub conditions: BTreeMap<String, f64>,
+    /// The units that they are stated in.
+    pub condition_units: BTreeMap<String, Unit>,
     /// Measured values, block after block [SI].
     pub measured: Vec<f64>,
     /// Standard deviation of each.
@@ -149,6 +152,7 @@ impl Plan {
             id: test.id.clone(),
             kind: test.kind(),
             conditions,
+            condition_units: test.conditions.iter().map(|(k, c)| (k.clone(), c.unit.clone())).collect(),
             measured: vec![],
             sigma: vec![],
             blocks: vec![],

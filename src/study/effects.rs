@@ -139,7 +139,7 @@ fn target(
     };
     let accepted = format!("the {name} at which the factor is 1 ({})", unit.dimension.examples());
     let reference = table.require("reference", &accepted)?.quantity(unit.dimension)?.value;
-    Ok((Target { instances, param, condition: name.to_string(), reference }, unit))
+    Ok((Target { instances, param, condition: name.to_string(), reference, unit: unit.clone() }, unit))
 }
 
 /// The instances and parameter a coefficient at `site` acts on: `of` as `effect.parameter`, or the strength of the only effect there.

@@ -2,7 +2,7 @@
 
 use crate::data::Dataset;
 use crate::effect::Dim;
-use crate::model::{Instance, System};
+use crate::model::{Instance, System, Target};
 use crate::units::{Dimension, Unit, parse_unit};
 
 use super::site;
@@ -61,8 +61,7 @@ pub(super) fn dimension(dim: Dim, rotational: bool, channel: Dimension, conditio
 pub fn dimension_of(system: &System, dataset: &Dataset, instance: &Instance, param: usize) -> Dimension {
     let Some(info) = instance.effect.info().params.get(param) else { return Dimension::DIMENSIONLESS };
     let (rotational, channel) = site::nature(&system.model, dataset, &instance.site);
-    let condition =
-        instance.target.as_ref().and_then(|t| condition(dataset, &t.condition)).map_or(Dimension::DIMENSIONLESS, |u| u.dimension);
+    let condition = instance.target.as_ref().map_or(Dimension::DIMENSIONLESS, |t| t.unit.dimension);
     dimension(info.dim, rotational, channel, condition)
 }
 
@@ -73,10 +72,7 @@ pub fn unit_of(system: &System, dataset: &Dataset, instance: &Instance, param: u
     if let Some(unit) = written.and_then(|symbol| parse_unit(symbol, dimension).ok()) {
         return unit;
     }
-    let per_condition = instance.target.as_ref().and_then(|t| condition(dataset, &t.condition)).and_then(|u| {
-        let simple = !u.symbol.is_empty() && u.symbol.chars().all(char::is_alphanumeric);
-        simple.then(|| parse_unit(&format!("1/{}", u.symbol), dimension).ok()).flatten()
-    });
+    let per_condition = instance.target.as_ref().map(Target::per_unit).filter(|u| u.dimension == dimension);
     per_condition
         .or_else(|| UNITS.iter().filter_map(|u| parse_unit(u, dimension).ok()).find(|u| u.dimension == dimension))
         .unwrap_or_else(|| Unit::si(dimension))

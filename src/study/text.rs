@@ -11,7 +11,7 @@ use crate::units::{Dimension, Quantity, Unit};
 
 use super::load::folder_of;
 use super::{ConnectorSpec, CycleQuantity, Ends, Predicted, PredictionSpec, Study};
-use super::{effects, engineering, unit_of};
+use super::{effects, unit_of};
 
 /// A TOML string.
 fn quoted(text: &str) -> String {
@@ -61,7 +61,7 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
     }
     if let Some(target) = &instance.target {
         let of = effects::of_name(&system.model, &system.instances, &instance.site, target);
-        let unit = engineering::condition(dataset, &target.condition).unwrap_or_else(|| Unit::si(Dimension::DIMENSIONLESS));
+        let unit = &target.unit;
         let _ = writeln!(text, "of = {}\ncondition = {}", quoted(&of), quoted(&target.condition));
         let _ = writeln!(text, "reference = {}", quoted(&unit.print(target.reference)));
     }
