@@ -70,6 +70,9 @@ fn told(result: &LadderResult) -> String {
     if let Some(u) = &result.unexplained {
         text += &super::diagnose::suggestion(u);
     }
+    for (m, of) in result.missing.iter().filter_map(|m| Some((m, m.of.as_ref()?))) {
+        text += &format!("{} at {} acts on {of}.\n", m.effect, m.at);
+    }
     for m in result.missing.iter().filter(|m| !m.tied_with.is_empty()) {
         text += &format!("{} at {} cannot be told from {} by these tests.\n", m.effect, m.at, m.tied_with.join(", "));
     }

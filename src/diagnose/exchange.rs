@@ -117,6 +117,7 @@ pub fn exchange(
     missing[k] = Missing {
         effect: swap.added.effect.clone(),
         at: swap.added.at.clone(),
+        of: name.of.clone(),
         tied_with: ties.iter().map(|(n, _)| format!("{} at {}", n.effect, n.at)).collect(),
     };
     *fitted = proof.fitted.clone();

@@ -288,6 +288,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         missing.push(Missing {
             effect: name.effect.into(),
             at: name.at.clone(),
+            of: name.of.clone(),
             tied_with: ties.iter().map(|n| format!("{} at {}", n.effect, n.at)).collect(),
         });
         // A model far from the noise is fitted no closer than that shows; near it the last digits count.

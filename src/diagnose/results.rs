@@ -417,6 +417,9 @@ pub struct Missing {
     pub effect: String,
     /// Place.
     pub at: String,
+    /// Of a coefficient, the parameter that it acts on: `film.f`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of: Option<String>,
     /// `effect at place` of the tied.
     pub tied_with: Vec<String>,
 }

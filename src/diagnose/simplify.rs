@@ -76,7 +76,7 @@ pub fn simplify(
         missing.remove(k - base);
         // What the old law was tied with was weighed before the effects that came after it.
         let tied_with = if swap.added == swap.removed { vec![] } else { vec![format!("{} at {}", swap.removed.effect, swap.removed.at)] };
-        missing.push(Missing { effect: swap.added.effect.clone(), at: swap.added.at.clone(), tied_with });
+        missing.push(Missing { effect: swap.added.effect.clone(), at: swap.added.at.clone(), of: name.of.clone(), tied_with });
         *fitted = proof.fitted;
         return Ok(Some(swap));
     }

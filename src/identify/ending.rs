@@ -18,9 +18,8 @@ pub enum Convergence {
 #[serde(rename_all = "snake_case", tag = "kind", content = "detail")]
 pub enum Termination {
     Converged(Convergence),
-    /// no step lowers the cost, though the linear model promises one: noise in the model, or a kink
+    /// no step lowers the cost, though the linear model promises one, or many do by next to nothing: noise in the model, a kink, or a jump
     Stalled,
-
     MaxIterations,
     /// cancelled or out of time; the outcome is the best state so far
     Interrupted,

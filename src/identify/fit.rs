@@ -151,11 +151,10 @@ pub fn fit<P: LeastSquares + ?Sized>(
     monitor: &Monitor<'_>,
 ) -> Result<FitOutcome, IdentifyError> {
     options.validate_with_start(problem, start)?;
-    let losses = Losses::new(&options.losses, problem.n_residuals())?;
-    let mut solver = ConstrainedLm::new(options.tolerances, &options.constraints, losses, &options.names, monitor);
+    let mut solver = solver(problem, options, monitor)?;
     let mut p = start.to_vec();
     if let Some(file) = monitor.checkpoint.as_ref().filter(|_| monitor.resumes()) {
-        let found = Checkpoint::load(&file.path, &options.names, problem.n_residuals() + options.priors.len())?;
+        let found = Checkpoint::load(&file.path, &options.names, rows(problem, options))?;
         p = found.p;
         // decimal digits may move a bound by its last bit
         options.constraints.snap(&mut p, &[]);
@@ -176,19 +175,28 @@ pub fn go_on<P: LeastSquares + ?Sized>(
     monitor: &Monitor<'_>,
 ) -> Result<FitOutcome, IdentifyError> {
     options.validate_with_start(problem, &from.p)?;
-    let rows = problem.n_residuals() + options.priors.len();
-    if from.residuals.len() != rows {
-        return Err(IdentifyError::Dimension {
-            what: "residuals of the fit that is gone on with".into(),
-            got: from.residuals.len(),
-            expected: rows,
-        });
+    let (got, expected) = (from.residuals.len(), rows(problem, options));
+    if got != expected {
+        return Err(IdentifyError::Dimension { what: "residuals of the fit that is gone on with".into(), got, expected });
     }
-    let losses = Losses::new(&options.losses, problem.n_residuals())?;
-    let mut solver = ConstrainedLm::new(options.tolerances, &options.constraints, losses, &options.names, monitor);
+    let mut solver = solver(problem, options, monitor)?;
     solver.walk_as(from.gait);
     solver.known = Some((from.residuals, from.jacobian));
     run(problem, from.p, solver, options)
+}
+
+/// Rows of the problem and its priors.
+fn rows<P: LeastSquares + ?Sized>(problem: &P, options: &FitOptions) -> usize {
+    Augmented { problem, priors: &options.priors }.n_rows()
+}
+
+fn solver<'a, P: LeastSquares + ?Sized>(
+    problem: &P,
+    options: &'a FitOptions,
+    monitor: &'a Monitor<'_>,
+) -> Result<ConstrainedLm<'a>, IdentifyError> {
+    let losses = Losses::new(&options.losses, problem.n_residuals())?;
+    Ok(ConstrainedLm::new(options.tolerances, &options.constraints, losses, &options.names, monitor))
 }
 
 fn run<P: LeastSquares + ?Sized>(

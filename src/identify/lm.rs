@@ -13,6 +13,7 @@
 //! | cost | predicted drop of d0, and the last drop achieved, both <= f_tol cost or <= drop; where rounding in the residual hides smaller drops: 1e3 f_tol, and 1e6 f_tol when no step at all lowers the cost |
 
 use super::constraints::{Constraints, Inequality, Source};
+use super::crawl::Crawl;
 use super::ending::{Convergence, Event, LogEntry, Termination, Tolerances};
 use super::fit::Gait;
 use super::linalg::{QrReducer, Reduced};
@@ -73,6 +74,8 @@ pub struct ConstrainedLm<'a> {
     trusting: bool,
     /// steps in a row that were too short to matter
     creeping: u32,
+    crawl: Crawl,
+    crawls: bool,
     reducer: QrReducer,
     second_reducer: QrReducer,
     last_saved: Option<Instant>,
@@ -130,6 +133,8 @@ impl<'a> ConstrainedLm<'a> {
             last_drop: f64::INFINITY,
             trusting: false,
             creeping: 0,
+            crawl: Crawl::default(),
+            crawls: false,
             reducer: QrReducer::default(),
             second_reducer: QrReducer::default(),
             last_saved: None,
@@ -167,12 +172,17 @@ impl<'a> ConstrainedLm<'a> {
         self.held = held;
     }
 
+    /// Fall of the cost that is worth a step.
+    fn worth(&self, cost: f64) -> f64 {
+        self.tolerances.drop.max(self.tolerances.f_tol * cost)
+    }
+
     /// The kind of convergence reached at this point, if any.
     fn converged(&self, step: &StepProblem, reduced: &Reduced, scale: &[f64], p: &V, cost: f64) -> Option<Convergence> {
         let d = &step.solve(UNDAMPED)?.d;
         let drop = predicted_drop(reduced, d);
         let norm = |v: &V| scaled_norm(v, scale);
-        let worth = self.tolerances.drop.max(self.tolerances.f_tol * cost);
+        let worth = self.worth(cost);
         if (2.0 * drop.max(0.0)).sqrt() <= self.tolerances.g_tol * reduced.q.norm() {
             Some(Convergence::Gradient)
         } else if norm(d) <= self.tolerances.x_tol * norm(p) {
@@ -440,7 +450,7 @@ where
             Trial::Ended(Termination::Converged(Convergence::ZeroResidual))
         } else if let Some(kind) = settled.then(|| self.converged(&step, &reduced, &scale, &at.p, cost)).flatten() {
             Trial::Ended(Termination::Converged(kind))
-        } else if self.creeping >= CREEPING {
+        } else if self.creeping >= CREEPING || self.crawls {
             Trial::Ended(Termination::Stalled)
         } else {
             self.advance(problem, &at, &step, &reduced, &scale, k)
@@ -455,6 +465,7 @@ where
         match trial {
             Trial::Accepted { point, relative_step, ratio } => {
                 self.last_drop = cost - point.cost;
+                self.crawls = self.crawl.crawls(point.cost, self.worth(point.cost));
                 self.creeping = if relative_step < CREEP { self.creeping + 1 } else { 0 };
                 self.save(&point, k + 1, false);
                 if let Some(callback) = &self.monitor.on_iteration {

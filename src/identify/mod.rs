@@ -12,6 +12,7 @@
 
 mod bootstrap;
 mod constraints;
+mod crawl;
 mod ending;
 mod error;
 mod feasibility;

@@ -267,7 +267,7 @@ fn ladder(n: usize) -> LadderResult {
         study: "rod".into(),
         rungs: vec![rung(None, tests(n, 0.0, 0.1, true), 81234.0, vec![]), second, third],
         verdict: Verdict::Missing,
-        missing: vec![Missing { effect: "coulomb".into(), at: "c3<.x".into(), tied_with: vec!["elastic_slip at c3<.x".into()] }],
+        missing: vec![Missing { effect: "coulomb".into(), at: "c3<.x".into(), of: None, tied_with: vec!["elastic_slip at c3<.x".into()] }],
         held_out: HeldOut { before: Some(0.31), after: Some(0.0183), floor: Some(0.017) },
         findings: vec![finding()],
         next_test: Some(NextTest {
