@@ -80,7 +80,7 @@ pub fn best_per_candidate(scores: &[Score], trials: &[Trial]) -> Vec<Score> {
     scores.iter().filter(|s| s.drop > 0.0 && seen.insert(trials[s.trial].candidate)).copied().collect()
 }
 
-/// The candidate's instance with a start for its strength, everything of it free.
+/// The candidate's instance with a start for its strength, everything of it free that is not fitted last.
 pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
     let mut instance = trial.instance.clone();
     instance.follower = false;
@@ -88,7 +88,7 @@ pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
     for (value, p) in instance.params.iter_mut().zip(info.params) {
         // A setting that was tried as a start is fitted as well.
         let begun = matches!(p.grid, Grid::Elastic(_) if value.value > 0.0) || matches!(p.grid, Grid::Starts(_));
-        if p.kind == Kind::Shape || begun {
+        if (p.kind == Kind::Shape && !fitted_last(p.grid)) || begun {
             value.free = true;
             (value.min, value.max) = (p.min, p.max);
         }
@@ -187,7 +187,7 @@ impl Bench<'_> {
             watch(&format!("refitting from {} points off a plateau", off.iter().map(Vec::len).sum::<usize>()));
         }
         self.exchange(&mut fitted, off, 0.0);
-        let more_free = |(k, f): (usize, &Result<Fitted, String>)| f.as_ref().ok().filter(|_| hopeful[k]).and_then(freed);
+        let more_free = |(k, f): (usize, &Result<Fitted, String>)| f.as_ref().ok().filter(|_| hopeful[k]).and_then(|f| self.freed(f));
         let more_free = fitted.iter().enumerate().map(|f| more_free(f).into_iter().collect()).collect();
         self.exchange(&mut fitted, more_free, WORTH_FREEING);
         for round in (1..=CONTINUED).rev() {
@@ -293,20 +293,30 @@ impl Bench<'_> {
 
     /// Candidates refitted at once.
     pub fn both(&self, added: &[Score]) -> Result<Proof, String> {
-        proof(self.case, self.from(&self.together(added)?.system)?)
+        let mut fitted = [self.from(&self.together(added)?.system)];
+        let more_free = fitted[0].as_ref().ok().and_then(|f| self.freed(f));
+        self.exchange(&mut fitted, vec![more_free.into_iter().collect()], WORTH_FREEING);
+        let [fitted] = fitted;
+        proof(self.case, fitted?)
+    }
+
+    /// The fitted system with what was kept at a value of its grid free in what was added; none where it has no such.
+    fn freed(&self, fitted: &Fitted) -> Option<System> {
+        let mut system = fitted.system.clone();
+        let mut any = false;
+        for instance in &mut system.instances[self.base.instances.len()..] {
+            let info = instance.effect.info();
+            for (value, p) in instance.params.iter_mut().zip(info.params).filter(|(_, p)| fitted_last(p.grid)) {
+                (value.free, value.min, value.max, any) = (true, p.min, p.max, true);
+            }
+        }
+        any.then_some(system)
     }
 }
 
-/// The candidate with a setting free that was taken from a grid; none where it has no such.
-fn freed(fitted: &Fitted) -> Option<System> {
-    let mut system = fitted.system.clone();
-    let last = system.instances.last_mut()?;
-    let info = last.effect.info();
-    let mut any = false;
-    for (value, p) in last.params.iter_mut().zip(info.params).filter(|(_, p)| matches!(p.grid, Grid::OfMiddle(_))) {
-        (value.free, value.min, value.max, any) = (true, p.min, p.max, true);
-    }
-    any.then_some(system)
+/// Whether a value of this grid is kept until all else is fitted.
+fn fitted_last(grid: Grid) -> bool {
+    matches!(grid, Grid::OfMiddle(_) | Grid::Sharpness(_))
 }
 
 fn cost_of(fitted: &Result<Fitted, String>) -> f64 {

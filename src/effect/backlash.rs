@@ -16,7 +16,7 @@ impl SeriesLaw for Backlash {
         equation: "y = x - (g/2) tanh(F/f_close)",
         params: &[
             Param::strength("g", Dim::X, Sign::NonNegative, "total free play"),
-            Param::shape("f_close", Dim::F, Grid::OfF(&[0.02, 0.1]), "force that closes the play: below it the parts float"),
+            Param::shape("f_close", Dim::F, Grid::Sharpness(&[0.02, 0.1]), "force that closes the play: below it the parts float"),
         ],
         states: 0,
         ports: Ports::NONE,

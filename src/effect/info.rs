@@ -174,8 +174,9 @@ pub enum Grid {
     OfV(&'static [f64]),
     /// Multiples of the smallest velocity amplitude that a test has at the place.
     OfLeastV(&'static [f64]),
-    /// Multiples of the general-force amplitude at the place.
-    OfF(&'static [f64]),
+    /// Multiples of the general-force amplitude at the place: how sharp a corner is. Fitted once all else is: the sharper it is, the less
+    /// the slope at one place says of the next.
+    Sharpness(&'static [f64]),
     /// Logarithmically spaced over the periods of the tests, this many points.
     Time(usize),
     /// Multiples of the lowest frequency of the tests, one over the longest period [Hz].
@@ -224,7 +225,7 @@ impl Grid {
             Grid::Elastic(_) => vec![0.0],
             Grid::OfV(f) => times(f, scales.v),
             Grid::OfLeastV(f) => times(f, scales.least_v),
-            Grid::OfF(f) => times(f, scales.f),
+            Grid::Sharpness(f) => times(f, scales.f),
             Grid::OfLowest(f) => times(f, scales.periods.1.recip()),
             Grid::OfHighest(f) => times(f, scales.periods.0.recip()),
             Grid::OfMiddle(f) => {
