@@ -366,6 +366,11 @@ pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>,
                 (None, None) => "open on both sides".into(),
                 (a, b) => format!("{} to {} {text}", end(a, "-inf"), end(b, "inf")).trim_end().to_string(),
             };
+            let open = back(u.open_to).map(|far| {
+                let limit = if far.abs() > p.value.abs() { "infinite" } else { "nothing" };
+                let far = format!("{} {text}", digits(far / factor, 4));
+                format!("open: even {} agrees with the data, on this scale it is {limit}", far.trim_end())
+            });
             ParameterResult {
                 name: f.name.clone(),
                 value: p.value,
@@ -376,7 +381,7 @@ pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>,
                 identifiable: u.identifiable,
                 at_bound: u.at_bound,
                 printed: format!("{} {text}{spread}", digits(p.value / factor, 5)),
-                note: u.note.clone(),
+                note: open.or_else(|| u.note.clone()),
             }
         })
         .collect();

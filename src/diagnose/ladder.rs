@@ -135,7 +135,7 @@ fn mostly(first: (f64, usize), last: (f64, usize)) -> bool {
 
 /// Whether so many effects have left so much of what the first model failed by that more of them would be a list, and no answer.
 fn a_list(first: (f64, usize), last: (f64, usize), added: usize) -> bool {
-    added >= IN_VAIN && excess(last) > LEFT * excess(first)
+    added >= IN_VAIN && !at_floor(last) && excess(last) > LEFT * excess(first)
 }
 
 /// Why nothing more is worth adding, where that is so.
@@ -477,7 +477,7 @@ mod tests {
         assert!(a_list(first, (7.2, n), 2) && !a_list(first, (7.0, n), 2));
         assert!(!a_list(first, (9.9, n), 1));
         // Three effects alike leave a third after two of them; what is at the noise is no list whatever it began with.
-        assert!(!a_list(first, (5.8, n), 2) && !a_list((1.1, n), (1.0, n), 3));
+        assert!(!a_list(first, (5.8, n), 2) && !a_list((1.1, n), (1.09, n), 3));
         assert!(mostly(first, (1.9, n)) && !mostly(first, (2.2, n)));
     }
 }

@@ -60,6 +60,8 @@ pub struct ParameterUncertainty {
     pub interval: (Option<f64>, Option<f64>),
     /// why there is no standard deviation, or that the interval reaches beyond zero and what the parameter is mixed up with
     pub note: Option<String>,
+    /// a value of the fit's variable, far beyond the one found, that agrees with the data as well: the interval is open on that side
+    pub open_to: Option<f64>,
 }
 
 /// A direction in parameter space that the data do not see.
@@ -170,7 +172,7 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
         let interval = (clip(interval.0, fit.constraints.lower[k], f64::max), clip(interval.1, fit.constraints.upper[k], f64::min));
         let identifiable = std.is_some() || (fixed(k) && !inert[k]);
         let std_rescaled = std.zip(rescale).map(|(s, f)| s * f);
-        ParameterUncertainty { name: names[k].clone(), value, std, std_rescaled, identifiable, at_bound, interval, note }
+        ParameterUncertainty { name: names[k].clone(), value, std, std_rescaled, identifiable, at_bound, interval, note, open_to: None }
     });
     let parameters: Vec<_> = parameters.collect();
     let mut covariance = &root * root.transpose();
@@ -337,7 +339,7 @@ impl Uncertainty {
             } else {
                 (lower.is_finite().then_some(lower), near.or(parameter.interval.1))
             };
-            parameter.note = Some(format!("open: even {far:.3e} agrees with the data, on this scale it is infinite"));
+            parameter.open_to = Some(far);
             self.covariance.row_mut(k).fill(f64::NAN);
             self.covariance.column_mut(k).fill(f64::NAN);
             if !self.unidentifiable.iter().any(|c| c.coefficients.iter().any(|&(i, _)| i == k)) {
