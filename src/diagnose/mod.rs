@@ -9,6 +9,7 @@ mod exchange;
 mod factors;
 mod findings;
 mod judge;
+mod kin;
 mod ladder;
 mod next;
 mod picks;

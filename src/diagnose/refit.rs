@@ -42,6 +42,9 @@ const UNMOVED: f64 = 1e-6;
 /// Fall of the cost that a setting must be worth to be fitted.
 const WORTH_FREEING: f64 = 4.0;
 
+/// Part of where a sharpness begins below which it is not fitted.
+const SHARPER: f64 = 0.01;
+
 /// Folds of a cross-validation.
 const FOLDS: usize = 4;
 /// Stretches that a test is cut into where its parts are the folds.
@@ -223,8 +226,9 @@ impl Bench<'_> {
     }
 
     /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than `worth`. A fit that after a first
-    /// look has farther to go to where its candidate stands than it has come is left there.
-    fn exchange(&self, fitted: &mut [Result<Fitted, String>], starts: Vec<Vec<System>>, worth: f64) {
+    /// look has farther to go to where its candidate stands than it has come is left there. Which were replaced.
+    pub fn exchange(&self, fitted: &mut [Result<Fitted, String>], starts: Vec<Vec<System>>, worth: f64) -> Vec<bool> {
+        let mut better = vec![false; fitted.len()];
         let starts: Vec<(usize, System)> = starts.into_iter().enumerate().flat_map(|(k, s)| s.into_iter().map(move |s| (k, s))).collect();
         let stands: Vec<f64> = fitted.iter().map(cost_of).collect();
         let moved = parallel::map(&starts, |(k, system)| {
@@ -235,8 +239,10 @@ impl Bench<'_> {
         for ((k, _), moved) in starts.iter().zip(moved) {
             if cost_of(&moved) < cost_of(&fitted[*k]) - worth {
                 fitted[*k] = moved;
+                better[*k] = true;
             }
         }
+        better
     }
 
     /// A fit in full from here.
@@ -307,7 +313,9 @@ impl Bench<'_> {
         for instance in &mut system.instances[self.base.instances.len()..] {
             let info = instance.effect.info();
             for (value, p) in instance.params.iter_mut().zip(info.params).filter(|(_, p)| fitted_last(p.grid)) {
-                (value.free, value.min, value.max, any) = (true, p.min, p.max, true);
+                // A corner sharper than the data can show has no end of its own to go to.
+                let min = if matches!(p.grid, Grid::Sharpness(_)) { p.min.max(SHARPER * value.value) } else { p.min };
+                (value.free, value.min, value.max, any) = (true, min, p.max, true);
             }
         }
         any.then_some(system)

@@ -116,6 +116,8 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         refits.extend(bench.refit_all(&further, reached, watch));
         sort(&mut refits);
     }
+    bench.begin_at_kin(&mut refits, watch);
+    sort(&mut refits);
     let pair = together(&bench, &before, &refits, picks::pair(&beyond, &scores.selected, &names, &trials));
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     let rest: Vec<Score> =

@@ -1,0 +1,69 @@
+//! Laws of one kind say the same of a place in parameters of the same name: where elastic slip stands at a force and a distance, Bouc-Wen
+//! stands at much the same. One that has come to rest in another valley than its kin is begun once more at the values that theirs came to.
+
+use crate::model::{Instance, System};
+
+use super::accept::DECISIVE;
+use super::refit::{Bench, Refit, proof};
+
+/// Parameters of one name and dimension that make two laws kin.
+const SHARED: usize = 2;
+/// Part of the cost that the kin must save for the values to be worth a start.
+const AHEAD: f64 = 0.1;
+
+impl Bench<'_> {
+    /// Fits every refitted candidate that stands behind its kin at its place from the values of the best of them; what that betters takes
+    /// its place.
+    pub fn begin_at_kin(&self, refits: &mut [Refit], watch: &(dyn Fn(&str) + Sync)) {
+        let starts: Vec<Vec<System>> = (0..refits.len()).map(|k| self.of_kin(refits, k).into_iter().collect()).collect();
+        let count = starts.iter().map(Vec::len).sum::<usize>();
+        if count == 0 || self.monitor.stops() {
+            return;
+        }
+        watch(&format!("refitting {count} from where a law of their kind stands"));
+        let stands = |r: &Refit| r.result.as_ref().map(|p| p.fitted.clone()).map_err(Clone::clone);
+        let mut fitted: Vec<_> = refits.iter().map(stands).collect();
+        for (k, better) in self.exchange(&mut fitted, starts, DECISIVE).into_iter().enumerate() {
+            // A fit that the select tests cannot be computed with leaves what stands.
+            if better && let Some(Ok(proof)) = fitted[k].as_ref().ok().map(|f| proof(self.case, f.clone())) {
+                let name = &self.names[refits[k].candidate];
+                watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, proof.fitted.outcome.cost));
+                refits[k].result = Ok(proof);
+            }
+        }
+    }
+
+    /// The candidate at the values of the best of its kin, in the model as that was fitted.
+    fn of_kin(&self, refits: &[Refit], k: usize) -> Option<System> {
+        let own = refits[k].result.as_ref().ok()?;
+        let place = |r: &Refit| &self.names[r.candidate].at;
+        let ahead = refits.iter().filter(|r| place(r) == place(&refits[k])).filter_map(|r| r.result.as_ref().ok());
+        let ahead = ahead.filter(|p| p.fitted.outcome.cost < (1.0 - AHEAD) * own.fitted.outcome.cost - DECISIVE);
+        let begun = ahead.filter_map(|p| {
+            let (kin, others) = p.fitted.system.instances.split_last()?;
+            let begun = carried(own.fitted.system.instances.last()?, kin)?;
+            let mut system = System { instances: others.to_vec(), ..p.fitted.system.clone() };
+            system.instances.push(begun);
+            Some((p.fitted.outcome.cost, system))
+        });
+        begun.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, system)| system)
+    }
+}
+
+/// The law with the values of its kin; none where they share too little.
+fn carried(law: &Instance, kin: &Instance) -> Option<Instance> {
+    let (own, theirs) = (law.effect.info(), kin.effect.info());
+    if own.name == theirs.name {
+        return None;
+    }
+    let mut begun = law.clone();
+    let mut shared = 0;
+    for (value, p) in begun.params.iter_mut().zip(own.params).filter(|(v, _)| v.free) {
+        let same = theirs.params.iter().position(|q| q.name == p.name && q.dim == p.dim);
+        if let Some(from) = same.map(|q| &kin.params[q]).filter(|v| v.value > 0.0) {
+            value.value = from.value.clamp(value.min, value.max);
+            shared += 1;
+        }
+    }
+    (shared >= SHARED).then_some(begun)
+}
