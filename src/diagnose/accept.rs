@@ -7,6 +7,11 @@ const CHUNKS: usize = 12;
 /// Standard errors by which the improvement must exceed zero.
 pub const STANDARD_ERRORS: f64 = 2.0;
 
+/// The same where the model without an effect is at the noise, if neighbours did not depend on each other, and the standard errors over
+/// chunks that are asked for beside it.
+const SURE: f64 = 3.0;
+const AT_LEAST: f64 = 1.0;
+
 /// Root mean square of whitened residuals up to which a model is at the floor, where chance does not already reach beyond it: so many
 /// standard deviations of a sum of squares.
 const AT_FLOOR: f64 = 1.1;
@@ -47,8 +52,21 @@ pub fn improved(before: &Proof, after: &Proof) -> (f64, f64) {
 /// improvement would exceed two standard errors. (A true effect improves the mean square by the mean square of what it moves.)
 pub fn undecided(before: &Whitened, after: &Whitened) -> bool {
     let (mean, error) = improvement(before, after);
-    let (moved, n) = before.iter().flatten().zip(after.iter().flatten()).fold((0.0, 0.0), |(s, n), (b, a)| (s + (b - a).powi(2), n + 1.0));
-    mean >= -STANDARD_ERRORS * error && moved < STANDARD_ERRORS * error * f64::max(n, 1.0)
+    mean >= -STANDARD_ERRORS * error && moved(before, after) < STANDARD_ERRORS * error * rms(before).1.max(1) as f64
+}
+
+/// Sum of squares of what an effect moves.
+fn moved(before: &Whitened, after: &Whitened) -> f64 {
+    before.iter().flatten().zip(after.iter().flatten()).map(|(b, a)| (b - a).powi(2)).sum()
+}
+
+/// By how many standard deviations the sum of squares falls by more than it would for an effect that is not there. What moves a model at the
+/// noise by `M`, as a sum of squares, then raises it by `M +- 2 sqrt(M)`, and lowers it by as much where the effect is there. `None`
+/// where the model is not at the noise: what else it misses has no such scatter.
+fn against_the_noise(before: &Whitened, after: &Whitened) -> Option<f64> {
+    let moved = moved(before, after);
+    let known = at_floor(rms(before)) && moved > 0.0;
+    known.then(|| (2.0 * (cost(before) - cost(after)) + moved) / (2.0 * moved.sqrt()))
 }
 
 /// Mean and standard error of a comparison of the mean squares of every chunk.
@@ -78,6 +96,13 @@ pub fn earns_its_place(before: &Whitened, after: &Whitened) -> bool {
     let (ratio, spread) = paired(before, after, |b, a| (b.max(1.0) / a.max(1.0)).ln());
     // A perfect improvement in every chunk has no scatter to measure it by.
     mean > 0.0 && (mean > STANDARD_ERRORS * error || ratio > STANDARD_ERRORS * spread)
+}
+
+/// Whether tests that a model without an effect fits to the noise show it all the same: its improvement exceeds one standard error over the
+/// chunks, and is far beyond the scatter that noise has.
+pub fn seen_in_noise(before: &Whitened, after: &Whitened) -> bool {
+    let (mean, error) = improvement(before, after);
+    mean > AT_LEAST * error && against_the_noise(before, after).is_some_and(|z| z > SURE)
 }
 
 /// What a candidate costs on all tests it may be judged on: half the sum of squares on fit and select, and for each free parameter half
@@ -128,5 +153,20 @@ mod tests {
         assert!(!undecided(&test(2.0), &test(0.0)) && earns_its_place(&test(2.0), &test(0.0)));
         // Brought in: they object.
         assert!(!undecided(&test(0.0), &test(2.0)) && !earns_its_place(&test(0.0), &test(2.0)));
+    }
+
+    #[test]
+    fn what_rules_a_sixth_of_the_points_is_seen_where_the_rest_is_noise() {
+        let partly = |a: f64, rest: f64| -> Whitened {
+            let (there, elsewhere) = (test(a), test(rest));
+            vec![there[0][..40].iter().chain(&elsewhere[0][40..]).copied().collect()]
+        };
+        let (mean, error) = improvement(&partly(1.0, 0.0), &test(0.0));
+        assert!(mean > error && mean < STANDARD_ERRORS * error, "{mean} +- {error}");
+        assert!(seen_in_noise(&partly(1.0, 0.0), &test(0.0)) && !seen_in_noise(&test(0.0), &partly(1.0, 0.0)));
+        // Beside what else the model misses it is not.
+        assert!(!seen_in_noise(&partly(1.0, 4.0), &partly(0.0, 4.0)));
+        // What moves nothing is nothing.
+        assert!(against_the_noise(&test(0.0), &test(0.0)).is_none() && against_the_noise(&test(4.0), &test(0.0)).is_none());
     }
 }

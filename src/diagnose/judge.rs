@@ -6,7 +6,7 @@ use crate::identify::Monitor;
 use crate::model::Site;
 
 use super::Case;
-use super::accept::{STANDARD_ERRORS, at_floor, earns_its_place, far, improved, improvement, rms, undecided};
+use super::accept::{STANDARD_ERRORS, at_floor, earns_its_place, far, improved, improvement, rms, seen_in_noise, undecided};
 use super::refit::{Proof, Whitened, cost, cross_validated};
 use super::results::SplitName;
 
@@ -44,7 +44,8 @@ impl<'a> Judge<'a> {
     /// The cost on the fit tests must fall by more than its parameters buy by chance; on select the pairs decide. Where the select tests
     /// hardly show the effect they cannot, and then it must bring the fit tests from beyond the noise down to it, or hold in parts of the
     /// fit tests that it was not fitted to. So it must where there are no select tests; with one test alone the fall must be worth the
-    /// name. An error of the instrument of one fitted test shows nowhere else: there the cost must fall by more than Schwarz's price and
+    /// name. Where the fitted tests are at the noise with it, and the select tests were without, it need only be seen beyond their noise
+    /// ([`seen_in_noise`]). An error of the instrument of one fitted test shows nowhere else: there the cost must fall by more than Schwarz's price and
     /// the select tests must not object, or by a small part of that fall.
     pub fn earned(&self, proof: &Proof) -> (bool, String) {
         let gain = cost(&self.before.fit) - cost(&proof.fit);
@@ -60,6 +61,9 @@ impl<'a> Judge<'a> {
         if !self.before.select.is_empty() {
             if gain > BY_CHANCE * added && earns_its_place(&self.before.select, &proof.select) {
                 return (true, String::new());
+            }
+            if gain > priced && at_floor(rms(&proof.fit)) && seen_in_noise(&self.before.select, &proof.select) {
+                return (true, "; the fitted tests are at the noise with it, and the select tests show it beyond theirs".into());
             }
             if gain <= priced || !undecided(&self.before.select, &proof.select) {
                 return (false, String::new());

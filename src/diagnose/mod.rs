@@ -12,6 +12,7 @@ mod judge;
 mod kin;
 mod ladder;
 mod next;
+mod pair;
 mod picks;
 mod refit;
 pub mod results;

@@ -40,7 +40,7 @@ const OFF: [f64; 4] = [-1.4, -0.6, 0.6, 1.4];
 const UNMOVED: f64 = 1e-6;
 
 /// Fall of the cost that a setting must be worth to be fitted.
-const WORTH_FREEING: f64 = 4.0;
+pub const WORTH_FREEING: f64 = 4.0;
 
 /// Part of where a sharpness begins below which it is not fitted.
 const SHARPER: f64 = 0.01;
@@ -246,7 +246,7 @@ impl Bench<'_> {
     }
 
     /// A fit in full from here.
-    fn from(&self, system: &System) -> Result<Fitted, String> {
+    pub fn from(&self, system: &System) -> Result<Fitted, String> {
         fit_some(self.case, system, REFIT_ITERATIONS, self.monitor)
     }
 
@@ -297,17 +297,8 @@ impl Bench<'_> {
         ended(some.go_on(fitted, self.case.plans_of(SplitName::Fit), &self.monitor.quiet()))
     }
 
-    /// Candidates refitted at once.
-    pub fn both(&self, added: &[Score]) -> Result<Proof, String> {
-        let mut fitted = [self.from(&self.together(added)?.system)];
-        let more_free = fitted[0].as_ref().ok().and_then(|f| self.freed(f));
-        self.exchange(&mut fitted, vec![more_free.into_iter().collect()], WORTH_FREEING);
-        let [fitted] = fitted;
-        proof(self.case, fitted?)
-    }
-
     /// The fitted system with what was kept at a value of its grid free in what was added; none where it has no such.
-    fn freed(&self, fitted: &Fitted) -> Option<System> {
+    pub fn freed(&self, fitted: &Fitted) -> Option<System> {
         let mut system = fitted.system.clone();
         let mut any = false;
         for instance in &mut system.instances[self.base.instances.len()..] {

@@ -127,8 +127,20 @@ pub struct ConstantDamping {
     pub gain: f64,
     /// Its standard error, paired by modes.
     pub standard_error: f64,
-    /// `better`, `worse`: the gain is beyond two standard errors; else `tied`.
-    pub verdict: &'static str,
+    /// What that says.
+    pub verdict: Against,
+}
+
+/// A model beside a constant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Against {
+    /// Better by more than two standard errors.
+    Better,
+    /// Worse by more than two standard errors.
+    Worse,
+    /// Neither.
+    Tied,
 }
 
 impl ConstantDamping {
@@ -142,8 +154,9 @@ impl ConstantDamping {
             percent(self.ratio),
             percent(self.constant),
             match self.verdict {
-                "tied" => "tied with it".to_string(),
-                v => format!("{v}, beyond two standard errors"),
+                Against::Better => "better, beyond two standard errors",
+                Against::Worse => "worse, beyond two standard errors",
+                Against::Tied => "tied with it",
             }
         )
     }

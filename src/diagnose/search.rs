@@ -21,9 +21,6 @@ pub const LEVEL: f64 = 0.01;
 
 /// Level below which something is missing even where no candidate earned its place.
 pub const SURE: f64 = 1e-3;
-/// Part of what the model misses, as an excess of squares over the noise, that the best candidate must leave for two to be tried at once.
-const LEFT: f64 = 0.03;
-
 /// Times a decisive difference of cost by which a candidate takes the place of one that has earned it.
 const SURELY: f64 = 2.0;
 
@@ -118,7 +115,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     }
     bench.begin_at_kin(&mut refits, watch);
     sort(&mut refits);
-    let pair = together(&bench, &before, &refits, picks::pair(&beyond, &scores.selected, &names, &trials));
+    let pair = bench.pair(&before, &refits, picks::pair(&beyond, &scores.selected, &names, &trials));
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     let rest: Vec<Score> =
         best.iter().filter(|s| !refits.iter().any(|r| r.candidate == trials[s.trial].candidate)).take(REFITS).copied().collect();
@@ -148,22 +145,6 @@ fn sort(refits: &mut [Refit]) {
         let key = |r: &Refit| r.result.as_ref().map_or(f64::INFINITY, verdict_cost);
         key(a).total_cmp(&key(b)).then(b.score.drop.total_cmp(&a.score.drop))
     });
-}
-
-/// Two candidates, the cheaper first, that together bring the fitted tests to the noise where the best of all leaves much of what the model
-/// misses: what takes most of a sum of two for itself need be neither of them.
-fn together(bench: &Bench, before: &Proof, refits: &[Refit], pair: Option<[Score; 2]>) -> Option<[usize; 2]> {
-    let [a, b] = pair.filter(|_| !trace::stopped(bench.monitor))?;
-    let best = refits.first()?.result.as_ref().ok()?;
-    let square = |p: &Proof| rms(&p.fit).0.powi(2);
-    if at_floor(rms(&best.fit)) || square(best) - 1.0 < LEFT * (square(before) - 1.0) {
-        return None;
-    }
-    let at = |s: &Score| refits.iter().position(|r| r.candidate == bench.trials[s.trial].candidate && r.result.is_ok());
-    let found = [at(&a)?, at(&b)?];
-    let both = bench.both(&[a, b]).ok()?;
-    let reaches = at_floor(rms(&both.fit)) && verdict_cost(&both) < verdict_cost(best) - DECISIVE;
-    reaches.then(|| [found[0].min(found[1]), found[0].max(found[1])])
 }
 
 /// What is taken of the refitted candidates.
@@ -201,7 +182,9 @@ fn choose(refits: &[Refit], pair: Option<[usize; 2]>, judge: &Judge) -> Chosen {
     if let Some((w, best)) = winner.and_then(|w| Some((w, refits[w].result.as_ref().ok()?))) {
         ties = (0..refits.len()).filter(|k| *k != w && refits[*k].result.as_ref().is_ok_and(|p| tied(best, p))).take(TIES).collect();
         let size = |k: usize| refits[k].result.as_ref().map_or(usize::MAX, |p| p.fitted.free.len());
-        if let Some(t) = (0..ties.len()).filter(|t| size(ties[*t]) < size(w)).find(|t| earned(ties[*t], &mut weighed)) {
+        let simpler = |t: &usize| size(ties[*t]) < size(w);
+        // What stands for one of a pair alone need not stand for it beside the other.
+        if let Some(t) = (0..ties.len()).filter(|t| pair.is_none() && simpler(t)).find(|t| earned(ties[*t], &mut weighed)) {
             winner = Some(std::mem::replace(&mut ties[t], w));
         }
     }

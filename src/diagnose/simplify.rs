@@ -5,13 +5,13 @@ use crate::effect::{Effect, Kind, LIBRARY, Role};
 use crate::identify::Monitor;
 use crate::response::Plan;
 
+use super::Search;
 use super::candidates::{Scene, candidates};
 use super::case::{Case, Fitted};
 use super::exchange::Swap;
 use super::refit::{Bench, best_per_candidate, cost, whitened};
 use super::results::{EffectAt, Missing, SplitName};
 use super::score::score;
-use super::{DiagnoseError, Search};
 
 /// Simpler laws that are refitted for each that ends at a bound.
 const REFITS: usize = 3;
@@ -26,10 +26,10 @@ pub fn simplify(
     worth: f64,
     monitor: &Monitor,
     watch: &(dyn Fn(&str) + Sync),
-) -> Result<Option<Swap>, DiagnoseError> {
+) -> Option<Swap> {
     let fits = case.plans_of(SplitName::Fit);
     let all: Vec<&Plan> = fits.iter().copied().chain(case.plans_of(SplitName::Select)).collect();
-    let Ok(now) = whitened(&all, &fitted.system).map(|w| cost(&w)) else { return Ok(None) };
+    let Ok(now) = whitened(&all, &fitted.system).map(|w| cost(&w)) else { return None };
     let bound = fitted.options.constraints.at_bound(&fitted.outcome.p);
     for k in base..fitted.system.instances.len() {
         let old = &fitted.system.instances[k];
@@ -56,7 +56,8 @@ pub fn simplify(
         let scene = Scene::new(&fits, &without);
         let (names, trials) = candidates(&narrow, &without, &fits, &scene);
         let free = without.free().len();
-        let scores = score(&fits, &without, &trials, &vec![false; free], &[], case.seed)?;
+        // A model that cannot be computed without it has nothing simpler.
+        let Ok(scores) = score(&fits, &without, &trials, &vec![false; free], &[], case.seed) else { continue };
         let picked: Vec<_> = best_per_candidate(&scores.list, &trials).into_iter().take(REFITS).collect();
         let bench = Bench { case: &narrow, base: &without, names: &names, trials: &trials, scores: &scores, monitor };
         let refits = bench.refit_all(&picked, None, watch);
@@ -78,7 +79,7 @@ pub fn simplify(
         let tied_with = if swap.added == swap.removed { vec![] } else { vec![format!("{} at {}", swap.removed.effect, swap.removed.at)] };
         missing.push(Missing { effect: swap.added.effect.clone(), at: swap.added.at.clone(), of: name.of.clone(), tied_with });
         *fitted = proof.fitted;
-        return Ok(Some(swap));
+        return Some(swap);
     }
-    Ok(None)
+    None
 }

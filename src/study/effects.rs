@@ -59,12 +59,13 @@ pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Re
             keys.extend(formula::KEYS);
         }
         head.table.only(&keys)?;
-        let (target, unit) = match info.role {
-            Role::Coefficient => target(head, model, dataset, &sites, &at_levels).map(|(t, u)| (Some(t), u))?,
-            _ => (None, Unit::si(Dimension::DIMENSIONLESS)),
+        let target = match info.role {
+            Role::Coefficient => Some(target(head, model, dataset, &sites, &at_levels)?),
+            _ => None,
         };
+        let condition = target.as_ref().map_or(Dimension::DIMENSIONLESS, |t| t.unit.dimension);
         let (rotational, channel) = site::nature(model, dataset, &head.site);
-        let value = |p: &Param| param(&head.table, info, p, dimension(p.dim, rotational, channel, unit.dimension));
+        let value = |p: &Param| param(&head.table, info, p, dimension(p.dim, rotational, channel, condition));
         let params = info.params.iter().map(value).collect::<Result<Vec<_>, _>>()?;
         let only = head.only.clone();
         instances.push(Instance { target, only, ..Instance::new(head.effect, head.at.clone(), head.site.clone(), params) });
@@ -119,7 +120,7 @@ fn target(
     dataset: &Dataset,
     sites: &[(&'static Effect, &Site)],
     at_levels: &[bool],
-) -> Result<(Target, Unit), StudyError> {
+) -> Result<Target, StudyError> {
     let table = &head.table;
     let of = table.optional("of", |v| v.string())?;
     let (instances, param) = target_of(model, sites, &head.site, of).map_err(|e| match table.get("of").or(table.get("at")) {
@@ -139,7 +140,7 @@ fn target(
     };
     let accepted = format!("the {name} at which the factor is 1 ({})", unit.dimension.examples());
     let reference = table.require("reference", &accepted)?.quantity(unit.dimension)?.value;
-    Ok((Target { instances, param, condition: name.to_string(), reference, unit: unit.clone() }, unit))
+    Ok(Target { instances, param, condition: name.to_string(), reference, unit })
 }
 
 /// The instances and parameter a coefficient at `site` acts on: `of` as `effect.parameter`, or the strength of the only effect there.
@@ -225,10 +226,15 @@ pub(super) fn of_name(model: &Model, instances: &[Instance], at: &Site, target: 
 
 /// That no test states a condition of this name.
 pub(super) fn no_condition(value: &ValueView<'_>, dataset: &Dataset, name: &str) -> TomlError {
+    unknown(value, "condition", name, stated(dataset).into_iter())
+}
+
+/// Names of the conditions that any test states.
+pub(super) fn stated(dataset: &Dataset) -> Vec<&str> {
     let mut names: Vec<&str> = dataset.tests.iter().flat_map(|t| conditions_of(t)).flat_map(Conditions::keys).map(String::as_str).collect();
     names.sort_unstable();
     names.dedup();
-    unknown(value, "condition", name, names.into_iter())
+    names
 }
 
 /// The conditions of a test: those of every row where a table states them by row.

@@ -7,10 +7,9 @@ use crate::data::{DataError, Dataset, schema};
 use crate::explain::Explain;
 use crate::identify::{Constraints, Prior};
 use crate::model::{FreeParam, Instance, ParamValue, Site, System, Target};
-use crate::units::{Dimension, Unit};
 
 use super::{CoefficientOf, FitSettings, GraphSpec, LeaveOut, OrderSpec, PredictionSpec, SearchSettings, Split, StudyError, ToleranceSpec};
-use super::{channels, effects, engineering, graph, mechanism, orders, prediction, settings, site, tolerance};
+use super::{channels, effects, graph, mechanism, orders, prediction, settings, site, tolerance};
 
 /// A study: model, measurements, and what is to be done with them.
 #[derive(Clone, Debug)]
@@ -163,7 +162,10 @@ impl Study {
             (Effect::Coefficient(_), Some(of)) => {
                 let sites: Vec<_> = self.system.instances.iter().map(|i| (i.effect, &i.site)).collect();
                 let (instances, param) = effects::target_of(&self.system.model, &sites, &site, of.of.as_deref())?;
-                let unit = engineering::condition(&self.dataset, &of.condition).unwrap_or_else(|| Unit::si(Dimension::DIMENSIONLESS));
+                let Some(unit) = effects::condition(&self.dataset, &of.condition, effect)? else {
+                    let stated = effects::stated(&self.dataset).into_iter().map(str::to_string);
+                    return Err(ModelError::no_such("condition", &of.condition, stated).into());
+                };
                 Some(Target { instances, param, condition: of.condition.clone(), reference: of.reference, unit })
             }
             (Effect::Coefficient(_), None) => {

@@ -55,3 +55,30 @@ fn a_trial_is_not_written_over_and_unknown_kinds_are_named() {
     let usage = misfit(&["trial", "--json", "--kinds", "three"]).json();
     assert!(usage["error"]["message"].as_str().unwrap().contains("three"), "{usage}");
 }
+
+/// The first effect that a ladder names on a generated case, and the one that is hidden there.
+fn named_and_hidden(seed: &str, case: &str) -> [String; 2] {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path().display().to_string();
+    let written = trial(&["--seed", seed, "--case", case, "--write", &dir]);
+    let study = written["folder"].as_str().unwrap().to_string();
+    let ladder = misfit(&["ladder", "--json", &study, "--out", &format!("{dir}/run")]).json();
+    let truth: toml::Table = std::fs::read_to_string(format!("{study}/truth.toml")).unwrap().parse().unwrap();
+    let name = |effect: &str, at: &str| format!("{effect} at {at}");
+    let first = &ladder["missing"][0];
+    let named = name(first["effect"].as_str().unwrap_or("nothing"), first["at"].as_str().unwrap_or(""));
+    let hidden = &truth["hidden"][0];
+    [named, name(hidden["effect"].as_str().unwrap(), hidden["at"].as_str().unwrap())]
+}
+
+#[test]
+fn a_slider_in_a_chain_that_rests_in_another_valley_than_its_kin_is_found_from_there() {
+    let [named, hidden] = named_and_hidden("848126633", "26");
+    assert_eq!((named, hidden.as_str()), (hidden.clone(), "elastic_slip at c2.x"));
+}
+
+#[test]
+fn play_behind_a_strong_damper_whose_corners_the_data_do_not_show_is_found() {
+    let [named, hidden] = named_and_hidden("2330762008", "16");
+    assert_eq!((named, hidden.as_str()), (hidden.clone(), "backlash at c1.x"));
+}
