@@ -108,7 +108,8 @@ impl<'a> Judge<'a> {
     fn earned_on(&self, test: usize, worth: bool, proof: &Proof) -> (bool, String) {
         let square = |w: &[f64]| w.iter().map(|r| r * r).sum::<f64>() / w.len().max(1) as f64;
         let (before, after) = (square(&self.before.fit[test]), square(&proof.fit[test]));
-        let explained = before - after > OWN_PART * (before - 1.0);
+        // What is left may be more than one by chance.
+        let explained = before - after > OWN_PART * (before - 1.0) || at_floor((after.sqrt(), self.before.fit[test].len()));
         let (mean, error) = improvement(&self.before.select, &proof.select);
         let loss = cost(&proof.select) - cost(&self.before.select);
         let gain = cost(&self.before.fit) - cost(&proof.fit);

@@ -10,8 +10,8 @@ const LEFT: f64 = 0.03;
 
 impl Bench<'_> {
     /// Two candidates, the cheaper first, that together bring the fitted tests to the noise where the best of all leaves much of what the
-    /// model misses.
-    pub fn pair(&self, before: &Proof, refits: &[Refit], pair: Option<[Score; 2]>) -> Option<[usize; 2]> {
+    /// model misses; and what they prove together.
+    pub fn pair(&self, before: &Proof, refits: &[Refit], pair: Option<[Score; 2]>) -> Option<([usize; 2], Proof)> {
         let [a, b] = pair.filter(|_| !trace::stopped(self.monitor))?;
         let best = refits.first()?.result.as_ref().ok()?;
         let square = |p: &Proof| rms(&p.fit).0.powi(2);
@@ -22,7 +22,7 @@ impl Bench<'_> {
         let found = [at(&a)?, at(&b)?];
         let both = self.both(&[a, b])?;
         let reaches = at_floor(rms(&both.fit)) && verdict_cost(&both) < verdict_cost(best) - DECISIVE;
-        reaches.then(|| [found[0].min(found[1]), found[0].max(found[1])])
+        reaches.then(|| ([found[0].min(found[1]), found[0].max(found[1])], both))
     }
 
     /// Both fitted from their cheapest secant.

@@ -155,9 +155,9 @@ struct Chosen {
     weighed: Vec<String>,
 }
 
-/// The first of the pair, else in the order of their costs, that has earned its place; of what cannot be told from it, the one with the
-/// fewest parameters.
-fn choose(refits: &[Refit], pair: Option<[usize; 2]>, judge: &Judge) -> Chosen {
+/// The first of a pair that has earned its place, alone or together; else what has in the order of their costs, and of what cannot be
+/// told from it, the one with the fewest parameters.
+fn choose(refits: &[Refit], pair: Option<([usize; 2], Proof)>, judge: &Judge) -> Chosen {
     let mut weighed = vec![String::new(); refits.len()];
     let earned = |k: usize, weighed: &mut [String]| {
         let Ok(proof) = &refits[k].result else { return false };
@@ -165,10 +165,18 @@ fn choose(refits: &[Refit], pair: Option<[usize; 2]>, judge: &Judge) -> Chosen {
         weighed[k] = text;
         earned
     };
-    let mut winner = pair.into_iter().flatten().chain(0..refits.len()).find(|k| earned(*k, &mut weighed));
+    let of_pair = pair.and_then(|(pair, both)| {
+        let alone = pair.into_iter().find(|k| earned(*k, &mut weighed));
+        alone.or_else(|| {
+            let together = judge.earned(&both).0.then_some(pair[0])?;
+            weighed[together] += "; with the other of its pair it earns its place, and brings the fitted tests to the noise";
+            Some(together)
+        })
+    });
+    let mut winner = of_pair.or_else(|| (0..refits.len()).find(|k| earned(*k, &mut weighed)));
     // What costs decisively less and improves the tests that decide by no less is the better reason for what the winner has proved.
     let proof = |k: usize| refits[k].result.as_ref().ok();
-    if let Some(w) = winner.filter(|_| pair.is_none())
+    if let Some(w) = winner.filter(|_| of_pair.is_none())
         && let Some(best) = proof(w)
     {
         let better =
@@ -184,7 +192,7 @@ fn choose(refits: &[Refit], pair: Option<[usize; 2]>, judge: &Judge) -> Chosen {
         let size = |k: usize| refits[k].result.as_ref().map_or(usize::MAX, |p| p.fitted.free.len());
         let simpler = |t: &usize| size(ties[*t]) < size(w);
         // What stands for one of a pair alone need not stand for it beside the other.
-        if let Some(t) = (0..ties.len()).filter(|t| pair.is_none() && simpler(t)).find(|t| earned(ties[*t], &mut weighed)) {
+        if let Some(t) = (0..ties.len()).filter(|t| of_pair.is_none() && simpler(t)).find(|t| earned(ties[*t], &mut weighed)) {
             winner = Some(std::mem::replace(&mut ties[t], w));
         }
     }

@@ -19,6 +19,7 @@ use super::blocktri::{BlockTri, Layout, Levels};
 use super::spatial::{self, Joint};
 
 mod broyden;
+mod combined;
 mod effort;
 mod method;
 mod probe;

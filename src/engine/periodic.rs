@@ -12,8 +12,10 @@ use crate::model::{Bound, Model};
 use super::EngineError;
 use super::march::{Loads, March, Probe, State};
 
+mod extrapolate;
 mod shooting;
 
+use extrapolate::{SEEN, limit};
 use shooting::{Shooting, solve_fixed_point};
 
 /// One steady cycle.
@@ -169,7 +171,8 @@ impl Path<'_> {
     }
 }
 
-/// Cycles of a large system, values and sensitivities together, until both repeat; what is left then is below [`REPEATS`].
+/// Cycles of a large system, values and sensitivities together, until both repeat; what is left then is below [`REPEATS`]. From every few
+/// of them their limit is taken ([`limit`]), and taken back where the next cycle moves more from there than the last one did.
 fn repeated(
     march: &mut March,
     mut state: State,
@@ -181,10 +184,20 @@ fn repeated(
     let (mut steady, mut followed, mut waited) = (false, false, 0);
     let (mut least, mut halved) = (f64::INFINITY, 0);
     let mut before = z.pack_columns(&state, columns);
+    let mut seen: Vec<State> = vec![];
+    // Where the cycles stood before their limit was taken, and how much the last of them moved.
+    let mut marched: Option<(State, f64)> = None;
     for cycles in 1..=CYCLES {
         let start = state.clone();
         let mut cycle = record_with(march, &mut state, steps, probes, columns, Some(z))?;
         let change = z.slow_change(&start, &state);
+        if let Some((stood, moved)) = marched.take()
+            && change > moved.max(REPEATS)
+        {
+            state = stood;
+            before = z.pack_columns(&state, columns);
+            continue;
+        }
         if change < 0.5 * least {
             (least, halved) = (change, cycles);
         }
@@ -202,6 +215,14 @@ fn repeated(
             return Ok(cycle);
         } else if last && !steady {
             return Err(EngineError::NotPeriodic { change, cycles });
+        }
+        seen.push(state.clone());
+        if seen.len() == SEEN {
+            if let Some(limit) = limit(&seen, z, columns, !steady) {
+                marched = Some((std::mem::replace(&mut state, limit), change));
+                before = z.pack_columns(&state, columns);
+            }
+            seen.clear();
         }
     }
     Err(EngineError::NotPeriodic { change: f64::INFINITY, cycles: CYCLES })

@@ -278,6 +278,36 @@ fn the_receptance_at_a_load_is_that_of_a_small_marched_cycle() {
     }
 }
 
+/// What relaxes over thirty cycles carries none of a steady load: the mean of the steady cycle, and its slopes, are those without it.
+#[test]
+fn a_cycle_that_creeps_ends_where_the_relaxed_structure_stands() {
+    let n = 12;
+    let springs = || springs(chain(&straight(0.3), n, STEEL, true), 0, n - 1, [1e7, 1e7, 1e7, 300.0, 300.0, 300.0]);
+    let steps = 40;
+    let mean = |system: &System| {
+        let x = system.model.dof("b12.x").unwrap();
+        let path = (0..=steps).map(|k| 0.05 + 0.02 * (TAU * k as f64 / steps as f64).sin()).collect();
+        let loads = Loads { dt: 1.0 / steps as f64, prescribed: vec![], forces: vec![(x, path)] };
+        let cycle = periodic(&system.model, &bind(system), &loads, &[Probe::Dof(x)], true).unwrap();
+        let mean = |v: &[f64], from: usize, by: usize| v.iter().skip(from).step_by(by).sum::<f64>() / steps as f64;
+        let slopes: Vec<f64> = (0..cycle.columns).map(|c| mean(&cycle.slopes[0], c, cycle.columns)).collect();
+        (mean(&cycle.values[0], 0, 1), slopes, cycle.cycles)
+    };
+    let relaxed = mean(&springs());
+    let mut system = springs();
+    system.instances.push(instance(&system.model, "maxwell", "c0-11.psi", &[200.0, 30.0]));
+    let (value, slopes, cycles) = mean(&system);
+    println!("{cycles} cycles: {value:e} {:e}; {slopes:?} {:?}", relaxed.0, relaxed.1);
+    approx::assert_relative_eq!(value, relaxed.0, max_relative = 1e-5);
+    let largest = relaxed.1.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+    for (a, b) in slopes.iter().zip(&relaxed.1) {
+        assert!((a - b).abs() < 1e-4 * largest, "{a} {b}");
+    }
+    // With respect to the logarithm of its stiffness and of its relaxation time.
+    assert!(slopes[6..].iter().all(|s| s.abs() < 1e-4 * value.abs()), "{slopes:?}");
+    assert!(cycles < 40, "{cycles}");
+}
+
 fn transient(system: &System, steps: usize, duration: f64, radius: f64, sens: bool) -> (Vec<State>, Bound) {
     let bound = bind(system);
     let dof = |name: &str| system.model.dof(name).unwrap();

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use misfit::diagnose::results::SplitName;
+use misfit::diagnose::results::{Against, SplitName};
 use misfit::diagnose::{Case, compare};
 use misfit::study::Study;
 use misfit::tolerance::{Constant, Verdict, search};
@@ -85,14 +85,14 @@ fn a_film_at_the_shelf_and_a_loss_in_the_blade_reconcile_both_tables() {
         let c = held.iter().find(|t| t.id == id).unwrap().constant_damping.as_ref().unwrap();
         println!("{id}, {}", c.words());
         assert!(c.modes == 5 && (c.ratio - 0.05594).abs() < 1e-6 && (c.constant - by_hand).abs() < 1e-3, "{c:?}");
-        assert_eq!(c.verdict, "tied");
+        assert_eq!(c.verdict, Against::Tied);
         (model, constant) = (model + 0.5 * c.model.powi(2), constant + 0.5 * c.constant.powi(2));
     }
     println!("together {:.4}, constant {:.4}", f64::sqrt(model), f64::sqrt(constant));
     assert!(f64::sqrt(model) < 0.082 && (f64::sqrt(constant) - 0.0765).abs() < 1e-3);
     // The free configuration is not met, and that is said.
     let free = held.iter().find(|t| t.id == "modal-free").unwrap().constant_damping.as_ref().unwrap();
-    assert!(free.model > free.constant && free.verdict != "better", "{free:?}");
+    assert!(free.model > free.constant && free.verdict != Against::Better, "{free:?}");
 }
 
 /// What the ladder found of the virtual tensioner, at the values it wrote: the paper's metric of its loops (3.4 % there), those of an
