@@ -58,7 +58,7 @@ mod tests {
     /// Three rates, and a value that stays where it began.
     fn cycle(k: i32) -> DVector<f64> {
         let rate = |a: f64, lambda: f64| a * lambda.powi(k);
-        DVector::from_vec(vec![1.0 + rate(0.3, 0.97), 2.0 + rate(0.1, 0.97) + rate(0.4, -0.3), -1.0 + rate(0.2, 0.6), 7.0])
+        DVector::from_vec(vec![1.0 + rate(0.3, 0.9), 2.0 + rate(0.1, 0.9) + rate(0.4, -0.3), -1.0 + rate(0.2, 0.3), 7.0])
     }
 
     #[test]
@@ -68,7 +68,7 @@ mod tests {
         assert!((w.iter().sum::<f64>() - 1.0).abs() < 1e-9);
         let limit = w.iter().zip(&seen[1..]).fold(DVector::zeros(4), |sum, (w, x)| sum + x * *w);
         assert!((&limit - DVector::from_vec(vec![1.0, 2.0, -1.0, 7.0])).amax() < 1e-6, "{limit}");
-        assert!((&seen[SEEN - 1] - limit).amax() > 0.2);
+        assert!((&seen[SEEN - 1] - limit).amax() > 0.1);
     }
 
     #[test]
