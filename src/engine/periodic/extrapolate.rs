@@ -34,7 +34,7 @@ pub(super) fn limit(seen: &[State], z: &Shooting, columns: usize, open: bool) ->
 fn weights(seen: &[DVector<f64>]) -> Option<Vec<f64>> {
     let differences: Vec<DVector<f64>> = seen.windows(2).map(|w| &w[1] - &w[0]).collect();
     let size = differences.first()?.amax();
-    if !(size > 0.0) {
+    if size == 0.0 || differences.iter().flat_map(|d| d.iter()).any(|x| !x.is_finite()) {
         return None;
     }
     let u = DMatrix::from_columns(&differences) / size;
