@@ -16,8 +16,8 @@ use super::damping::{constant_damping, fitted_ratio};
 use super::factors::factors;
 use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
 
-/// Relative change of the cost at which a coarse fit ends.
-const COARSE: f64 = 1e-5;
+/// Relative change of the cost at which a fit ends that decides between candidates and no more.
+pub(super) const COARSE: f64 = 1e-5;
 /// Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than
 /// `sqrt(2e-7)` of its standard deviation.
 const WORTH_NO_STEP: f64 = 1e-7;
@@ -56,8 +56,8 @@ pub struct Case {
     pub seed: u64,
     /// Search.
     pub search: Search,
-    /// Whether a fit may end where its cost is known to a hundred-thousandth: what decides between candidates, no more.
-    pub coarse: bool,
+    /// Relative change of the cost at which a fit may end, where it need not come as close as it can.
+    pub f_tol: Option<f64>,
 }
 
 /// A fitted case.
@@ -149,9 +149,7 @@ impl Case {
         }
         options.tolerances.max_iterations = self.max_iterations;
         options.tolerances.drop = WORTH_NO_STEP;
-        if self.coarse {
-            options.tolerances.f_tol = COARSE;
-        }
+        options.tolerances.f_tol = self.f_tol.unwrap_or(options.tolerances.f_tol);
         Ok(options)
     }
 

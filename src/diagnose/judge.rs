@@ -7,7 +7,8 @@ use crate::model::Site;
 
 use super::Case;
 use super::accept::{STANDARD_ERRORS, at_floor, earns_its_place, far, improved, improvement, rms, seen_in_noise, undecided};
-use super::refit::{Proof, Whitened, cost, cross_validated};
+use super::folds::cross_validated;
+use super::refit::{Proof, Whitened, cost};
 use super::results::SplitName;
 
 /// Fall of the cost per free parameter that chance buys on the tests that are fitted, where other tests decide.

@@ -67,3 +67,44 @@ fn carried(law: &Instance, kin: &Instance) -> Option<Instance> {
     }
     (shared >= SHARED).then_some(begun)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::{Sign, find};
+    use crate::model::{ParamValue, Site};
+
+    fn law(name: &str, values: &[(&str, f64)]) -> Instance {
+        let effect = find(name).unwrap();
+        let value = |p: &crate::effect::Param| {
+            let stated = values.iter().find(|(n, _)| *n == p.name);
+            stated.map_or(ParamValue::fixed(p.default), |(_, v)| ParamValue::free(*v, Sign::Positive))
+        };
+        Instance::new(effect, "c1.x", Site::Places(vec![0]), effect.info().params.iter().map(value).collect())
+    }
+
+    fn value(i: &Instance, name: &str) -> f64 {
+        i.params[i.effect.info().params.iter().position(|p| p.name == name).unwrap()].value
+    }
+
+    #[test]
+    fn a_law_takes_what_it_shares_with_its_kin() {
+        let far = law("bouc_wen", &[("f", 3.0), ("d", 1e-6), ("n", 1.0)]);
+        let begun = carried(&far, &law("elastic_slip", &[("f", 26.0), ("d", 7e-5)])).unwrap();
+        assert_eq!((value(&begun, "f"), value(&begun, "d")), (26.0, 7e-5));
+        // What the kin does not have keeps its own value.
+        assert_eq!(value(&begun, "n"), 1.0);
+        // Within its own bounds.
+        let mut bounded = far.clone();
+        bounded.params.iter_mut().for_each(|p| p.max = 10.0);
+        assert_eq!(value(&carried(&bounded, &law("elastic_slip", &[("f", 26.0), ("d", 7e-5)])).unwrap(), "f"), 10.0);
+    }
+
+    #[test]
+    fn one_name_in_common_makes_no_kin() {
+        let slip = law("elastic_slip", &[("f", 26.0), ("d", 7e-5)]);
+        assert!(carried(&slip, &slip).is_none());
+        assert!(carried(&law("coulomb", &[("f", 1.0)]), &slip).is_none());
+        assert!(carried(&law("viscous", &[("c", 1.0)]), &slip).is_none());
+    }
+}

@@ -9,7 +9,7 @@ use crate::response::Plan;
 
 use super::accept::{at_floor, far, rms};
 use super::candidates::Name;
-use super::case::{Case, Fitted, compare, effects, fit, parameters};
+use super::case::{COARSE, Case, Fitted, compare, effects, fit, parameters};
 use super::exchange::{Rivals, exchange};
 use super::findings::{findings, unsettled};
 use super::refit::{Proof, cost, prove, whitened};
@@ -293,7 +293,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         });
         // A model far from the noise is fitted no closer than that shows; near it the last digits count.
         let coarse = far(rms(&proof.fit).0);
-        let as_close_as_it_shows = |case: &Case| Case { coarse, ..case.clone() };
+        let as_close_as_it_shows = |case: &Case| Case { f_tol: coarse.then_some(COARSE), ..case.clone() };
         let mut system = proof.fitted.system;
         let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
         // A new effect may ask for finer steps; what is reported takes the stated sigma at its word.

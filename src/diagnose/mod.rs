@@ -8,6 +8,7 @@ mod error;
 mod exchange;
 mod factors;
 mod findings;
+mod folds;
 mod judge;
 mod kin;
 mod ladder;

@@ -24,7 +24,7 @@ use crate::response::{Correlated, CycleDrive, Plan, Variation};
 use super::Case;
 use super::accept::DECISIVE;
 use super::candidates::Name;
-use super::case::Fitted;
+use super::case::{COARSE, Fitted};
 use super::results::{NextTest, SplitName};
 
 /// Frequencies, amplitudes (half ranges) and means that are tried, from a third of the least to three times the largest tested; means in
@@ -288,7 +288,7 @@ impl Tied<'_> {
                 let mut plans = self.case.plans_of(SplitName::Fit);
                 plans.push(&simulated);
                 let max_iterations = self.case.max_iterations.min(REFIT_ITERATIONS);
-                let single = Case { starts: 1, coarse: true, max_iterations, ..self.case.clone() };
+                let single = Case { starts: 1, f_tol: Some(COARSE), max_iterations, ..self.case.clone() };
                 let outcome = single.fit_system(&fitted.system, plans, &monitor.quiet()).ok()?.outcome;
                 // A refit that was stopped says nothing.
                 (outcome.termination != Termination::Interrupted).then_some(outcome.cost)

@@ -16,8 +16,10 @@ const WORTH: f64 = 0.05;
 /// Part of the sparse combination from which its members are refitted, and how many.
 const CARRIES: f64 = 0.1;
 const OF_OPINION: usize = 3;
-/// Leaders whose effects are tried at other places, and the places tried for both together.
+/// Leaders whose effects are tried at other places, the part of the greatest fall of the cost that makes one, and the places tried for both
+/// together.
 const LEADERS: usize = 2;
+const LEADS: f64 = 0.5;
 const ELSEWHERE: usize = 6;
 /// Candidates refitted at the leader's place, with those that already are, and the part of the leader's predicted drop that they promise.
 const AT_PLACE: usize = 6;
@@ -37,15 +39,18 @@ pub fn first(best: &[Score], selected: &[(usize, f64)], trials: &[Trial]) -> Vec
 }
 
 /// By the refits, the cheapest first: other effects where the leader acts, which it may have crowded out of the list; and, unless the
-/// leader already explains everything, the effects of the leaders at other places.
-pub fn second(best: &[Score], refits: &[Refit], explained: bool, names: &[Name], trials: &[Trial]) -> Vec<Score> {
+/// leader already explains everything, the effects of the leaders at other places. `unexplained`: the cost without a candidate.
+pub fn second(best: &[Score], refits: &[Refit], explained: bool, unexplained: f64, names: &[Name], trials: &[Trial]) -> Vec<Score> {
     let candidate = |s: &Score| trials[s.trial].candidate;
     let done = |s: &Score| refits.iter().any(|r| r.candidate == candidate(s));
     let acts = |c: usize| {
         let law = crate::effect::find(names[c].effect).is_ok_and(|e| matches!(e.info().role, Role::Force | Role::Series));
         law && names[c].of.is_none()
     };
-    let leaders: Vec<usize> = refits.iter().filter(|r| r.result.is_ok()).map(|r| r.candidate).filter(|c| acts(*c)).take(LEADERS).collect();
+    let fall = |r: &Refit| r.result.as_ref().map_or(0.0, |p| unexplained - p.fitted.outcome.cost);
+    let most = refits.iter().map(fall).fold(0.0, f64::max);
+    let lead = refits.iter().filter(|r| r.result.is_ok() && acts(r.candidate) && fall(r) >= LEADS * most);
+    let leaders: Vec<usize> = lead.map(|r| r.candidate).take(LEADERS).collect();
     let Some(leader) = leaders.first() else { return vec![] };
     let promised = refits.iter().find(|r| r.candidate == *leader).map_or(0.0, |r| r.score.drop);
     let there = |c: usize| names[c].at == names[*leader].at;

@@ -11,7 +11,7 @@ use crate::response::Plan;
 use super::DiagnoseError;
 use super::accept::at_floor;
 use super::candidates::{Name, Trial};
-use super::case::{Case, Fitted};
+use super::case::{COARSE, Case, Fitted};
 use super::results::SplitName;
 use super::score::{Score, Scores};
 use super::secant::Secant;
@@ -27,6 +27,8 @@ const FIRST_LOOK: u64 = 4;
 const HOPEFUL: f64 = 10.0;
 /// Where none comes near the noise, its cost must also have fallen by this part of the best's fall.
 const FALLEN: f64 = 0.25;
+/// Part of the fall of the best of earlier refits by which a candidate must have fallen after its first iterations to be looked at further.
+const FOLLOWING: f64 = 0.05;
 /// Iterations of a refit in full.
 const REFIT_ITERATIONS: u64 = 40;
 /// How often one that has not ended is gone on with, and the part of its cost that it must have lost the time before.
@@ -41,18 +43,6 @@ const UNMOVED: f64 = 1e-6;
 
 /// Fall of the cost that a setting must be worth to be fitted.
 pub const WORTH_FREEING: f64 = 4.0;
-
-/// Part of where a sharpness begins below which it is not fitted.
-const SHARPER: f64 = 0.01;
-
-/// Iterations of a fold: it begins where the fit to all of them ended, and three quarters of the tests move that little.
-const FOLD_ITERATIONS: u64 = 10;
-/// Folds of a cross-validation.
-const FOLDS: usize = 4;
-/// Stretches that a test is cut into where its parts are the folds.
-const STRETCHES: usize = 12;
-/// Factor on the sigma of rows that a fold does not see.
-const UNSEEN: f64 = 1e8;
 
 /// Residuals of one test, whitened.
 pub type Whitened = Vec<Vec<f64>>;
@@ -93,7 +83,7 @@ pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
     for (value, p) in instance.params.iter_mut().zip(info.params) {
         // A setting that was tried as a start is fitted as well.
         let begun = matches!(p.grid, Grid::Elastic(_) if value.value > 0.0) || matches!(p.grid, Grid::Starts(_));
-        if (p.kind == Kind::Shape && !fitted_last(p.grid)) || begun {
+        if (p.kind == Kind::Shape && !p.grid.fitted_last()) || begun {
             value.free = true;
             (value.min, value.max) = (p.min, p.max);
         }
@@ -139,8 +129,8 @@ impl Bench<'_> {
     /// Refits the picked candidates, in parallel; the order of the list is kept. Each begins at the best of its shapes and goes on from the
     /// one that does best; those that then stand far behind are shown as they are, the others are refitted in full. What has not ended and
     /// still falls is gone on with, where it is among the best or was expected to be.
-    /// `reached`: the cost of the best of earlier refits.
-    pub fn refit_all(&self, picked: &[Score], reached: Option<f64>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
+    /// `leader`: the best of earlier refits, which sets the measure.
+    pub fn refit_all(&self, picked: &[Score], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         // Which is worth it shows in coarser steps as well.
         let rough = self.case.coarser();
         let look = Bench { case: rough.as_ref().unwrap_or(self.case), ..*self };
@@ -153,7 +143,7 @@ impl Bench<'_> {
         begun.iter().for_each(|(k, f)| least[*k] = least[*k].min(cost_of(f)));
         let level = |k: usize, f: &Fitted| {
             let cost = f.outcome.cost;
-            cost <= least[k] || unexplained - cost >= LEVEL_WITH * (unexplained - least[k])
+            follows(cost, leader, unexplained) && (cost <= least[k] || unexplained - cost >= LEVEL_WITH * (unexplained - least[k]))
         };
         let tried =
             parallel::map_into(begun, |_, (k, f)| (k, f.and_then(|f| if level(k, &f) { look.go_on(f, CHOICE - TRIED) } else { Ok(f) })));
@@ -169,10 +159,12 @@ impl Bench<'_> {
                 chosen[k] = look;
             }
         }
-        let looks = parallel::map_into(chosen, |_, l| l.and_then(|f| look.go_on(f, FIRST_LOOK)));
+        let looks = parallel::map_into(chosen, |_, l| {
+            l.and_then(|f| if follows(f.outcome.cost, leader, unexplained) { look.go_on(f, FIRST_LOOK) } else { Ok(f) })
+        });
         let count = |b: &[bool]| b.iter().filter(|b| **b).count();
         let in_full = |f: Fitted| if rough.is_some() { self.from(&f.system) } else { self.go_on(f, REFIT_ITERATIONS) };
-        let hopeful = hopeful(&looks.iter().map(Look::of).collect::<Vec<_>>(), unexplained, reached);
+        let hopeful = hopeful(&looks.iter().map(Look::of).collect::<Vec<_>>(), unexplained, leader);
         let mut before: Vec<f64> = looks.iter().map(cost_of).collect();
         let least = before.iter().copied().fold(f64::INFINITY, f64::min);
         watch(&format!(
@@ -182,8 +174,10 @@ impl Bench<'_> {
         ));
         // A refit that fails farther on leaves what the look has reached.
         let mut fitted = parallel::map_into(looks, |k, l| l.and_then(|f| if hopeful[k] { in_full(f.clone()).or(Ok(f)) } else { Ok(f) }));
-        let expected = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop).fold(0.0, f64::max);
-        let near = among_three(fitted.iter().map(cost_of).collect());
+        let drops = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop);
+        let expected = drops.chain(leader.map(|l| l.drop)).fold(0.0, f64::max);
+        let costs = |fitted: &[Result<Fitted, String>]| -> Vec<f64> { fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).collect() };
+        let near = among_three(costs(&fitted));
         let off = parallel::over(fitted.len(), |k| match &fitted[k] {
             Ok(f) if hopeful[k] && (f.outcome.cost <= near || picked[k].drop >= expected) => self.off_plateau(f),
             _ => vec![],
@@ -197,7 +191,8 @@ impl Bench<'_> {
         self.exchange(&mut fitted, more_free, WORTH_FREEING);
         for round in (1..=CONTINUED).rev() {
             let now: Vec<f64> = fitted.iter().map(cost_of).collect();
-            let (best, near) = (now.iter().copied().fold(f64::INFINITY, f64::min), among_three(now.clone()));
+            let all = costs(&fitted);
+            let (best, near) = (all.iter().copied().fold(f64::INFINITY, f64::min), among_three(all));
             let open = |k: &usize| -> bool {
                 let wanted = now[*k] <= near || picked[*k].drop >= expected;
                 // At its present rate, which only slackens, it must get to where the best stands; one left at its first look has none.
@@ -305,19 +300,12 @@ impl Bench<'_> {
         let mut any = false;
         for instance in &mut system.instances[self.base.instances.len()..] {
             let info = instance.effect.info();
-            for (value, p) in instance.params.iter_mut().zip(info.params).filter(|(_, p)| fitted_last(p.grid)) {
-                // A corner sharper than the data can show has no end of its own to go to.
-                let min = if matches!(p.grid, Grid::Sharpness(_)) { p.min.max(SHARPER * value.value) } else { p.min };
-                (value.free, value.min, value.max, any) = (true, min, p.max, true);
+            for (value, p) in instance.params.iter_mut().zip(info.params).filter(|(_, p)| p.grid.fitted_last()) {
+                (value.free, value.min, value.max, any) = (true, p.min.max(p.grid.least(value.value)), p.max, true);
             }
         }
         any.then_some(system)
     }
-}
-
-/// Whether a value of this grid is kept until all else is fitted.
-fn fitted_last(grid: Grid) -> bool {
-    matches!(grid, Grid::OfMiddle(_) | Grid::Sharpness(_))
 }
 
 fn cost_of(fitted: &Result<Fitted, String>) -> f64 {
@@ -329,6 +317,20 @@ fn among_three(mut costs: Vec<f64>) -> f64 {
     costs.sort_by(f64::total_cmp);
     let best = costs.first().copied().unwrap_or(0.0);
     (HOPEFUL * best).min(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
+}
+
+/// What earlier refits have come to.
+#[derive(Clone, Copy)]
+pub struct Leader {
+    /// Cost of the best of them.
+    pub cost: f64,
+    /// Its predicted drop.
+    pub drop: f64,
+}
+
+/// Whether a candidate has fallen at all beside the best of earlier refits.
+fn follows(cost: f64, leader: Option<Leader>, unexplained: f64) -> bool {
+    leader.is_none_or(|l| unexplained - cost >= FOLLOWING * (unexplained - l.cost))
 }
 
 /// What a first look came to.
@@ -348,9 +350,8 @@ impl Look {
 
 /// What is worth a refit in full after the first look: a cost within a factor of the best that has fallen from the `unexplained` by its part
 /// of the best's fall, or among the best three. Once the best is at the noise the others must be within the factor, or have fewer
-/// parameters: nothing else can take its place. Where an earlier refit has `reached` a cost, what is not within the factor of it is not
-/// worth the time.
-fn hopeful(looks: &[Option<Look>], unexplained: f64, reached: Option<f64>) -> Vec<bool> {
+/// parameters: nothing else can take its place. Where an earlier refit leads, what is not within the factor of it is not worth the time.
+fn hopeful(looks: &[Option<Look>], unexplained: f64, leader: Option<Leader>) -> Vec<bool> {
     let mut order: Vec<&Look> = looks.iter().flatten().collect();
     order.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(best) = order.first() else { return vec![false; looks.len()] };
@@ -363,8 +364,8 @@ fn hopeful(looks: &[Option<Look>], unexplained: f64, reached: Option<f64>) -> Ve
     };
     let worth = |f: &Look| {
         let among_three = f.cost <= third && (!explained || f.n_free < best.n_free);
-        match reached {
-            Some(cost) => f.cost <= HOPEFUL * best.cost.min(cost),
+        match leader {
+            Some(l) => f.cost <= HOPEFUL * best.cost.min(l.cost),
             None => f.cost <= HOPEFUL * best.cost || among_three,
         }
     };
@@ -372,8 +373,8 @@ fn hopeful(looks: &[Option<Look>], unexplained: f64, reached: Option<f64>) -> Ve
 }
 
 /// The case with one start and no more than so many iterations.
-fn some(case: &Case, iterations: u64) -> Case {
-    Case { starts: 1, max_iterations: case.max_iterations.min(iterations), coarse: true, ..case.clone() }
+pub(super) fn some(case: &Case, iterations: u64) -> Case {
+    Case { starts: 1, max_iterations: case.max_iterations.min(iterations), f_tol: Some(COARSE), ..case.clone() }
 }
 
 fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
@@ -407,42 +408,6 @@ pub fn proof(case: &Case, fitted: Fitted) -> Result<Proof, String> {
     Ok(Proof { fitted, fit, select, error: if selects.is_empty() { fit_error } else { select_error } })
 }
 
-/// Whitened residuals on parts of the fit tests of a model that was fitted to the rest: what a select split would say where there is
-/// none. With [`FOLDS`] tests or more each part is a group of whole tests; with fewer, a fit to one test alone says more about that
-/// test than about the effect, and the parts are stretches of every test.
-pub fn cross_validated(case: &Case, system: &System, monitor: &Monitor) -> Result<Whitened, String> {
-    let plans = case.plans_of(SplitName::Fit);
-    let single = some(case, FOLD_ITERATIONS);
-    let fit = |plans: Vec<&Plan>| single.fit_system(system, plans, &monitor.quiet()).map_err(|e| e.to_string());
-    if plans.len() >= FOLDS { over_tests(&plans, fit) } else { over_stretches(&plans, fit) }
-}
-
-/// Every fourth test is left out in turn.
-fn over_tests(plans: &[&Plan], fit: impl Fn(Vec<&Plan>) -> Result<Fitted, String> + Sync) -> Result<Whitened, String> {
-    let of = |fold: usize, inside: bool| -> Vec<&Plan> {
-        plans.iter().enumerate().filter(|(t, _)| (t % FOLDS == fold) == inside).map(|(_, p)| *p).collect()
-    };
-    let parts = parallel::over(FOLDS, |fold| whitened(&of(fold, true), &fit(of(fold, false))?.system));
-    let parts: Vec<Whitened> = parts.into_iter().collect::<Result<_, String>>()?;
-    Ok((0..plans.len()).map(|t| parts[t % FOLDS][t / FOLDS].clone()).collect())
-}
-
-/// Every fourth stretch of every test is left out in turn.
-fn over_stretches(plans: &[&Plan], fit: impl Fn(Vec<&Plan>) -> Result<Fitted, String> + Sync) -> Result<Whitened, String> {
-    let fold_of = |test: usize, row: usize| row * STRETCHES / plans[test].len().max(1) % FOLDS;
-    let without = |fold: usize| -> Vec<Plan> {
-        let masked = |(t, plan): (usize, &&Plan)| {
-            let mut masked = (*plan).clone();
-            masked.sigma.iter_mut().enumerate().filter(|(row, _)| fold_of(t, *row) == fold).for_each(|(_, s)| *s *= UNSEEN);
-            masked.correlated.clone().map_or_else(|| masked.clone(), |c| masked.with_instruments(&c.signal))
-        };
-        plans.iter().enumerate().map(masked).collect()
-    };
-    let parts = parallel::over(FOLDS, |fold| whitened(plans, &fit(without(fold).iter().collect())?.system));
-    let parts: Vec<Whitened> = parts.into_iter().collect::<Result<_, String>>()?;
-    Ok((0..plans.len()).map(|t| (0..plans[t].len()).map(|row| parts[fold_of(t, row)][t][row]).collect()).collect())
-}
-
 /// Half the sum of squares.
 pub fn cost(w: &Whitened) -> f64 {
     0.5 * w.iter().flatten().map(|r| r * r).sum::<f64>()
@@ -465,7 +430,9 @@ mod tests {
         let (near, simple) = (look(9.0), Look { cost: 300.0, n_free: 4, n_residuals: 20 });
         assert_eq!(hopeful(&[near, look(80.0), look(300.0)], 1000.0, None), [true, true, false]);
         assert_eq!(hopeful(&[near, look(80.0), Some(simple)], 1000.0, None), [true, true, true]);
-        // What was reached before sets the measure.
-        assert_eq!(hopeful(&list(&[100.0, 110.0]), 1000.0, Some(9.0)), [false, false]);
+        // What leads sets the measure.
+        assert_eq!(hopeful(&list(&[100.0, 110.0]), 1000.0, Some(Leader { cost: 9.0, drop: 900.0 })), [false, false]);
+        assert!(follows(900.0, None, 1000.0) && follows(900.0, Some(Leader { cost: 100.0, drop: 0.0 }), 1000.0));
+        assert!(!follows(960.0, Some(Leader { cost: 100.0, drop: 0.0 }), 1000.0));
     }
 }

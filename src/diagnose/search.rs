@@ -5,11 +5,11 @@ use crate::model::Instance;
 
 use super::accept::{DECISIVE, at_floor, improved, rms, tied, verdict_cost};
 use super::candidates::{Name, Scene, Trial, candidates};
-use super::case::{Case, Fitted};
+use super::case::{COARSE, Case, Fitted};
 use super::exchange::RIVALS;
 use super::judge::Judge;
 use super::picks::{self, REFITS};
-use super::refit::{Bench, Proof, Refit, best_per_candidate, proof};
+use super::refit::{Bench, Leader, Proof, Refit, best_per_candidate, cost, proof};
 use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
 use super::score::{Score, score};
 use super::{DiagnoseError, trace};
@@ -54,7 +54,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let plans = case.plans_of(SplitName::Fit);
     let judged_on_select = !case.plans_of(SplitName::Select).is_empty();
     // The same model under the covariance that the candidates are fitted with.
-    let single = Case { starts: 1, coarse: true, ..case.clone() };
+    let single = Case { starts: 1, f_tol: Some(COARSE), ..case.clone() };
     let base = &single.fit_system(&base.system, plans.clone(), &monitor.quiet())?;
     let scene = Scene::new(&plans, &base.system);
     let (names, trials) = candidates(case, &base.system, &plans, &scene);
@@ -106,11 +106,12 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let mut refits = bench.refit_all(&picked, None, watch);
     sort(&mut refits);
     let leads = refits.first().and_then(|r| r.result.as_ref().ok());
-    let (reached, explained) = (leads.map(|p| p.fitted.outcome.cost), leads.is_some_and(|p| at_floor(rms(&p.fit))));
-    let further = picks::second(&beyond, &refits, explained, &names, &trials);
+    let explained = leads.is_some_and(|p| at_floor(rms(&p.fit)));
+    let leader = leads.map(|p| Leader { cost: p.fitted.outcome.cost, drop: refits[0].score.drop });
+    let further = picks::second(&beyond, &refits, explained, cost(&before.fit), &names, &trials);
     if !(further.is_empty() || trace::stopped(monitor)) {
         watch(&format!("refitting {} more", further.len()));
-        refits.extend(bench.refit_all(&further, reached, watch));
+        refits.extend(bench.refit_all(&further, leader, watch));
         sort(&mut refits);
     }
     bench.begin_at_kin(&mut refits, watch);
@@ -119,6 +120,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     let rest: Vec<Score> =
         best.iter().filter(|s| !refits.iter().any(|r| r.candidate == trials[s.trial].candidate)).take(REFITS).copied().collect();
+    watch(&format!("judging {} refits", refits.len()));
     let Chosen { winner, ties, weighed } = choose(&refits, pair, &Judge::new(case, &before, monitor));
     let mut list: Vec<Candidate> = (0..refits.len()).map(|k| listed.weighed(k, &refits, winner, &ties, &weighed[k])).collect();
     list.extend(rest.iter().map(|s| listed.blank(s, "not refitted: its predicted drop is far below the best")));

@@ -212,7 +212,20 @@ pub struct Scales {
     pub small: bool,
 }
 
+/// Part of where a sharpness begins below which it is not fitted: a corner sharper than the data can show has no end of its own to go to.
+const SHARPEST: f64 = 0.01;
+
 impl Grid {
+    /// Whether a value of this grid is kept until all else is fitted.
+    pub fn fitted_last(self) -> bool {
+        matches!(self, Grid::OfMiddle(_) | Grid::Sharpness(_))
+    }
+
+    /// The least value that one begun at `start` is fitted to.
+    pub fn least(self, start: f64) -> f64 {
+        if matches!(self, Grid::Sharpness(_)) { SHARPEST * start } else { f64::NEG_INFINITY }
+    }
+
     /// The values to try; empty where the tests do not show the scale they are multiples of.
     pub fn values(self, scales: &Scales) -> Vec<f64> {
         let times = |factors: &[f64], size: f64| {

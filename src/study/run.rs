@@ -56,7 +56,7 @@ impl Case {
                 places: study.search.places.clone(),
                 max_added: study.search.max_added,
             },
-            coarse: false,
+            f_tol: None,
         })
     }
 }
