@@ -16,7 +16,7 @@ use super::damping::{constant_damping, fitted_ratio};
 use super::factors::factors;
 use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
 
-/// Relative change of the cost at which a fit ends that decides between candidates and no more.
+/// Relative change of the cost at which a fit ends that decides between candidates, or stands above the noise.
 pub(super) const COARSE: f64 = 1e-5;
 /// Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than
 /// `sqrt(2e-7)` of its standard deviation.

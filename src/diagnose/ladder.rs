@@ -291,9 +291,10 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             of: name.of.clone(),
             tied_with: ties.iter().map(|n| format!("{} at {}", n.effect, n.at)).collect(),
         });
-        // A model far from the noise is fitted no closer than that shows; near it the last digits count.
-        let coarse = far(rms(&proof.fit).0);
-        let as_close_as_it_shows = |case: &Case| Case { f_tol: coarse.then_some(COARSE), ..case.clone() };
+        // A model above the noise is fitted no closer than that shows; at it the last digits count.
+        let left_of_it = rms(&proof.fit);
+        let coarse = far(left_of_it.0);
+        let as_close_as_it_shows = |case: &Case| Case { f_tol: (!at_floor(left_of_it)).then_some(COARSE), ..case.clone() };
         let mut system = proof.fitted.system;
         let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
         // A new effect may ask for finer steps; what is reported takes the stated sigma at its word.
