@@ -381,7 +381,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
 fn judged(case: &Case) -> &'static str {
     match (case.plans_of(SplitName::Select).len(), case.plans_of(SplitName::Fit).len()) {
         (0, 0 | 1) => "on the one test that is fitted",
-        (0, _) => "on the fitted tests, each left out in turn",
+        (0, _) => "on parts of the fitted tests, each left out in turn",
         _ => "on the select tests",
     }
 }

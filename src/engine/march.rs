@@ -21,17 +21,22 @@ use super::spatial::{self, Joint};
 mod broyden;
 mod combined;
 mod effort;
+mod kept;
+mod link;
 mod method;
 mod probe;
 mod sensitivities;
 mod space;
 mod statics;
+mod trend;
 
 use broyden::Broyden;
+use link::{Link, add_link};
 use method::{Alpha, Rates};
 pub use probe::Probe;
 use sensitivities::Motion;
 use space::Spatial;
+use trend::Trend;
 
 /// What drives the structure, sampled at the ends of the steps (index 0: the start).
 #[derive(Clone, Debug, Default)]
@@ -72,22 +77,6 @@ pub struct State {
     pub ds: Vec<f64>,
     pub(super) dw: Vec<f64>,
     pub(super) dg: Vec<f64>,
-}
-
-struct Link {
-    to: Option<usize>,
-    from: Option<usize>,
-    s0: usize,
-    fs0: usize,
-    /// Slots of (to,to), (from,from), (to,from), (from,to) where both are free.
-    slots: [Option<usize>; 4],
-}
-
-impl Link {
-    /// Degrees of freedom at its ends with the sign with which they strain it.
-    fn ends(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
-        [(self.to, 1.0), (self.from, -1.0)].into_iter().filter_map(|(d, sign)| Some((d?, sign)))
-    }
 }
 
 /// The march of one model under one set of loads.
@@ -137,6 +126,8 @@ pub struct March<'a> {
     scale: f64,
     /// Whether the factors at hand are taken again.
     keep: bool,
+    kept: kept::Kept,
+    trend: Trend,
     /// What hard steps have taken so far.
     effort: effort::Effort,
 }
@@ -145,6 +136,9 @@ pub struct March<'a> {
 /// links under small loads leave their rounding.
 const ACCEPTED: f64 = 1e-8;
 const HOVERS: usize = 20;
+/// Residual over the forces present at which a step stands, and of parts that turn far, whose kept factors take an evaluation more for each digit or two.
+const CLOSE: f64 = 1e-13;
+const CLOSE_FAR: f64 = 1e-11;
 /// Newton steps of a spatial model that are taken whole although the residual rises.
 const PATIENCE: usize = 30;
 /// Fall of the residual per iteration at which kept factors no longer serve.
@@ -227,6 +221,8 @@ impl<'a> March<'a> {
             forces: vec![0.0; bound.elements.len()],
             scale: 0.0,
             keep: false,
+            kept: kept::Kept::default(),
+            trend: Trend::new(n),
             effort: effort::Effort::default(),
         };
         march.leave_out(&model.attached, model);
@@ -329,9 +325,13 @@ impl<'a> March<'a> {
 
     /// A step of `self.dt` that ends at the part `to` of the way to the loads at index `k`.
     fn advance(&mut self, k: usize, to: f64, state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
-        let (dt, alpha, n) = (self.dt, self.alpha, self.mass.len());
+        let (dt, alpha, rates, n) = (self.dt, self.alpha, self.rates(), self.mass.len());
         let steps = self.loads.prescribed.first().map(|p| p.1.len()).or(self.loads.forces.first().map(|f| f.1.len())).unwrap_or(1) - 1;
         let along = |before: f64, after: f64| if to < 1.0 { before + to * (after - before) } else { after };
+        let moving = self.spatial.is_some() && !alpha.still;
+        if moving {
+            self.trend.follow(dt, &self.old.w, &state.w);
+        }
         self.old.clone_from(state);
         self.external.fill(0.0);
         for (dof, f) in &self.constant {
@@ -356,9 +356,9 @@ impl<'a> March<'a> {
         let mut at_end = false;
         if n_free > 0 {
             // A stiff link feels the second order of a prediction.
-            let second = if self.spatial.is_some() && !alpha.still { 0.5 * dt * dt } else { 0.0 };
+            let (second, third) = if moving { (0.5 * dt * dt, 1.0 / rates.w) } else { (0.0, 0.0) };
             for &d in &self.free_dofs {
-                state.q[d] += dt * state.v[d] + second * state.w[d];
+                state.q[d] += dt * state.v[d] + second * state.w[d] + third * self.trend.of(d);
             }
             update(state, &self.old, &self.free_dofs);
             let (mut base_norm, mut factor) = (f64::INFINITY, 1.0);
@@ -366,7 +366,9 @@ impl<'a> March<'a> {
             let mut last = (f64::INFINITY, f64::INFINITY);
             // Bending a chain of stiff links strains them to second order: the residual may rise far before it falls.
             let patience = if self.spatial.is_some() { PATIENCE } else { 0 };
+            let close = if self.spatial.is_some() { CLOSE_FAR } else { CLOSE };
             self.keep &= patience > 0;
+            let mut evaluations = 0;
             self.broyden.clear();
             for iteration in 0.. {
                 if !self.effort.goes_on(iteration) {
@@ -375,6 +377,7 @@ impl<'a> March<'a> {
                 // Factors are kept from step to step while they serve.
                 let stage = if self.keep { Stage::Value } else { Stage::Newton };
                 let mut scale = self.internal(state, stage, force);
+                evaluations += 1;
                 let mut norm = 0.0f64;
                 for (i, &d) in self.free_dofs.iter().enumerate() {
                     let inertia = self.mass[d] * state.a[d];
@@ -389,7 +392,7 @@ impl<'a> March<'a> {
                 // What a stiff link carries in passing is no measure of the forces present.
                 self.scale = if patience > 0 { scale } else { self.scale.max(scale) };
                 last = (norm, self.scale);
-                if norm <= 1e-13 * self.scale || norm == 0.0 {
+                if norm <= close * self.scale || norm == 0.0 {
                     converged = true;
                     break;
                 }
@@ -413,6 +416,7 @@ impl<'a> March<'a> {
                     if !self.keep {
                         self.broyden.clear();
                         self.matrix.factor()?;
+                        self.kept.renew();
                         self.keep = self.spatial.is_some() && !alpha.still;
                     }
                     self.matrix.solve(&mut self.rhs)?;
@@ -431,6 +435,9 @@ impl<'a> March<'a> {
                 update(state, &self.old, &self.free_dofs);
             }
             at_end = converged;
+            self.trend.ended(converged.then_some(dt));
+            // Sensitivities take factors of their own.
+            self.keep &= columns > 0 || self.kept.serve(evaluations);
             if !converged && last.0 > ACCEPTED * last.1 {
                 return Err(EngineError::NoEquilibrium { step: k, steps, residual: last.0 / last.1 });
             }
@@ -451,17 +458,6 @@ impl<'a> March<'a> {
         }
         state.s.copy_from_slice(&self.new_s);
         Ok(())
-    }
-}
-
-/// Adds a stiffness between two degrees of freedom, at the slots that are free: (to, to), (from, from), (to, from), (from, to).
-#[inline]
-fn add_link(matrix: &mut BlockTri<f64>, slots: &[Option<usize>; 4], k: f64) {
-    let signed = [k, k, -k, -k];
-    for at in 0..signed.len() {
-        if let Some(slot) = slots[at] {
-            matrix.add_at(slot, signed[at]);
-        }
     }
 }
 

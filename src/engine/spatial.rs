@@ -64,7 +64,8 @@ impl Joint {
     /// Values of its twelve coordinates.
     #[inline]
     pub fn gather(&self, u: &[f64]) -> [f64; 12] {
-        self.dofs.map(|d| d.map_or(0.0, |d| u[d]))
+        // Not `map`, which takes a copy of the array first.
+        std::array::from_fn(|k| self.dofs[k].map_or(0.0, |d| u[d]))
     }
 
     /// Components, derivatives and poses at `q`.

@@ -98,7 +98,7 @@ pub fn candidates(input: &ReportInput) -> String {
             "when the error on the select tests falls by more than two standard errors; where these hardly show it, when it holds in parts of \
              the fitted tests that it was not fitted to"
         }
-        (true, 2..) => "when the error on the fitted tests, each left out in turn, falls by more than two standard errors",
+        (true, 2..) => "when the error on parts of the fitted tests, each left out in turn, falls by more than two standard errors",
         (true, _) => "when it takes away enough of the cost of the one fitted test",
     };
     let reading = format!(

@@ -186,7 +186,7 @@ impl March<'_> {
         }
         for work in spatial.parts.iter_mut().filter(|_| !self.alpha.still) {
             let part = &spatial.space.parts[work.part];
-            let at = |u: &[f64]| work.dofs.map(|d| d.map_or(0.0, |d| u[d]));
+            let at = |u: &[f64]| -> [f64; 6] { std::array::from_fn(|k| work.dofs[k].map_or(0.0, |d| u[d])) };
             let (q, v, a) = (at(&state.q), at(&state.v), at(&state.a));
             let pose = &spatial.poses[work.part];
             match (stage, work.plane) {

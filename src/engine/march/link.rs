@@ -1,0 +1,32 @@
+//! Where an element acts.
+
+use super::BlockTri;
+
+/// An element between two degrees of freedom.
+pub(super) struct Link {
+    pub to: Option<usize>,
+    pub from: Option<usize>,
+    /// Where its states begin, and those of its followers.
+    pub s0: usize,
+    pub fs0: usize,
+    /// Slots of (to,to), (from,from), (to,from), (from,to) where both are free.
+    pub slots: [Option<usize>; 4],
+}
+
+impl Link {
+    /// Degrees of freedom at its ends with the sign with which they strain it.
+    pub fn ends(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
+        [(self.to, 1.0), (self.from, -1.0)].into_iter().filter_map(|(d, sign)| Some((d?, sign)))
+    }
+}
+
+/// Adds a stiffness between two degrees of freedom, at the slots that are free: (to, to), (from, from), (to, from), (from, to).
+#[inline]
+pub(super) fn add_link(matrix: &mut BlockTri<f64>, slots: &[Option<usize>; 4], k: f64) {
+    let signed = [k, k, -k, -k];
+    for at in 0..signed.len() {
+        if let Some(slot) = slots[at] {
+            matrix.add_at(slot, signed[at]);
+        }
+    }
+}
