@@ -136,9 +136,6 @@ pub struct March<'a> {
 /// links under small loads leave their rounding.
 const ACCEPTED: f64 = 1e-8;
 const HOVERS: usize = 20;
-/// Residual over the forces present at which a step stands, and of parts that turn far, whose kept factors take an evaluation more for each digit or two.
-const CLOSE: f64 = 1e-13;
-const CLOSE_FAR: f64 = 1e-11;
 /// Newton steps of a spatial model that are taken whole although the residual rises.
 const PATIENCE: usize = 30;
 /// Fall of the residual per iteration at which kept factors no longer serve.
@@ -366,7 +363,6 @@ impl<'a> March<'a> {
             let mut last = (f64::INFINITY, f64::INFINITY);
             // Bending a chain of stiff links strains them to second order: the residual may rise far before it falls.
             let patience = if self.spatial.is_some() { PATIENCE } else { 0 };
-            let close = if self.spatial.is_some() { CLOSE_FAR } else { CLOSE };
             self.keep &= patience > 0;
             let mut evaluations = 0;
             self.broyden.clear();
@@ -392,7 +388,7 @@ impl<'a> March<'a> {
                 // What a stiff link carries in passing is no measure of the forces present.
                 self.scale = if patience > 0 { scale } else { self.scale.max(scale) };
                 last = (norm, self.scale);
-                if norm <= close * self.scale || norm == 0.0 {
+                if norm <= 1e-13 * self.scale || norm == 0.0 {
                     converged = true;
                     break;
                 }
