@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 use crate::data::Dataset;
 use crate::data::toml_strict::{TomlError, TomlFile, TomlProblem};
-use crate::diagnose::Case;
 use crate::diagnose::results::SplitName;
+use crate::diagnose::{Case, approached};
 use crate::identify::{GateReport, gate};
 use crate::residual::Problem;
 use crate::response::Plan;
@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
                 }
             }
             if problems.is_empty() {
-                session.progress.say("the gate: does every parameter move the residual");
+                session.progress.say("the gate: does every parameter move the residual, and does a short fit reach the data");
                 // A formula that has no value or gives energy back is found here.
                 match session.case(&study).and_then(|case| at_gate(&case, &session)) {
                     Ok(found) => {
@@ -66,11 +66,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 fn at_gate(case: &Case, session: &Session) -> Result<GateReport, Failure> {
-    let problem = Problem::new(case.plans_of(SplitName::Fit), case.system.clone());
+    let system = approached(case, &session.monitor())?.unwrap_or_else(|| case.system.clone());
+    let problem = Problem::new(case.plans_of(SplitName::Fit), system);
     let rows = problem.plans.iter().map(|p| p.len()).sum();
-    let options = case.options(&case.system, rows).map_err(Failure::from)?;
+    let options = case.options(&problem.system, rows).map_err(Failure::from)?;
     Ok(gate(&problem, &problem.variables(), &options, &session.monitor())?)
 }
+
+const ACCEPTED_FAR: &str = "wider bounds or priors, starting values nearer to the data (`misfit compare` shows where they miss), or data in the units they are said to have";
 
 /// What the gate holds against a fit.
 fn refused(report: &GateReport) -> Vec<Failure> {
@@ -81,11 +84,11 @@ fn refused(report: &GateReport) -> Vec<Failure> {
     let far = (!report.reachable).then(|| {
         let labels: Vec<&str> = report.blocking.iter().map(|b| b.label.as_str()).collect();
         let message = format!(
-            "no value within the bounds reaches the data: the residuals stay at {} sigma; in the way: {}",
+            "a fit from these starting values ends {} sigma from the data, held by {}",
             significant(report.best_rms, 3),
             labels.join("; ")
         );
-        Failure::new("identify", labels.join("; "), message, "wider bounds or priors, or data in the units they are said to have")
+        Failure::new("identify", labels.join("; "), message, ACCEPTED_FAR)
     });
     still.chain(far).collect()
 }

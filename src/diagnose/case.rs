@@ -12,12 +12,15 @@ use crate::response::{BlockKind, Computed, Plan};
 use crate::units::Unit;
 
 use super::DiagnoseError;
+use super::approach::approached;
 use super::damping::{constant_damping, fitted_ratio};
 use super::factors::factors;
 use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
 
 /// Relative change of the cost at which a fit ends that decides between candidates, or stands above the noise.
 pub(super) const COARSE: f64 = 1e-5;
+/// Root mean square of the whitened residuals from which intervals do not hold.
+const MISSES: f64 = 1.5;
 /// Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than
 /// `sqrt(2e-7)` of its standard deviation.
 const WORTH_NO_STEP: f64 = 1e-7;
@@ -122,7 +125,11 @@ impl Case {
 
     /// Bounds, orders and priors of the system's free parameters in the fit's variables.
     pub fn options(&self, system: &System, n_residuals: usize) -> Result<FitOptions, ModelError> {
-        let free = system.free();
+        self.options_in(&system.free(), system, n_residuals)
+    }
+
+    /// The same in the variables of the given free parameters.
+    pub(super) fn options_in(&self, free: &[FreeParam], system: &System, n_residuals: usize) -> Result<FitOptions, ModelError> {
         let param = |f: &FreeParam| -> &ParamValue { &system.instances[f.instance].params[f.param] };
         let mut options = FitOptions::new(free.iter().map(|f| f.name.clone()));
         let bound = |f: &FreeParam, v: f64, side: f64| match (f.log, v) {
@@ -187,7 +194,8 @@ impl Case {
 pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case, Fitted, FitResult), DiagnoseError> {
     let started = std::time::Instant::now();
     let mut case = case.clone();
-    let mut fitted = case.fit_system(&case.system, case.plans_of(SplitName::Fit), monitor)?;
+    let nearer = approached(&case, monitor)?;
+    let mut fitted = case.fit_system(nearer.as_ref().unwrap_or(&case.system), case.plans_of(SplitName::Fit), monitor)?;
     if let Some(finer) = case.refined(&fitted.system) {
         case = finer;
         // Finer steps move the best of several starts a little; they open no other valley.
@@ -197,7 +205,21 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let case = &case;
     let tests = compare(case, &fitted.system, splits)?;
     let (parameters, unidentifiable) = parameters(case, &fitted)?;
-    let notes = case.notes();
+    let mut notes = Vec::new();
+    let sigmas = fitted.outcome.whitened_rms();
+    if sigmas > MISSES && !parameters.is_empty() {
+        notes.push(format!(
+            "parameters: their intervals are those of a model that is right; this one stays {} sigma (rms) from the fitted tests, and its \
+             parameters make up for what it lacks",
+            digits(sigmas, 2)
+        ));
+    }
+    if nearer.is_some() {
+        notes.push(
+            "start: an FRF is computed off by more than half of what was measured; its logarithm led to where the peaks overlap".into(),
+        );
+    }
+    notes.extend(case.notes());
     let result = FitResult {
         study: case.name.clone(),
         termination: fitted.outcome.termination.name().into(),

@@ -1,6 +1,7 @@
 //! From misfit to missing physics: fit a case, see where it fails, search what explains it, prove it, and climb.
 
 mod accept;
+mod approach;
 mod candidates;
 mod case;
 mod damping;
@@ -25,6 +26,7 @@ mod simplify;
 mod trace;
 mod unexplained;
 
+pub use approach::approached;
 pub use case::{Case, Fitted, Search, compare, fit, unit_of};
 pub use error::DiagnoseError;
 pub use ladder::{diagnose, ladder};

@@ -1,6 +1,7 @@
 //! The gate before a fit: does every free parameter move the residual, and can the data be reached at all?
 
 use super::IdentifyError;
+use super::ending::Termination;
 use super::fit::{FitOptions, FitOutcome, fit};
 use super::linalg::{QrReducer, damped_least_squares, svd};
 use super::monitor::Monitor;
@@ -40,7 +41,7 @@ pub struct GateReport {
     /// share of the best cost that lifting all constraints would remove, by the linear model
     pub blocked_share: f64,
     pub blocking: Vec<Blocking>,
-    /// false when the data stay out of reach (rms beyond three sigma) because constraints or priors are in the way
+    /// false when the short fit came to its end with the data out of reach (rms beyond three sigma) and constraints or priors in the way
     pub reachable: bool,
 }
 
@@ -106,7 +107,9 @@ pub fn gate<P: LeastSquares + ?Sized>(
     let best = fit(problem, p, &short, &monitor.quiet())?;
     let (blocked_share, blocking) = blocking(&best, options, &losses);
     let best_rms = best.whitened_rms();
-    let reachable = best_rms <= OUT_OF_REACH || blocking.is_empty() || blocked_share < 0.5;
+    // A fit that is still on its way says nothing of what is in it.
+    let ended = matches!(best.termination, Termination::Converged(_) | Termination::Stalled);
+    let reachable = !ended || best_rms <= OUT_OF_REACH || blocking.is_empty() || blocked_share < 0.5;
     Ok(GateReport { free, start_cost, best_cost: best.cost, best_rms, blocked_share, blocking, reachable })
 }
 

@@ -4,12 +4,16 @@
 //! mean square. **floor** = the same with sigma in place of the difference. Energies, which run over decades: root mean square of
 //! `|ln(computed / measured)|`, and sigma/measured for the floor (design.md section 4).
 
+mod approach;
+
 use crate::parallel;
 use nalgebra::{DMatrix, DVector};
 
 use crate::identify::{EvalError, LeastSquares};
 use crate::model::{FreeParam, System};
 use crate::response::{BlockKind, Computed, Plan, ResponseError};
+
+pub use approach::Approach;
 
 /// The least-squares problem of a set of tests in the free parameters of a system.
 ///

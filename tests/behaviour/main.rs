@@ -3,6 +3,7 @@
 mod bad_input;
 mod committed;
 mod damage;
+mod distant;
 mod formula;
 mod hidden;
 mod house;

@@ -4,28 +4,35 @@ use std::fmt::Write;
 use std::path::Path;
 
 use misfit::identify::LeastSquares;
-use misfit::residual::Problem;
+use misfit::residual::{Approach, Problem};
 use misfit::response::Plan;
 use misfit::study::Study;
 
-/// Largest difference of the analytic Jacobian from central differences, over the largest entry of its column.
+/// Largest difference of the analytic Jacobian from central differences, over the largest entry of its column: of the whitened residuals,
+/// and of those that the approach from a distant start goes by.
 fn worst(study: &Path) -> f64 {
     let study = Study::load(study, None).unwrap();
     let plans: Vec<Plan> = study.dataset.tests.iter().map(|t| Plan::new(t, &study.system.model).unwrap()).collect();
     let problem = Problem::new(plans.iter().collect(), study.system.clone());
     let p = problem.variables();
-    let (_, j) = problem.jacobian(&p).unwrap();
+    worst_of(&problem, &problem, &p).max(worst_of(&Approach::new(&problem), &problem, &p))
+}
+
+fn worst_of(residuals: &impl LeastSquares, problem: &Problem, p: &[f64]) -> f64 {
+    let (_, j) = residuals.jacobian(p).unwrap();
+    // What moves nothing, as a delay the magnitude of an FRF, does so to rounding.
+    let nothing = (1e-8 * j.amax()).max(f64::MIN_POSITIVE);
     let mut worst: f64 = 0.0;
     for k in 0..p.len() {
         // The best of three steps: truncation and rounding pull in opposite directions.
         let gap = [1e-4, 1e-5, 1e-6].map(|h| {
             let at = |sign: f64| {
-                let mut q = p.clone();
+                let mut q = p.to_vec();
                 q[k] += sign * h * q[k].abs().max(1e-3);
-                problem.residuals(&q).unwrap()
+                residuals.residuals(&q).unwrap()
             };
             let numeric = (at(1.0) - at(-1.0)) / (2.0 * h * p[k].abs().max(1e-3));
-            (&numeric - j.column(k)).amax() / numeric.amax().max(f64::MIN_POSITIVE)
+            (&numeric - j.column(k)).amax() / numeric.amax().max(nothing)
         });
         let best = gap.into_iter().fold(f64::INFINITY, f64::min);
         println!("{}: {best:.1e}", problem.free[k].name);
