@@ -21,7 +21,7 @@ fn worst(study: &Path) -> f64 {
 fn worst_of(residuals: &impl LeastSquares, problem: &Problem, p: &[f64]) -> f64 {
     let (_, j) = residuals.jacobian(p).unwrap();
     // What moves nothing, as a delay the magnitude of an FRF, does so to rounding.
-    let nothing = (1e-8 * j.amax()).max(f64::MIN_POSITIVE);
+    let nothing = (1e-6 * j.amax()).max(f64::MIN_POSITIVE);
     let mut worst: f64 = 0.0;
     for k in 0..p.len() {
         // The best of three steps: truncation and rounding pull in opposite directions.
