@@ -71,7 +71,7 @@ c = {{ start = "{damping}", min = "0 N s/mm" }}
     rig
 }
 
-/// From these the sum of squares alone leads to a damper that holds everything still.
+/// From the last of these the sum of squares alone leads to a damper that holds everything still; from the others it takes twice as many steps.
 #[test]
 fn stiffnesses_off_by_factors_are_found_from_frfs_alone() {
     for (base, between, damping) in
