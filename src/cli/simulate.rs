@@ -169,10 +169,7 @@ fn channels(toml: &mut String, file: &str, record: &TimeRecord, shown: &[(usize,
 
 /// Which channels of a record the blocks of its plan are, in order.
 fn compared(record: &TimeRecord) -> Vec<usize> {
-    use crate::data::Role;
-    (0..record.channels.len())
-        .filter(|k| !record.channels[*k].input && matches!(record.channels[*k].role, Role::Displacement | Role::Force))
-        .collect()
+    (0..record.channels.len()).filter(|k| record.answers(&record.channels[*k])).collect()
 }
 
 fn csv(header: &[String], rows: impl Iterator<Item = Vec<f64>>) -> String {

@@ -74,6 +74,15 @@ impl TimeRecord {
         self.channels.iter().find(|c| c.input)
     }
 
+    /// Whether a channel is one that the test answers with. Velocity and acceleration of a driven displacement are the drive itself.
+    pub fn answers(&self, channel: &Channel) -> bool {
+        let of_the_drive = |d: &Channel| {
+            let motion = [Role::Displacement, Role::Velocity, Role::Acceleration];
+            d.at == channel.at && d.role == Role::Displacement && motion.contains(&channel.role)
+        };
+        !channel.input && channel.role.has_place() && !self.controlled().is_some_and(of_the_drive)
+    }
+
     /// The settled loop of a cycle test; see [`super::loops`].
     pub fn settled(&self) -> Result<SettledLoop, DataError> {
         super::loops::settle(self).map_err(|e| self.explain(e))

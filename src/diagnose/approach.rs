@@ -1,7 +1,7 @@
-//! The way to the measurements from a distant start.
+//! The way to the measurements from a distant start, and how far along a record a model keeps in step with them.
 
 use crate::data::TestKind;
-use crate::identify::{self, Monitor, Prior};
+use crate::identify::{self, FitOptions, LeastSquares, Monitor, Prior};
 use crate::model::{FreeParam, System};
 use crate::parallel;
 use crate::residual::{Approach, Problem, test_error};
@@ -11,16 +11,19 @@ use super::DiagnoseError;
 use super::case::Case;
 use super::results::SplitName;
 
-/// Relative error of an FRF from which its peaks do not overlap the measured ones.
+/// Relative error of an FRF from which its peaks do not overlap the measured ones, of a record from which it is out of phase.
 const FAR_OFF: f64 = 0.5;
 /// Relative change of the cost at which the approach ends, and its most iterations.
 const NEAR_ENOUGH: f64 = 5e-2;
 const MOST: u64 = 40;
+/// Doublings of a record's first cycles at most.
+const MOST_DOUBLINGS: u32 = 16;
 /// What a parameter may be off from its start for one unit, as part of it or, of a logarithm, in the logarithm.
 const NEAR: f64 = 1.0;
 
-/// The model nearer to the fitted tests, where it computes an FRF of theirs so far off that the difference does not lead there
-/// ([`Approach`]); `None` where none is.
+/// The model nearer to the fitted tests, where it computes an FRF or a record of theirs so far off that the difference does not lead there;
+/// `None` where none is. An FRF is approached by its logarithm ([`Approach`]), a record from its first cycles on: where late ones are out of
+/// phase these are not yet, and what they teach brings the next ones into phase.
 ///
 /// Strengths with a start above zero are moved by factors. What the tests say little of from afar stays near its start, and what starts at
 /// zero stays there: an effect that the approach had switched off would be lost to the fit, and an exponent far beyond reason too.
@@ -28,41 +31,118 @@ const NEAR: f64 = 1.0;
 /// # Errors
 /// [`DiagnoseError`] where the start cannot be computed, or bounds and orders contradict each other.
 pub fn approached(case: &Case, monitor: &Monitor) -> Result<Option<System>, DiagnoseError> {
-    let system = &case.system;
-    let mut problem = Problem::new(case.plans_of(SplitName::Fit), system.clone());
-    if problem.free.is_empty() || monitor.resumes() {
-        return Ok(None);
+    let Some(way) = Way::new(case, &[TestKind::Frf, TestKind::Transient], monitor)? else { return Ok(None) };
+    let mut p = way.start.clone();
+    for doublings in 0..MOST_DOUBLINGS {
+        let Some(openings) = way.opened(doublings) else { break };
+        p = way.fit(&way.over(&openings), &p)?;
     }
-    let far = |plan: &&Plan| {
-        let computed = (plan.kind == TestKind::Frf).then(|| plan.evaluate(system, &[], false).ok()).flatten();
-        computed.is_some_and(|c| test_error(plan, &c.values).error > FAR_OFF)
+    p = way.fit(&way.whole, &p)?;
+    let misses = |p: &[f64]| Approach::new(&way.whole).residuals(p).map_or(f64::INFINITY, |r| r.norm_squared());
+    Ok((misses(&p) < misses(&way.start)).then(|| way.whole.system_at(&p)))
+}
+
+/// The case with every record of the fit and select tests cut to its first cycles, as many as a model that is out of step with a fitted one
+/// can follow when it is fitted to no more than these, and the model so fitted; `None` where it is out of step with none, or can follow all.
+/// What a model lacks shows in its first cycles; later ones are out of phase whatever it is.
+///
+/// # Errors
+/// As [`approached`].
+pub fn in_step(case: &Case, monitor: &Monitor) -> Result<Option<Case>, DiagnoseError> {
+    let Some(way) = Way::new(case, &[TestKind::Transient], monitor)? else { return Ok(None) };
+    let mut kept = (0, way.start.clone());
+    for doublings in 0..MOST_DOUBLINGS {
+        let Some(openings) = way.opened(doublings) else { return Ok(None) };
+        let begun = way.over(&openings);
+        let p = way.fit(&begun, &kept.1)?;
+        let system = begun.system_at(&p);
+        let follows = !begun.plans.iter().zip(&openings).any(|(plan, opening)| opening.is_some() && off(plan, &system));
+        if follows || doublings == 0 {
+            kept = (doublings, p);
+        }
+        if !follows {
+            break;
+        }
+    }
+    let cut = |(plan, split): &(Plan, SplitName)| match split {
+        SplitName::HeldOut => (plan.clone(), *split),
+        _ => (plan.opening(kept.0).unwrap_or_else(|| plan.clone()), *split),
     };
-    if !parallel::map(&problem.plans, far).contains(&true) {
-        return Ok(None);
-    }
-    let ordered = |f: &FreeParam| case.orders.iter().any(|(a, b, _)| *a == f.name || *b == f.name);
-    for f in &mut problem.free {
-        let param = &system.instances[f.instance].params[f.param];
-        f.log |= param.value > 0.0 && param.min >= 0.0 && param.prior.is_none() && !ordered(f);
-    }
-    let start = problem.variables();
-    let mut options = case.options_in(&problem.free, system, 0)?;
-    options.constraints.validate(&options.names)?;
-    options.tolerances.f_tol = NEAR_ENOUGH;
-    options.tolerances.drop = 0.0;
-    options.tolerances.max_iterations = MOST.min(case.max_iterations);
-    for (index, (f, v)) in problem.free.iter().zip(&start).enumerate() {
-        let sigma = if f.log { NEAR } else { NEAR * v.abs() };
-        if options.priors.iter().any(|p| p.index == index) {
-            continue;
+    let plans = std::sync::Arc::new(case.plans.iter().map(cut).collect());
+    Ok(Some(Case { plans, system: way.whole.system_at(&kept.1), ..case.clone() }))
+}
+
+/// Whether a model is out of step with any record of the fitted tests.
+pub fn out_of_step(case: &Case, system: &System) -> bool {
+    case.plans_of(SplitName::Fit).iter().any(|plan| plan.kind == TestKind::Transient && off(plan, system))
+}
+
+/// Whether a model computes a test so far off that the difference does not lead to it.
+fn off(plan: &Plan, system: &System) -> bool {
+    plan.evaluate(system, &[], false).is_ok_and(|c| test_error(plan, &c.values).error > FAR_OFF)
+}
+
+/// A fit from afar.
+struct Way<'a> {
+    whole: Problem<'a>,
+    /// Which of its tests are far off at the start.
+    far: Vec<bool>,
+    start: Vec<f64>,
+    options: FitOptions,
+    monitor: Monitor<'a>,
+}
+
+impl<'a> Way<'a> {
+    /// `None` where no fitted test of these kinds is far off, or nothing is to be fitted.
+    fn new(case: &'a Case, kinds: &[TestKind], monitor: &'a Monitor) -> Result<Option<Self>, DiagnoseError> {
+        let system = &case.system;
+        let mut whole = Problem::new(case.plans_of(SplitName::Fit), system.clone());
+        if whole.free.is_empty() || monitor.resumes() {
+            return Ok(None);
         }
-        if sigma > 0.0 {
-            options.priors.push(Prior { index, mean: *v, sigma });
-        } else {
-            options.constraints.lower[index] = *v;
-            options.constraints.upper[index] = *v;
+        let far = parallel::map(&whole.plans, |plan| kinds.contains(&plan.kind) && off(plan, system));
+        if !far.contains(&true) {
+            return Ok(None);
         }
+        let ordered = |f: &FreeParam| case.orders.iter().any(|(a, b, _)| *a == f.name || *b == f.name);
+        for f in &mut whole.free {
+            let param = &system.instances[f.instance].params[f.param];
+            f.log |= param.value > 0.0 && param.min >= 0.0 && param.prior.is_none() && !ordered(f);
+        }
+        let start = whole.variables();
+        let mut options = case.options_in(&whole.free, system, 0)?;
+        options.constraints.validate(&options.names)?;
+        options.tolerances.f_tol = NEAR_ENOUGH;
+        options.tolerances.drop = 0.0;
+        options.tolerances.max_iterations = MOST.min(case.max_iterations);
+        for (index, (f, v)) in whole.free.iter().zip(&start).enumerate() {
+            let sigma = if f.log { NEAR } else { NEAR * v.abs() };
+            if options.priors.iter().any(|p| p.index == index) {
+                continue;
+            }
+            if sigma > 0.0 {
+                options.priors.push(Prior { index, mean: *v, sigma });
+            } else {
+                options.constraints.lower[index] = *v;
+                options.constraints.upper[index] = *v;
+            }
+        }
+        Ok(Some(Way { whole, far, start, options, monitor: monitor.quiet() }))
     }
-    let outcome = identify::fit(&Approach::new(&problem), &start, &options, &monitor.quiet())?;
-    Ok((outcome.cost < outcome.start_cost).then(|| problem.system_at(&outcome.p)))
+
+    /// The first cycles of the records that are far off; `None` where that is all of each.
+    fn opened(&self, doublings: u32) -> Option<Vec<Option<Plan>>> {
+        let openings = self.whole.plans.iter().zip(&self.far).map(|(plan, far)| plan.opening(doublings).filter(|_| *far));
+        let openings: Vec<Option<Plan>> = openings.collect();
+        openings.iter().any(Option::is_some).then_some(openings)
+    }
+
+    fn over<'b>(&'b self, openings: &'b [Option<Plan>]) -> Problem<'b> {
+        let plans = self.whole.plans.iter().zip(openings).map(|(plan, opening)| opening.as_ref().unwrap_or(plan)).collect();
+        Problem { plans, system: self.whole.system.clone(), free: self.whole.free.clone() }
+    }
+
+    fn fit(&self, problem: &Problem, p: &[f64]) -> Result<Vec<f64>, DiagnoseError> {
+        Ok(identify::fit(&Approach::new(problem), p, &self.options, &self.monitor)?.p)
+    }
 }

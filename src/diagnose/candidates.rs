@@ -223,7 +223,8 @@ fn channels(plans: &[&Plan], law: &dyn Channel) -> Vec<ChannelSite> {
     let timed = |p: &&&Plan, role: &str| p.blocks.iter().any(|b| matches!(b.kind, BlockKind::Loop | BlockKind::Record) && b.role == role);
     let is_frf = |p: &&&Plan| p.blocks.iter().any(|b| b.kind == BlockKind::Frf);
     let forces: Vec<_> = plans.iter().filter(|p| timed(p, "force")).collect();
-    let motions: Vec<_> = plans.iter().filter(|p| timed(p, "displacement")).collect();
+    let motions =
+        ["displacement", "velocity", "acceleration"].map(|role| (role, plans.iter().filter(|p| timed(p, role)).collect::<Vec<_>>()));
     let frfs: Vec<_> = plans.iter().filter(is_frf).collect();
     if !forces.is_empty() && (frfs.is_empty() || law.in_frequency()) {
         add("*", "force");
@@ -235,8 +236,8 @@ fn channels(plans: &[&Plan], law: &dyn Channel) -> Vec<ChannelSite> {
         }
         return sites;
     }
-    if !motions.is_empty() && law.in_frequency() {
-        add("*", "displacement");
+    for (role, _) in motions.iter().filter(|(_, plans)| !plans.is_empty() && law.in_frequency()) {
+        add("*", role);
     }
     if !frfs.is_empty() && law.in_frequency() {
         add("*", "response");
@@ -244,8 +245,8 @@ fn channels(plans: &[&Plan], law: &dyn Channel) -> Vec<ChannelSite> {
     for p in &forces {
         add(&p.id, "force");
     }
-    for p in &motions {
-        add(&p.id, "displacement");
+    for (role, plans) in &motions {
+        plans.iter().for_each(|p| add(&p.id, role));
     }
     if law.in_frequency() {
         for p in &frfs {

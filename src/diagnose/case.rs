@@ -95,6 +95,11 @@ impl Case {
         Case { plans: Arc::new(plans), ..self.clone() }
     }
 
+    /// The same case with this model.
+    pub(super) fn at(&self, system: &System) -> Case {
+        Case { system: system.clone(), ..self.clone() }
+    }
+
     /// What was found in the data of every test and done to them, `test: what`.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.plans.iter().flat_map(|(p, _)| p.notes.iter().map(move |n| format!("{}: {n}", p.id))).collect();
@@ -216,7 +221,9 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     }
     if nearer.is_some() {
         notes.push(
-            "start: an FRF is computed off by more than half of what was measured; its logarithm led to where the peaks overlap".into(),
+            "start: an FRF or a record is computed off by more than half of what was measured; the logarithm of an FRF led to where its \
+             peaks overlap, the first cycles of a record to where it is in phase"
+                .into(),
         );
     }
     notes.extend(case.notes());

@@ -12,9 +12,10 @@ use super::candidates::Name;
 use super::case::{COARSE, Case, Fitted, compare, effects, fit, parameters};
 use super::exchange::{Rivals, exchange};
 use super::findings::{findings, unsettled};
+use super::horizon;
 use super::refit::{Proof, cost, prove, whitened};
 use super::results::*;
-use super::search::{LEVEL, SURE, Step, step};
+use super::search::{LEVEL, SURE, Step};
 use super::simplify::simplify;
 use super::unexplained::{Unexplained, unexplained};
 use super::{DiagnoseError, trace};
@@ -44,8 +45,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     let started = std::time::Instant::now();
     let (case, fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
     let case = &case;
-    let searched = case.with_instruments(&fitted.system);
-    let step = step(&searched, &fitted, monitor, watch)?;
+    let (searched, step) = horizon::searched(case, &fitted, monitor, watch)?;
     let verdict = verdict(&step, trace::stopped(monitor));
     let missing = step.accepted.iter().map(|(n, ..)| EffectAt { effect: n.effect.into(), at: n.at.clone() }).collect();
     let would = if verdict == Verdict::NothingMissing { detectable(case, &fitted.system, &step.visible) } else { vec![] };
@@ -229,15 +229,14 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break (format!("{} effects were added, and {why}", missing.len()), stands.verdict);
         }
         watch(&format!("rung {now}"));
-        let searched = case.with_instruments(&fitted.system);
-        let step = match step(&searched, &fitted, monitor, watch) {
+        let (searched, step) = match horizon::searched(&case, &fitted, monitor, watch) {
             // What was found is not lost with a model in which nothing more can be looked for.
             Err(why) if !missing.is_empty() => {
                 let stands = Standing::of(&case, &fitted.system, first.as_ref(), monitor, watch);
                 (left, remainder, formula) = (Some(stands.left), stands.remainder, stands.formula);
                 break (format!("what else is missing could not be looked for: {why}"), stands.verdict);
             }
-            step => step?,
+            found => found?,
         };
         if let Some(last) = rungs.last_mut() {
             last.candidates = step.candidates.clone();
@@ -245,7 +244,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             last.effort = step.effort;
         }
         let step_verdict = verdict(&step, trace::stopped(monitor));
-        let (first_left, given) = first.get_or_insert_with(|| (step.left, step.base.clone())).clone();
+        let whole = || if step.near { left_by(&searched, &fitted.system) } else { step.left };
+        let (first_left, given) = first.get_or_insert_with(|| (whole(), step.base.clone())).clone();
         let Some((name, proof, ties)) = step.accepted else {
             stopped = step_verdict == Verdict::Interrupted;
             left = Some(step.left.0);
@@ -302,7 +302,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         let closer = as_close_as_it_shows(&finer).fit_system(&system, finer.plans_of(SplitName::Fit), monitor);
         let closer = closer.and_then(|f| compare(&finer, &f.system, &seen).map(|tests| (f, tests)));
         // Far from the noise, what improves the fit in coarse steps alone explains nothing; nor does what cannot be computed in finer ones.
-        let explains = |f: &Fitted| !coarse || !removed.is_empty() || f.outcome.cost < fitted.outcome.cost;
+        let explains = |f: &Fitted| !coarse || step.near || !removed.is_empty() || f.outcome.cost < fitted.outcome.cost;
         let (closer, tests) = match closer {
             Ok((closer, tests)) if explains(&closer) || trace::stopped(monitor) => (closer, tests),
             withdrawn => {

@@ -10,6 +10,7 @@ mod exchange;
 mod factors;
 mod findings;
 mod folds;
+mod horizon;
 mod judge;
 mod kin;
 mod ladder;

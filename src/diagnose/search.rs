@@ -44,6 +44,8 @@ pub struct Step {
     pub base: Fitted,
     /// What it took.
     pub effort: Effort,
+    /// Whether the model was out of step with a record, and no more than its first cycles were looked at.
+    pub near: bool,
     /// Name and visible strength of each candidate.
     pub visible: Vec<(Name, f64)>,
 }
@@ -95,6 +97,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
             left,
             base: base.clone(),
             effort,
+            near: false,
             visible,
         });
     }
@@ -138,7 +141,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
         let r = refits.swap_remove(w);
         Some((names[r.candidate].clone(), r.result.ok()?, tied_names))
     });
-    Ok(Step { candidates: list, second_opinion, accepted, tied, rivals, p_value, left, base: base.clone(), effort, visible })
+    Ok(Step { candidates: list, second_opinion, accepted, tied, rivals, p_value, left, base: base.clone(), effort, near: false, visible })
 }
 
 /// Best first by what it costs on fit and select; failures last.

@@ -83,12 +83,7 @@ impl CyclePlan {
         let samples = drive.samples(n * stride);
         let driven_motion = control == Control::Displacement;
         let mut probes = Vec::new();
-        for (k, c) in settled.channels.iter().enumerate().filter(|(k, _)| *k != settled.controlled) {
-            use crate::data::Role;
-            if !matches!(c.role, Role::Displacement | Role::Force) {
-                plan.notes.push(format!("channel {} at {} is not compared", c.role.word(), c.at));
-                continue;
-            }
+        for (c, _) in settled.channels.iter().zip(&record.channels).filter(|(_, recorded)| record.answers(recorded)) {
             // The force of a machine that drives one end of a connector is the reaction there.
             probes.push(site::probe(model, c.role, &c.at, control, (dof, sign), &plan.id)?);
             let start = plan.measured.len();
@@ -106,7 +101,6 @@ impl CyclePlan {
                 v: at_points(1),
             };
             plan.add_block(block, c.mean.clone(), vec![c.sigma_mean; n]);
-            let _ = k;
         }
         plan.unsettled.extend(settled.unsettled.iter().cloned());
         let found = record.findings_of(&settled);

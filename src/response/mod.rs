@@ -169,6 +169,10 @@ impl Plan {
             Record::Energy(table) => Work::Energy(EnergyPlan::new(table, model, &mut plan)?),
             Record::Modal(table) => Work::Modal(ModalPlan::new(table, &mut plan)?),
         };
+        if plan.is_empty() {
+            let accepted = "a channel that answers the drive: a force of what is driven, or a motion of what is not";
+            return Err(ResponseError::invalid(&test.id, "nothing in it is compared with the model", accepted));
+        }
         if let Some(bad) = plan.sigma.iter().position(|s| !(s.is_finite() && *s > 0.0)) {
             return Err(ResponseError::invalid(&test.id, format!("sigma of point {bad} is {}", plan.sigma[bad]), "sigma above zero"));
         }
@@ -357,6 +361,22 @@ impl Plan {
         }
         plan.notes.push(format!("{} of {n} points of the loop are compared", n / part));
         plan
+    }
+
+    /// The beginning of a record: its first `1.5 2^doublings` cycles; `None` of another kind of test, and where that is all of it.
+    pub fn opening(&self, doublings: u32) -> Option<Plan> {
+        let Work::Transient(record) = &self.work else { return None };
+        let n = record.opening(self, doublings)?;
+        let work = Work::Transient(record.begun(n));
+        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], correlated: None, work, ..self.clone() };
+        for block in &self.blocks {
+            let of = |values: &[f64]| values.iter().take(n).copied().collect::<Vec<f64>>();
+            let (measured, sigma) = (of(&self.measured[block.range.clone()]), of(&self.sigma[block.range.clone()]));
+            let range = plan.len()..plan.len() + n;
+            let block = Block { range, abscissa: of(&block.abscissa), x: of(&block.x), v: of(&block.v), ..block.clone() };
+            plan.add_block(block, measured, sigma);
+        }
+        Some(plan)
     }
 
     /// An FRF test whose model is known to be off by itself by this part of |H|, root mean square; others as they are. The variance of each

@@ -77,8 +77,19 @@ pub fn probe(
             format!("no force is measured at `{at}`: it is neither driven nor a connector"),
             "the driven body, or a connector's axis",
         )),
-        _ => {
-            Err(ResponseError::invalid(test, format!("a {} channel is not compared with the model", role.word()), "displacement or force"))
-        }
+        (Role::Velocity, Seat::Dof(d)) => Ok((Probe::Velocity(d), 1.0)),
+        (Role::Acceleration, Seat::Dof(d)) => Ok((Probe::Acceleration(d), 1.0)),
+        (Role::Velocity | Role::Acceleration, Seat::Place(_)) if model.space.is_some() => Err(ResponseError::invalid(
+            test,
+            format!("the {} at `{at}` is one between parts that turn", role.word()),
+            "a velocity or acceleration of a part (`part.axis`)",
+        )),
+        (Role::Velocity, Seat::Place(p)) => Ok((Probe::RelativeVelocity(p), 1.0)),
+        (Role::Acceleration, Seat::Place(p)) => Ok((Probe::RelativeAcceleration(p), 1.0)),
+        _ => Err(ResponseError::invalid(
+            test,
+            format!("a {} channel is not compared with the model", role.word()),
+            "displacement, velocity, acceleration or force",
+        )),
     }
 }

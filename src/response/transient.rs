@@ -30,6 +30,10 @@ pub struct TransientPlan {
 /// Steps of a march at most.
 const MOST_STEPS: usize = 400_000;
 
+/// Part of its largest deflection that a channel has when it begins to move, and the fewest samples from there that are taken.
+const MOVES: f64 = 0.05;
+const SHORTEST: f64 = 16.0;
+
 /// Spectral radius at infinite frequency: little damping of what the record resolves.
 const RADIUS: f64 = 0.6;
 
@@ -52,8 +56,7 @@ impl TransientPlan {
         };
         let driven_motion = control == Control::Displacement;
         let mut probes = Vec::new();
-        use crate::data::Role;
-        for c in record.channels.iter().filter(|c| !c.input && matches!(c.role, Role::Displacement | Role::Force)) {
+        for c in record.channels.iter().filter(|c| record.answers(c)) {
             probes.push(site::probe(model, c.role, &c.at, control, (dof, sign), &id)?);
             let start = plan.measured.len();
             let sigma = c.sigma.unwrap_or_else(|| sample_noise(&c.values));
@@ -90,6 +93,28 @@ impl TransientPlan {
     pub(super) fn coarser(&self, part: usize) -> Option<Self> {
         let stride = (self.stride / part).max(1);
         (stride < self.stride).then(|| self.marched(stride))
+    }
+
+    /// The samples of its first cycles, `1.5 2^doublings` of those in which its fastest channel moves; `None` where these are all.
+    pub(super) fn opening(&self, plan: &Plan, doublings: u32) -> Option<usize> {
+        let cycles = 1.5 * f64::from(doublings).exp2();
+        let of = |block: &Block| {
+            let x = &plan.measured[block.range.clone()];
+            let most = x.iter().fold(0.0f64, |m, v| m.max((v - x[0]).abs()));
+            let onset = x.iter().position(|v| (v - x[0]).abs() > MOVES * most)?;
+            let mean = x.iter().sum::<f64>() / x.len() as f64;
+            let square: f64 = x.iter().map(|v| (v - mean).powi(2)).sum();
+            let rate: f64 = x.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
+            // Rice's mean frequency, rms of the rate over that of the value.
+            let samples = std::f64::consts::TAU * (square / rate).sqrt();
+            Some(onset + (cycles * samples).ceil().max(SHORTEST) as usize)
+        };
+        plan.blocks.iter().filter_map(of).min().filter(|n| *n < self.moments.len())
+    }
+
+    /// The same test up to its `n`-th sample.
+    pub(super) fn begun(&self, n: usize) -> Self {
+        TransientPlan { samples: self.samples[..n].into(), moments: self.moments[..n].to_vec(), ..self.clone() }.marched(self.stride)
     }
 
     fn marched(&self, stride: usize) -> Self {

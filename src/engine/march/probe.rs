@@ -8,8 +8,16 @@ use super::{March, State};
 pub enum Probe {
     /// Displacement of a degree of freedom.
     Dof(usize),
+    /// Its velocity.
+    Velocity(usize),
+    /// Its acceleration.
+    Acceleration(usize),
     /// Relative displacement of a place.
     Relative(usize),
+    /// Relative velocity of a place between parts that do not turn.
+    RelativeVelocity(usize),
+    /// Relative acceleration of the same.
+    RelativeAcceleration(usize),
     /// Force of a place's element.
     Force(usize),
     /// Force that holds a prescribed degree of freedom, inertia included.
@@ -21,21 +29,33 @@ impl March<'_> {
     pub fn read(&self, probe: Probe, state: &State, d: &mut [f64]) -> f64 {
         let columns = d.len();
         let row = |u: &[f64], k: usize, d: &mut [f64]| d.copy_from_slice(&u[k * columns..(k + 1) * columns]);
+        let mut across = |place: usize, u: &[f64], du: &[f64]| {
+            let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
+            d.fill(0.0);
+            self.links[e].ends().for_each(|(dof, sign)| add_row(d, sign, du, dof));
+            self.relative(e, u)
+        };
         match probe {
             Probe::Dof(dof) => {
                 row(&state.dq, dof, d);
                 state.q[dof]
             }
+            Probe::Velocity(dof) => {
+                row(&state.dv, dof, d);
+                state.v[dof]
+            }
+            Probe::Acceleration(dof) => {
+                row(&state.da, dof, d);
+                state.a[dof]
+            }
+            Probe::RelativeVelocity(place) => across(place, &state.v, &state.dv),
+            Probe::RelativeAcceleration(place) => across(place, &state.a, &state.da),
             Probe::Relative(place) => {
                 if let Some(spatial) = &self.spatial {
                     let (connector, axis) = self.places[place];
                     return self.read_relative(spatial, connector, axis, state, d);
                 }
-                let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
-                let link = &self.links[e];
-                d.fill(0.0);
-                link.ends().for_each(|(dof, sign)| add_row(d, sign, &state.dq, dof));
-                self.relative(e, &state.q)
+                across(place, &state.q, &state.dq)
             }
             Probe::Force(place) => {
                 let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
