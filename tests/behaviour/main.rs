@@ -5,6 +5,7 @@ mod committed;
 mod damage;
 mod distant;
 mod formula;
+mod hammer;
 mod hidden;
 mod house;
 mod missing;

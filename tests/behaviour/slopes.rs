@@ -187,7 +187,9 @@ control = "displacement"
 channels = [
  { role="time", column="t", unit="s" },
  { role="displacement", at="m3.x", column="x", unit="mm" },
- { role="force", at="m3.x", column="F", unit="N", sigma="0.1 N" }]
+ { role="force", at="m3.x", column="F", unit="N", sigma="0.1 N" },
+ { role="velocity", at="c1.x", column="x", unit="mm/s", sigma="1 mm/s" },
+ { role="acceleration", at="m1.x", column="F", unit="m/s2", sigma="1 m/s2" }]
 "#,
         "",
         &history(401, 0.001),
