@@ -168,15 +168,20 @@ fn forced(system: &System, places: &[usize]) -> bool {
     places.iter().all(forces)
 }
 
-/// Bodies as places, where an effect would act between the body and the ground: those that the study asks for, and for an inertia, which a
-/// body has of its own, all that no connector joins to the ground.
+/// Bodies as places, where an effect would act between the body and the ground: those that the study asks for, those where it has a force
+/// other than an inertia, as that of a guide, and for an inertia, which a body has of its own, all that no connector joins to the ground.
 fn bodies(case: &Case, system: &System, inertial: bool) -> Vec<(String, Vec<usize>)> {
     let model = &system.model;
     let grounded = |p: &crate::model::Place| p.from.is_none().then_some(p.to).or_else(|| p.to.is_none().then_some(p.from)).flatten();
     let joined = |dof: Option<usize>| (0..model.places.len()).any(|p| model.on_connector(p) && grounded(&model.places[p]) == dof);
+    let guides = |i: &Instance, p: usize| {
+        let info = i.effect.info();
+        info.role == Role::Force && info.family != "inertial" && matches!(&i.site, Site::Places(list) if list.contains(&p))
+    };
+    let guided = |p: usize| system.instances.iter().any(|i| guides(i, p));
     let asked = |at: &str| case.search.places.as_ref().is_some_and(|list| list.iter().any(|p| p == at));
     let all = (0..model.places.len()).filter(|p| !model.on_connector(*p)).map(|p| (model.place_name(p), vec![p]));
-    all.filter(|(at, p)| asked(at) || (inertial && !joined(grounded(&model.places[p[0]])))).collect()
+    all.filter(|(at, p)| asked(at) || guided(p[0]) || (inertial && !joined(grounded(&model.places[p[0]])))).collect()
 }
 
 /// Whether two groups are the same places, in whatever order.
