@@ -3,7 +3,7 @@
 use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Role, Scales};
 use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
 use crate::response::{BlockKind, Plan};
-use crate::units::Unit;
+use crate::units::{Dimension, Unit};
 
 use super::Case;
 
@@ -196,14 +196,19 @@ fn already(system: &System, effect: &str, places: &[usize], shaped: bool) -> boo
     here > usize::from(shaped)
 }
 
-/// Conditions that every test states and that vary, with a middle value and the unit; `only` one, or those that are none of the test's own settings.
-fn conditions(plans: &[&Plan], only: Option<&str>) -> Vec<(String, f64, Unit)> {
+/// Conditions that every test states and that vary, with a middle value and the unit: those that are none of the test's own settings, or, of
+/// a law in the `load`, that of this name and every other that is a force.
+fn conditions(plans: &[&Plan], load: Option<&str>) -> Vec<(String, f64, Unit)> {
     let mut names: Vec<&String> = plans.iter().flat_map(|p| p.conditions.keys()).collect();
     names.sort();
     names.dedup();
     names
         .into_iter()
-        .filter(|n| only.map_or(!["frequency", "amplitude", "load"].contains(&n.as_str()), |only| only == n.as_str()))
+        .filter(|n| {
+            let unit = plans.iter().find_map(|p| p.condition_units.get(*n));
+            let force = || n.as_str() != "amplitude" && unit.is_some_and(|u| u.dimension == Dimension::FORCE);
+            load.map_or(!["frequency", "amplitude", "load"].contains(&n.as_str()), |load| load == n.as_str() || force())
+        })
         .filter_map(|n| {
             let mut values: Vec<f64> = plans.iter().filter_map(|p| p.conditions.get(n).copied()).collect();
             if values.len() < plans.len() {

@@ -252,11 +252,14 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             if stopped {
                 break interrupted(&missing);
             }
+            // Beyond the stated noise, but not beyond what the search grants instruments.
+            let granted = !at_floor(left_by(&case, &fitted.system));
+            let noise = if granted { "within the noise and what good instruments may err by" } else { "at the noise" };
             let said = match step_verdict {
                 Verdict::NothingMissing if step.p_value > LEVEL => {
-                    "the residual is at the noise and no candidate scores beyond chance".to_string()
+                    format!("the residual is {noise} and no candidate scores beyond chance")
                 }
-                Verdict::NothingMissing => format!("the residual is at the noise and no candidate earned its place {}", judged(&case)),
+                Verdict::NothingMissing => format!("the residual is {noise} and no candidate earned its place {}", judged(&case)),
                 _ if step.p_value > LEVEL => "no candidate scores beyond chance, but the residual lies above the noise".to_string(),
                 _ if at_floor(step.left) => {
                     format!("the residual is no larger than the noise, if not random, and no candidate earned its place {}", judged(&case))

@@ -98,7 +98,8 @@ fn channel(dataset: &Dataset, at: &str) -> Result<ChannelSite, ModelError> {
     let all = || dataset.tests.iter().flat_map(|t| channels(t).into_iter().map(move |c| (t.id.as_str(), c)));
     let mut known: Vec<String> =
         all().map(|(id, c)| format!("{id}.{}", c.role)).chain(all().map(|(_, c)| format!("*.{}", c.role))).collect();
-    known.dedup();
+    let mut seen = std::collections::HashSet::new();
+    known.retain(|k| seen.insert(k.clone()));
     let Some((test, role)) = at.rsplit_once('.') else { return Err(ModelError::no_such("channel", at, known)) };
     if test != "*" && dataset.test(test).is_none() {
         return Err(ModelError::no_such("test", test, dataset.tests.iter().map(|t| t.id.clone()).chain(["*".to_string()])));

@@ -16,6 +16,7 @@ mod levels;
 mod property;
 mod read;
 mod refuse;
+mod searched;
 mod secants;
 mod space;
 mod tensioner;

@@ -1,0 +1,35 @@
+//! Where the search looks, and over what.
+
+use super::{CHAIN, FRF, Folder};
+use crate::diagnose::Case;
+use crate::diagnose::testing::{Scene, candidates};
+use crate::response::Plan;
+
+/// A guide that brakes the third body, FRFs under two preloads: a relaxing spring is looked for in the guide, not at bodies that slide on nothing, and
+/// the preload is a load by its unit, whatever its name.
+#[test]
+fn guides_are_places_and_any_force_is_a_load() {
+    let study = format!("{CHAIN}[[effect]]\neffect = \"viscous\"\nat = \"m3.x\"\nc = {{ start = \"0.1 N s/mm\", min = \"0 N s/mm\" }}\n");
+    let preload = |id: &str, value: &str| FRF.replace("frf-a", id).replace("load = \"80 N\"", &format!("preload = \"{value}\""));
+    let study = Folder::new(&study, &format!("{}{}", preload("a", "80 N"), preload("b", "120 N"))).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let plans: Vec<&Plan> = case.plans.iter().map(|(p, _)| p).collect();
+    let (names, trials) = candidates(&case, &study.system, &plans, &Scene::new(&plans, &study.system));
+    let at = |effect: &str| -> Vec<&str> { names.iter().filter(|n| n.effect == effect).map(|n| n.at.as_str()).collect() };
+    let relaxing = at("maxwell");
+    assert!(relaxing.contains(&"m3.x") && !relaxing.contains(&"m4.x") && relaxing.contains(&"c3.x"), "{relaxing:?}");
+    assert_eq!(at("load_stiffness"), ["base.x", "c1-7.x", "m3.x"]);
+    let over = |k: usize| trials.iter().find(|t| t.candidate == k).and_then(|t| t.instance.target.as_ref()).map(|t| t.condition.as_str());
+    let load = names.iter().position(|n| n.effect == "load_stiffness").unwrap();
+    assert_eq!(over(load), Some("preload"));
+}
+
+/// A test of another unit is no load.
+#[test]
+fn an_interference_is_no_load() {
+    let study = Folder::one(super::ONE).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let plans: Vec<&Plan> = case.plans.iter().map(|(p, _)| p).collect();
+    let (names, _) = candidates(&case, &study.system, &plans, &Scene::new(&plans, &study.system));
+    assert!(names.iter().any(|n| n.effect == "interference_law") && !names.iter().any(|n| n.effect == "load_stiffness"));
+}
