@@ -38,8 +38,7 @@ pub fn searched(case: &Case, fitted: &Fitted, monitor: &Monitor, watch: &(dyn Fn
         });
         let all: Vec<_> = std::iter::once((name.clone(), proof.fitted.system.clone())).chain(others).chain(rivals).collect();
         watch(&format!("following the whole record with {}", all.len()));
-        let mut follow = parallel::map(&all, |(n, system)| Some((n.clone(), followed(&whole, system, monitor)?)));
-        follow.retain(Option::is_some);
+        let follow = parallel::map(&all, |(n, system)| Some((n.clone(), followed(&whole, system, monitor)?)));
         let mut follow: Vec<(Name, Proof)> = follow.into_iter().flatten().collect();
         follow.sort_by(|a, b| verdict_cost(&a.1).total_cmp(&verdict_cost(&b.1)));
         let mut follow = follow.into_iter();

@@ -6,7 +6,7 @@
 //! for the same reason).
 //!
 //! A line of an FRF becomes `ln(|H computed| / |H measured|)` in units of [`FRF_FACTOR`] or of its own noise, whichever is larger; any
-//! other point its difference in units of [`PART`] of its channel's range of rms, or of its sigma. Every channel counts alike, by its mean
+//! other point its difference in units of [`PART`] of its channel's rms about its mean, or of its sigma. Every channel counts alike, by its mean
 //! square: here it is not the number of lines that says which measurement leads.
 
 use nalgebra::{DMatrix, DVector};
@@ -18,7 +18,7 @@ use super::Problem;
 
 /// Natural logarithm of the factor by which a line of an FRF may be off for one unit.
 const FRF_FACTOR: f64 = 0.3;
-/// Part of a channel's root mean square by which a point may be off for one unit; of a table, whose values are logarithms, the logarithm.
+/// Part of a channel's root mean square about its mean by which a point may be off for one unit; of a table, whose values are logarithms, the logarithm.
 const PART: f64 = 0.1;
 /// Least magnitude against the measured one: a line on which nothing moves says no more than that.
 const STILL: f64 = 1e-6;
