@@ -121,14 +121,7 @@ def energies(rig):
     paper = {0.01: (1.04, 249.07), 0.33: (16.43, 248.95), 1.0: (38.77, 248.57), 5.0: (73.77, 248.39)}
     for frequency, (wd, ws) in paper.items():
         (force, x, _), _ = QuasiStatic(rig, rig.design_interference).cycles(measure.FORCE_LOW, measure.FORCE_HIGH, frequency, 4)
-        work = abs(np.trapezoid(np.append(force, force[0]), np.append(x, x[0])))
-        bottom, top = np.argmin(x), np.argmax(x)
-        up, down = np.roll(np.arange(len(x)), -bottom), np.roll(np.arange(len(x)), -top)
-        rise, fall = up[: (top - bottom) % len(x) + 1], down[: (bottom - top) % len(x) + 1][::-1]
-        grid = x.min() + np.ptp(x) * np.linspace(0.2, 0.8, 121)
-        mean = 0.5 * (np.interp(grid, x[rise], force[rise]) + np.interp(grid, x[fall], force[fall]))
-        slope = np.polyfit(grid, mean, 1)[0]
-        print(f"{frequency:5g} Hz: W_D {1e3 * work:6.2f} mJ (paper {wd}), W_s slope {1e3 * np.ptp(force)**2 / 2 / slope:.2f}, "
+        print(f"{frequency:5g} Hz: W_D {1e3 * measure.work(force, x):6.2f} mJ (paper {wd}), W_s slope {1e3 * measure.elastic(force, x):.2f}, "
               f"product {0.5e3 * np.ptp(force) * np.ptp(x):.2f} mJ (paper {ws})")
 
 

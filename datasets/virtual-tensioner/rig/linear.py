@@ -35,8 +35,8 @@ class Linear:
         shear = beam.corrected_shear(p.ga, ei, m.length)
         moduli = np.stack([p.ea + 0j, shear, ei])
         resultants = np.stack([p.ea * self.strain[0], p.shear * self.strain[1], p.ei * self.strain[2]])
-        stiff = m.tie + p.limit / rig.slip + p.film * s / (s * rig.film_slip + rig.film_speed)
-        along = p.limit * np.clip((self.u - self.rest.anchor) / rig.slip, -1, 1) + m.tie * self.u
+        stiff = m.tie + p.limit / p.slip + p.film * s / (s * rig.film_slip + rig.film_speed)
+        along = p.limit * np.clip((self.u - self.rest.anchor) / p.slip, -1, 1) + m.tie * self.u
         traction, ctangent = np.stack([along, p.seat * self.w]), np.stack([stiff, p.seat + 0j])
         k = m.band([beam.tangent(self.b, self.second, resultants, moduli, m.length),
                     beam.tangent(self.cb, self.csecond, traction, ctangent, np.ones(len(self.u)))])

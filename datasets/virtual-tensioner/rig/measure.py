@@ -14,9 +14,9 @@ LOOP_ELEMENTS, FRF_ELEMENTS = 4, 8                  # a part of the chain; check
 FAMILY = {"plane": "xy bending", "torsion": "torsion", "yz bending": "yz bending"}
 
 
-def loaded(rig, load, interference, per_part=FRF_ELEMENTS):
+def loaded(rig, load, interference, per_part=FRF_ELEMENTS, area=None):
     """The rig at rest under `load` at P, reached from zero by load alone."""
-    rest = QuasiStatic(rig, interference, per_part)
+    rest = QuasiStatic(rig, interference, per_part, area)
     rest.load(load)
     return Linear(rest)
 
@@ -32,11 +32,41 @@ def mm(i):
     return f"{1e3 * i:g}"
 
 
-def loop(folder, rig, interference, frequency, rng):
-    name = f"loop-i{mm(interference)}-{frequency:g}Hz"
-    (force, across, along), drift = QuasiStatic(rig, interference, LOOP_ELEMENTS).cycles(FORCE_LOW, FORCE_HIGH, frequency, SETTLE, samples=SAMPLES)
-    work = abs(np.trapezoid(np.append(force, force[0]), np.append(across, across[0])))
-    print(f"{name}: W_D {1e3 * work:.2f} mJ, range D_t {1e3 * np.ptp(across):.3f} mm, D_l {1e3 * np.ptp(along):.3f} mm, "
+def mm2(area):
+    return f"{1e6 * area:g}"
+
+
+def state(interference, area):
+    """Conditions of a test that say the state of the rig."""
+    return f'i = "{mm(interference)} mm"' + ("" if area is None else f', A = "{mm2(area)} mm2"')
+
+
+def work(force, x):
+    """W_D of a closed cycle, J: the integral of F dx."""
+    return abs(np.trapezoid(np.append(force, force[0]), np.append(x, x[0])))
+
+
+def elastic(force, x):
+    """W_s of a closed cycle read as slope, J: dF^2 / (2 k_s), k_s the slope of the branch-mean force over the middle 60 % of travel."""
+    bottom, top = np.argmin(x), np.argmax(x)
+    up, down = np.roll(np.arange(len(x)), -bottom), np.roll(np.arange(len(x)), -top)
+    rise, fall = up[: (top - bottom) % len(x) + 1], down[: (bottom - top) % len(x) + 1][::-1]
+    grid = x.min() + np.ptp(x) * np.linspace(0.2, 0.8, 121)
+    mean = 0.5 * (np.interp(grid, x[rise], force[rise]) + np.interp(grid, x[fall], force[fall]))
+    return np.ptp(force)**2 / 2 / np.polyfit(grid, mean, 1)[0]
+
+
+def energies(rig, interference, frequency, low=FORCE_LOW, high=FORCE_HIGH, area=None, per_part=FRF_ELEMENTS, steps=2 * SAMPLES, settle=SETTLE):
+    """W_D and W_s of a clean cycle at P, J; `steps` steps in the cycle, every one of them a sample."""
+    (force, across, _), _ = QuasiStatic(rig, interference, per_part, area).cycles(low, high, frequency, settle, fine=steps, samples=steps)
+    return work(force, across), elastic(force, across)
+
+
+def loop(folder, rig, interference, frequency, rng, area=None):
+    name = f"loop-i{mm(interference)}-{'' if area is None else f'A{mm2(area)}-'}{frequency:g}Hz"
+    bench = QuasiStatic(rig, interference, LOOP_ELEMENTS, area)
+    (force, across, along), drift = bench.cycles(FORCE_LOW, FORCE_HIGH, frequency, SETTLE, samples=SAMPLES)
+    print(f"{name}: W_D {1e3 * work(force, across):.2f} mJ, range D_t {1e3 * np.ptp(across):.3f} mm, D_l {1e3 * np.ptp(along):.3f} mm, "
           f"cycle {SETTLE + 1} differs from {SETTLE} by {drift.max():.0e} of the range", flush=True)
     t = (np.arange(KEPT * SAMPLES) / SAMPLES + SETTLE) / frequency
     noisy = [1e3 * np.tile(y, KEPT) + LOOP_NOISE * rng.standard_normal(len(t)) for y in (across, along)]
@@ -47,7 +77,7 @@ id = "{name}"
 kind = "cycle"
 file = "{name}.csv"
 control = "force"
-conditions = {{ frequency = "{frequency:g} Hz", i = "{mm(interference)} mm" }}
+conditions = {{ frequency = "{frequency:g} Hz", {state(interference, area)} }}
 channels = [
  {{ role="time", column="t", unit="s" }},
  {{ role="force", at="P.x", column="F", unit="N" }},
@@ -55,12 +85,13 @@ channels = [
  {{ role="displacement", at="tip.y", column="D_l", unit="mm" }}]'''
 
 
-def frfs(folder, rig, load, interference, design, responses, streams):
+def frfs(folder, rig, load, interference, design, responses, streams, area=None):
     """FRFs at one load: force at P along x, responses along x."""
-    h = loaded(rig, load, interference).accelerance(LINES, [(r, "x") for r in responses])
+    h = loaded(rig, load, interference, area=area).accelerance(LINES, [(r, "x") for r in responses])
     toml = []
     for name, clean, rng in zip(responses, h, streams):
-        shim = "" if interference == design else f"-i{mm(interference)}"
+        shim = "" if interference == design and area is None else f"-i{mm(interference)}"
+        shim += "" if area is None else f"-A{mm2(area)}"
         test = f"frf-{load:g}N{shim}-{name}"
         sigma = np.hypot(FRF_NOISE * np.abs(clean), FRF_FLOOR * np.sqrt(np.mean(np.abs(clean) ** 2)))
         noisy = clean + sigma * (rng.standard_normal(len(LINES)) + 1j * rng.standard_normal(len(LINES)))
@@ -76,7 +107,7 @@ file = "{test}.csv"
 excite = "P.x"
 respond = "{name}.x"
 quantity = "accelerance"
-conditions = {{ load = "{load:g} N", i = "{mm(interference)} mm" }}
+conditions = {{ load = "{load:g} N", {state(interference, area)} }}
 channels = [
  {{ role="frequency", column="f", unit="Hz" }},
  {{ role="real", column="re", unit="m/s2/N" }},

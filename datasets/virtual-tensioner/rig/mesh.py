@@ -129,9 +129,9 @@ def overlap(x, h, reach):
 
 
 class Properties:
-    """Numbers of the elements at one interference."""
+    """Numbers of the elements at one interference and, where the rig knows it, one contact area of the housings."""
 
-    def __init__(self, mesh, interference):
+    def __init__(self, mesh, interference, area=None):
         rig = mesh.rig
         k, d = rig.stiffness_factor(interference), rig.damping_factor(interference)
         middle, leaf = mesh.kind == 0, mesh.kind == 2
@@ -143,7 +143,8 @@ class Properties:
         self.line_mass = np.where(leaf, rig.leaf_mass, rig.line_mass)
         self.line_inertia = np.where(leaf, rig.leaf_inertia, rig.line_inertia)
         self.film = d * rig.film_force * mesh.film
-        self.limit = rig.slip_force(interference) * mesh.slides
+        limit, self.slip = rig.housing(interference, area)
+        self.limit = limit * mesh.slides
         self.seat = rig.seat_stiffness * mesh.width
         self.shear = beam.corrected_shear(self.ga, self.ei, mesh.length)
 

@@ -1,4 +1,4 @@
-"""What the rig is made of. SI throughout. `Rig()` is the tensioner, `variant()` the other one."""
+"""What the rig is made of. SI throughout. `Rig()` is the tensioner, `variant()` the other one, `tolerances()` that of the tolerance cases."""
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -59,6 +59,10 @@ class Rig:
     gj: float = 0.45                            # N m2
     ei_yz: float = 22.0                         # N m2
     polar_inertia: float = 1.6e-5              # kg m
+    # Housing friction that depends on the contact area too; None: the area is not a condition of this rig
+    housing_stiffness: float = None             # N/m3, K: normal force per area and interference (paper's eq. 5: E_p / h_r, times a share)
+    shear_strength: float = None                # Pa, tau_0 of the boundary film
+    contact_stiffness: float = None             # N/m3, k_t: tangential stiffness per area
 
     @property
     def count(self):
@@ -74,9 +78,21 @@ class Rig:
     def damping_factor(self, i):
         return np.exp(self.damping_exponent * (i - self.design_interference))
 
-    def slip_force(self, i):
+    def housing(self, i, area=None):
+        """Friction of one housing at the interference i and the contact area: limit F_c in N and elastic slip d in m.
+
+        Without an area: F_c = mu (N_0 + N_1 i), d constant. With one: F_c = mu (N_0 + K A i) + tau_0 A, d = F_c / (k_t A).
+        """
+        if (area is None) != (self.housing_stiffness is None):
+            raise ValueError("the contact area is a condition of this rig" if area is None else "this rig does not know the contact area")
+        if area is None:
+            return self.friction * (self.clamp + self.clamp_rate * i), self.slip
+        limit = self.friction * (self.clamp + self.housing_stiffness * area * i) + self.shear_strength * area
+        return limit, limit / (self.contact_stiffness * area)
+
+    def slip_force(self, i, area=None):
         """Limit of the friction of one housing, N."""
-        return self.friction * (self.clamp + self.clamp_rate * i)
+        return self.housing(i, area)[0]
 
     def prony(self):
         """Modulus of each branch per unit of loss modulus, and the relaxation times: equal branches, their times a geometric sequence."""
@@ -116,7 +132,7 @@ class Rig:
         return integrate(np.asarray(s, float), start)
 
     def as_dict(self):
-        return asdict(self)
+        return {k: v for k, v in asdict(self).items() if v is not None}
 
 
 def variant():
@@ -127,3 +143,10 @@ def variant():
         ei_middle=1.50, ei_end=0.30, line_mass=0.62, line_inertia=0.62 * 3e-6, loss=0.12, film_force=20.0, film_speed=0.9e-3,
         clamp=90.0, clamp_rate=0.4e6, ends=(0.0, 1.0), stiffness_exponent=240.0, damping_exponent=800.0, device_stiffness=350e3,
         device_mass=0.12)
+
+
+def tolerances():
+    """The tensioner of the tolerance cases: longer housings that carry more of the dissipation, and whose friction depends on the contact area."""
+    return replace(
+        Rig(), zone=5.5, ei_middle=1.10, offset=4.5e-3, loss=0.08, film_force=4.0, clamp=35.0, clamp_rate=None, slip=None,
+        housing_stiffness=12.5e9, shear_strength=0.46e6, contact_stiffness=115e9)

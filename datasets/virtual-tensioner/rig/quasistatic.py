@@ -18,11 +18,11 @@ class Rest(Exception):
 
 
 class QuasiStatic:
-    """One rig at one interference. `step=None` everywhere means infinitely slow: film and Prony branches relaxed, friction by the path."""
+    """One rig at one interference (and contact area of the housings, where the rig knows it). `step=None` everywhere means infinitely slow: film and Prony branches relaxed, friction by the path."""
 
-    def __init__(self, rig, interference, per_part=2):
+    def __init__(self, rig, interference, per_part=2, area=None):
         self.rig, self.mesh = rig, Mesh(rig, per_part)
-        self.p = Properties(self.mesh, interference)
+        self.p = Properties(self.mesh, interference, area)
         self.g, self.tau = rig.prony()
         self.q = np.zeros(self.mesh.n)
         self.before = self.q.copy()
@@ -44,7 +44,7 @@ class QuasiStatic:
             moduli[2] = moduli[2] + self.g * p.loss * (1.0 / (1.0 + ratio)).sum(0)
         resultants = np.stack([p.ea * strain[0], p.shear * strain[1], moment])
         u, w, cb, csecond = contact_state(m, q)
-        along, stiff, anchor = interface.friction(u, self.anchor, p.limit, rig.slip)
+        along, stiff, anchor = interface.friction(u, self.anchor, p.limit, p.slip)
         along, stiff = along + m.tie * u, stiff + m.tie
         new_z = z
         if step is not None:
