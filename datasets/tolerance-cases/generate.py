@@ -1,6 +1,6 @@
 """The nine tolerance cases on the rig of ../virtual-tensioner: friction of the housings by interference and contact area (README.md says why).
 
-    python generate.py            writes dataset.toml, cases.toml, CSV files, geometry and truth.json beside this file: four minutes of one core
+    python generate.py            writes dataset.toml, cases.toml, CSV files, geometry and truth.json beside this file: five minutes of one core
     python generate.py --check    prints states, energies and their convergence; writes nothing
 """
 import sys

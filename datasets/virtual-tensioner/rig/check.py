@@ -83,19 +83,19 @@ def chain(rig):
           f"D_t and D_l within {np.abs(fit.fun).max():.2f} um (with the nominal stiffness {np.abs(difference([0, 0])).max():.1f} um)")
 
 
-def elements(rig):
-    """FRFs and loops against meshes that are finer, in units of the noise of one sample."""
+def elements(rig, area=None):
+    """FRFs and loops at the design interference against meshes that are finer, in units of the noise of one sample."""
     i0 = rig.design_interference
     places = [("P", "x"), ("Q1", "x"), ("Q2", "x")]
-    fine = measure.loaded(rig, 80.0, i0, 16).accelerance(measure.LINES, places)
+    fine = measure.loaded(rig, 80.0, i0, 16, area).accelerance(measure.LINES, places)
     for per_part in (4, measure.FRF_ELEMENTS):
-        h = measure.loaded(rig, 80.0, i0, per_part).accelerance(measure.LINES, places)
+        h = measure.loaded(rig, 80.0, i0, per_part, area).accelerance(measure.LINES, places)
         for (name, _), a, b in zip(places, h, fine):
             sigma = np.hypot(measure.FRF_NOISE * np.abs(b), measure.FRF_FLOOR * np.sqrt(np.mean(np.abs(b) ** 2)))
             e = np.abs(a - b) / np.sqrt(2.0)            # sigma is that of one part, real or imaginary
             print(f"FRF 80 N, {name}: {per_part} elements a part against 16: rms {np.sqrt(np.mean((e / sigma) ** 2)):.3f} sigma, most {np.max(e / sigma):.3f} sigma")
     for frequency in (0.01, 5.0):
-        loops = [QuasiStatic(rig, i0, n).cycles(measure.FORCE_LOW, measure.FORCE_HIGH, frequency, 4)[0] for n in (2, measure.LOOP_ELEMENTS, 12)]
+        loops = [QuasiStatic(rig, i0, n, area).cycles(measure.FORCE_LOW, measure.FORCE_HIGH, frequency, 4)[0] for n in (2, measure.LOOP_ELEMENTS, 12)]
         for n, loop in zip((2, measure.LOOP_ELEMENTS), loops):
             for k, name in ((1, "D_t"), (2, "D_l")):
                 e = 1e3 * np.abs(loop[k] - loops[2][k])
@@ -123,6 +123,25 @@ def energies(rig):
         (force, x, _), _ = QuasiStatic(rig, rig.design_interference).cycles(measure.FORCE_LOW, measure.FORCE_HIGH, frequency, 4)
         print(f"{frequency:5g} Hz: W_D {1e3 * measure.work(force, x):6.2f} mJ (paper {wd}), W_s slope {1e3 * measure.elastic(force, x):.2f}, "
               f"product {0.5e3 * np.ptp(force) * np.ptp(x):.2f} mJ (paper {ws})")
+
+
+def cases(rig, states, cycles):
+    """Tolerance cases: state and friction of each, energies of the first, the third and the last on other meshes, with other steps, after more cycles.
+
+    `states` (name, conditions, i, A); `cycles` by name: frequency, least and greatest force.
+    """
+    for name, _, i, area in states:
+        limit, slip = rig.housing(i, area)
+        parts = rig.friction * rig.clamp, rig.friction * rig.housing_stiffness * area * i, rig.shear_strength * area
+        print(f"case {name}: {measure.state(i, area)}, F_c {limit:.2f} N, d {1e6 * slip:.2f} um; of F_c: mu N_0 {parts[0] / limit:.0%}, "
+              f"mu K A i {parts[1] / limit:.0%}, tau_0 A {parts[2] / limit:.0%}")
+    settings = [(4, 200, 20), (4, 400, 20), (8, 200, 20), (8, 400, 20), (8, 800, 20), (12, 400, 20), (8, 400, 40)]
+    for cycle, (frequency, low, high) in cycles.items():
+        for name, _, i, area in (states[0], states[2], states[-1]):
+            for per_part, steps, settle in settings:
+                wd, ws = (1e3 * w for w in measure.energies(rig, i, frequency, low, high, area, per_part, steps, settle))
+                print(f"{cycle} case {name}, {per_part} elements a part, {steps} steps, after {settle} cycles: W_D {wd:.4f} mJ, W_s {ws:.4f} mJ", flush=True)
+    elements(rig, 20e-6)
 
 
 def run(rig):
