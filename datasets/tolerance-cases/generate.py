@@ -19,7 +19,7 @@ from rig.parameters import tolerances  # noqa: E402
 SEED = 20411
 PAIRS = [(0.1e-3, 9e-6), (0.3e-3, 9e-6), (0.5e-3, 12e-6), (0.1e-3, 28e-6), (0.3e-3, 20e-6), (0.5e-3, 28e-6)]      # m, m2
 FREQUENCIES = (0.01, 0.33, 5.0)                     # Hz
-MIDDLE = (0.3e-3, 20e-6)                            # response at Q1 and Q2 too
+MIDDLE = (0.3e-3, 20e-6)
 FRF_PAIRS = [(0.1e-3, 9e-6), MIDDLE, (0.5e-3, 12e-6)]
 CYCLES = {"cases-5Hz": (5.0, measure.FORCE_LOW, measure.FORCE_HIGH), "cases-1Hz": (1.0, 40.0, 110.0)}             # Hz, N, N
 BENCH = "Calibrated shims and ground leaves hold the interference i and the contact area A of both housings; both are exact and constant."
@@ -70,9 +70,11 @@ def main():
     rng = (np.random.default_rng(child) for child in np.random.SeedSequence(SEED).spawn(64))
     tests = []
     for i, area in FRF_PAIRS:
-        responses = ("P", "Q1", "Q2") if (i, area) == MIDDLE else ("P",)
+        # Two more streams a load at the middle pair: it was once measured at Q1 and Q2 too, and the noise of the other tests stays as it was.
+        spare = 2 if (i, area) == MIDDLE else 0
         for load in LOADS:
-            tests += measure.frfs(HERE, rig, load, i, rig.design_interference, responses, [next(rng) for _ in responses], area)
+            streams = [next(rng) for _ in range(1 + spare)]
+            tests += measure.frfs(HERE, rig, load, i, rig.design_interference, ("P",), streams[:1], area)
     for i, area in PAIRS:
         for f in FREQUENCIES:
             tests.append(measure.loop(HERE, rig, i, f, next(rng), area))
