@@ -16,6 +16,7 @@ pub mod residual;
 pub mod diagnose;
 pub mod tolerance;
 pub mod study;
+pub mod predict;
 pub mod trial;
 pub mod report;
 pub mod export;

@@ -3,14 +3,16 @@
 use std::path::PathBuf;
 
 use crate::parallel;
+use nalgebra::DMatrix;
 use polars::prelude::{Column, DataFrame, ParquetWriter};
 use serde_json::{Value, json};
 
-use crate::diagnose::Fitted;
+use crate::diagnose::{self, Fitted};
 use crate::identify::{Replicate, UncertaintyOptions, uncertainty};
+use crate::predict::{self, Calibrated};
 use crate::report::{ReportInput, Sweep, html_with};
 use crate::study::run::{RunError, RunFolder};
-use crate::study::{Predicted, PredictionSpec, Study};
+use crate::study::{Predicted, PredictionSpec, Study, ToleranceSpec};
 use crate::units::Dimension;
 
 use super::failure::Failure;
@@ -18,6 +20,7 @@ use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{INTERRUPTED, Outcome, fit, report, scatter, text};
 
+mod told;
 mod tolerance;
 mod value;
 
@@ -35,7 +38,10 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
-    let study = session.study()?;
+    let asked = session.study()?;
+    // The answer is the last rung that the study names, or the study itself.
+    let way = asked.rungs.iter().map(|path| Ok(Study::load(path, session.common.data.as_deref())?)).collect::<Result<Vec<Study>, Failure>>()?;
+    let study = way.last().unwrap_or(&asked);
     if study.predictions.is_empty() && study.tolerance.is_none() {
         return Err(Failure::new(
             "study",
@@ -44,8 +50,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             "[[prediction]] with case, quantity, ..., or [tolerance]",
         ));
     }
-    let case = session.case(&study)?;
-    let folder = session.folder(&study, "predict")?;
+    let case = session.case(study)?;
+    let folder = session.folder(&asked, "predict")?;
     let done = fit::fitted(&session, &case, &folder, args.resume.as_deref());
     let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
     let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
@@ -55,31 +61,120 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let stopped = session.interrupted() && args.bootstrap.is_some_and(|n| replicates.len() < n as usize);
     session.progress.say("predictions");
+    let listed = listed(study, &fitted, &spread.covariance, &replicates)?;
+    let mut text = format!("{}\n\n", asked.title);
+    let outcome = match &study.tolerance {
+        Some(spec) => Some(cases(&session, spec, &way, study, &fitted, &spread.covariance)?),
+        None => None,
+    };
+    session.progress.end();
+    folder.study(study, &fitted.system)?;
+    folder.residuals(&result.tests)?;
+    let mut value = json!({ "fit": fit::plain(&result)?, "shift_error_over_none": listed.shifts });
+    let mut predictions = Vec::new();
+    // The tolerance cases are what a reader asks for first.
+    if let (Some(outcome), Some(spec)) = (&outcome, &study.tolerance) {
+        predictions.extend(tolerance::predictions(outcome));
+        value["tolerance"] = tolerance::json(outcome);
+        text += &format!("{}\n", told::text(outcome, spec));
+        if let Some(surface) = &outcome.surface {
+            tolerance::write_surface(surface, &folder)?;
+        }
+    }
+    predictions.extend(listed.json);
+    text += &format!("{}\n{}", text::tests(&result.tests), listed.text);
+    if !listed.sweeps.is_empty() {
+        write_sweeps(&listed.sweeps, &folder)?;
+    }
+    value["shifts"] = listed.of_modes.into();
+    value["predictions"] = predictions.into();
+    let input = ReportInput { study, system: Some(&fitted.system), fit: Some(&result), diagnosis: None, ladder: None };
+    folder.write(report::FILE, html_with(&input, outcome.as_ref(), &listed.sweeps)?.as_bytes())?;
+    let mut value = fit::json(&value, &folder)?;
+    if stopped {
+        text += &format!("Stopped; to go on: --resume {}\n", folder.path.display());
+        value["termination"] = "interrupted".into();
+    }
+    folder.result(&value)?;
+    text += &format!("Run: {}\n", folder.path.display());
+    Ok(Outcome { json: value, text, code: if stopped { INTERRUPTED } else { fit::code(&result.termination) } })
+}
+
+/// The tolerance cases by every rung.
+fn cases(
+    session: &Session,
+    spec: &ToleranceSpec,
+    way: &[Study],
+    study: &Study,
+    fitted: &Fitted,
+    covariance: &DMatrix<f64>,
+) -> Result<crate::tolerance::Outcome, Failure> {
+    let earlier = way.len().saturating_sub(1);
+    let mut rungs = Vec::new();
+    for (k, before) in way[..earlier].iter().enumerate() {
+        session.progress.say(&format!("fit of rung {k}"));
+        let case = session.case(before)?;
+        let (_, fitted, _) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
+        let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
+        let added = k.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &before.system));
+        let own = before.tolerance.as_ref().unwrap_or(spec);
+        rungs.push(predict::rung(own, &calibrated(before, &fitted, &spread.covariance), before.title.clone(), added)?);
+    }
+    session.progress.say("tolerance cases");
+    let added = earlier.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &study.system));
+    let answer = calibrated(study, fitted, covariance);
+    rungs.push(predict::rung(spec, &answer, study.title.clone(), added)?);
+    tolerance::outcome(spec, &answer, rungs, session.common.seed)
+}
+
+/// A fitted study as the predictions see it.
+fn calibrated<'a>(study: &'a Study, fitted: &'a Fitted, covariance: &'a DMatrix<f64>) -> Calibrated<'a> {
+    Calibrated {
+        study,
+        system: &fitted.system,
+        free: &fitted.free,
+        covariance,
+        p: &fitted.outcome.p,
+        variance: fitted.outcome.whitened_rms().powi(2),
+    }
+}
+
+/// What `[[prediction]]` asks for.
+struct Listed {
+    json: Vec<Value>,
+    of_modes: Vec<Value>,
+    text: String,
+    sweeps: Vec<Sweep>,
+    /// What the shifts are off over what "no shift" would be off.
+    shifts: Option<f64>,
+}
+
+fn listed(study: &Study, fitted: &Fitted, covariance: &DMatrix<f64>, replicates: &[Replicate]) -> Result<Listed, Failure> {
     let mut rows = Vec::new();
-    let mut predictions: Vec<Value> = Vec::new();
-    let (mut off, mut all) = (0.0, 0.0);
-    let mut sweeps: Vec<Sweep> = Vec::new();
+    let mut all = Listed { json: vec![], of_modes: vec![], text: String::new(), sweeps: vec![], shifts: None };
+    let (mut off, mut sum) = (0.0, 0.0);
     for spec in &study.predictions {
         let found = match value::sweep(spec, &fitted.system, &fitted.free)? {
             Some((sweep, range)) => {
-                sweeps.push(sweep);
+                all.sweeps.push(sweep);
                 range
             }
-            None => value::evaluate(spec, &study, &fitted.system, &fitted.free)?,
+            None => value::evaluate(spec, study, &fitted.system, &fitted.free)?,
         };
-        let std = value::deviation(&found, &spread.covariance, &fitted.outcome.p);
-        let scattered = scattered(spec, &study, &fitted, &replicates);
+        let std = found.deviation(covariance, &fitted.outcome.p);
+        let scattered = scattered(spec, study, fitted, replicates);
         let reference = spec.reference.as_ref().map(|q| q.value);
         let relative = reference.filter(|r| *r != 0.0).map(|r| found.value / r - 1.0);
         let unit = si(spec.dimension());
         // The table is in the unit of the reference where there is one, the JSON in SI.
         let (symbol, factor) = spec.reference.as_ref().map_or((unit.clone(), 1.0), |q| (q.unit.symbol.clone(), q.unit.factor));
         let shown = |v: f64| significant(v / factor, 4);
-        if let (Predicted::Shift { .. }, Some(r)) = (&spec.quantity, reference) {
+        if let (Predicted::Shift { test, mode, .. }, Some(r)) = (&spec.quantity, reference) {
             off += (found.value - r).powi(2);
-            all += r * r;
+            sum += r * r;
+            all.of_modes.push(json!({ "test": test, "mode": mode, "measured": r, "computed": found.value }));
         }
-        let beyond = beyond(&study, spec);
+        let beyond = beyond(study, spec);
         rows.push(vec![
             spec.case.clone(),
             spec.quantity.word().to_string(),
@@ -91,54 +186,21 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             relative.map_or("-".into(), percent),
             beyond.clone().unwrap_or_default(),
         ]);
-        predictions.push(json!({
+        all.json.push(json!({
             "case": spec.case, "quantity": spec.quantity.word(), "unit": unit, "value": found.value, "std": std,
             "reference": reference, "relative_error": relative, "extrapolated": beyond,
             "bootstrap": scattered.as_ref().map(|s| json!({ "std": s.std, "interval": [s.interval.0, s.interval.1] })),
         }));
     }
-    // What is off over what "no shift" would be off.
-    let shifts = (all > 0.0).then(|| (off / all).sqrt());
     let header = ["case", "quantity", "value", "std", "95 % by bootstrap", "unit", "reference", "error", ""];
-    let mut text = format!("{}\n\n{}\n", study.title, text::tests(&result.tests));
     if !rows.is_empty() {
-        text += &format!("{}\n", table(&header, &rows));
+        all.text += &format!("{}\n", table(&header, &rows));
     }
-    if let Some(ratio) = shifts {
-        text += &format!("Shifts of frequency: root mean square error over that of no shift {}.\n\n", significant(ratio, 3));
+    all.shifts = (sum > 0.0).then(|| (off / sum).sqrt());
+    if let Some(ratio) = all.shifts {
+        all.text += &format!("Shifts of frequency: root mean square error over that of no shift {}.\n\n", significant(ratio, 3));
     }
-    let outcome = match &study.tolerance {
-        Some(spec) => {
-            session.progress.say("tolerance cases");
-            let p = &fitted.outcome.p;
-            Some(tolerance::outcome(&study, spec, &fitted.system, &fitted.free, &spread.covariance, p, session.common.seed)?)
-        }
-        None => None,
-    };
-    session.progress.end();
-    folder.study(&study, &fitted.system)?;
-    folder.residuals(&result.tests)?;
-    let mut value = json!({ "fit": fit::plain(&result)?, "shift_error_over_none": shifts });
-    if let (Some(outcome), Some(spec)) = (&outcome, &study.tolerance) {
-        predictions.extend(tolerance::predictions(outcome));
-        value["tolerance"] = tolerance::json(outcome);
-        text += &tolerance::text(outcome, spec);
-        tolerance::write_surface(&outcome.surface, &folder)?;
-    }
-    if !sweeps.is_empty() {
-        write_sweeps(&sweeps, &folder)?;
-    }
-    value["predictions"] = predictions.into();
-    let input = ReportInput { study: &study, system: Some(&fitted.system), fit: Some(&result), diagnosis: None, ladder: None };
-    folder.write(report::FILE, html_with(&input, outcome.as_ref(), &sweeps)?.as_bytes())?;
-    let mut value = fit::json(&value, &folder)?;
-    if stopped {
-        text += &format!("Stopped; to go on: --resume {}\n", folder.path.display());
-        value["termination"] = "interrupted".into();
-    }
-    folder.result(&value)?;
-    text += &format!("Run: {}\n", folder.path.display());
-    Ok(Outcome { json: value, text, code: if stopped { INTERRUPTED } else { fit::code(&result.termination) } })
+    Ok(all)
 }
 
 /// Writes columns of equal length as a Parquet file of the run.

@@ -1,6 +1,6 @@
 //! The candidates of the search: every effect of the library at every place it may act, over a grid of its shapes.
 
-use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Role, Scales};
+use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Over, Role, Scales};
 use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
 use crate::response::{BlockKind, Plan};
 use crate::units::{Dimension, Unit};
@@ -94,7 +94,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
             }
             Role::Coefficient => {
                 let Effect::Coefficient(law) = effect else { continue };
-                for (condition, reference, unit) in conditions(plans, law.condition()) {
+                for (condition, reference, unit) in conditions(plans, law.over()) {
                     for (i, target) in system.instances.iter().enumerate() {
                         let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else {
                             continue;
@@ -196,19 +196,24 @@ fn already(system: &System, effect: &str, places: &[usize], shaped: bool) -> boo
     here > usize::from(shaped)
 }
 
-/// Conditions that every test states and that vary, with a middle value and the unit: those that are none of the test's own settings, or, of
-/// a law in the `load`, that of this name and every other that is a force.
-fn conditions(plans: &[&Plan], load: Option<&str>) -> Vec<(String, f64, Unit)> {
+/// Conditions that every test states and that vary, with a middle value and the unit, as far as a law is offered them.
+fn conditions(plans: &[&Plan], over: Over) -> Vec<(String, f64, Unit)> {
     let mut names: Vec<&String> = plans.iter().flat_map(|p| p.conditions.keys()).collect();
     names.sort();
     names.dedup();
+    let offered = |n: &str| {
+        let unit = plans.iter().find_map(|p| p.condition_units.get(n));
+        let force = n != "amplitude" && unit.is_some_and(|u| u.dimension == Dimension::FORCE);
+        let setting = ["frequency", "amplitude", "load"].contains(&n);
+        match over {
+            Over::Any => !setting,
+            Over::Load => n == "load" || force,
+            Over::NoLoad => !setting && !force,
+        }
+    };
     names
         .into_iter()
-        .filter(|n| {
-            let unit = plans.iter().find_map(|p| p.condition_units.get(*n));
-            let force = || n.as_str() != "amplitude" && unit.is_some_and(|u| u.dimension == Dimension::FORCE);
-            load.map_or(!["frequency", "amplitude", "load"].contains(&n.as_str()), |load| load == n.as_str() || force())
-        })
+        .filter(|n| offered(n))
         .filter_map(|n| {
             let mut values: Vec<f64> = plans.iter().filter_map(|p| p.conditions.get(n).copied()).collect();
             if values.len() < plans.len() {

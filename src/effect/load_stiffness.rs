@@ -1,7 +1,7 @@
 //! Linear law of a coefficient in the load.
 
 use super::Num;
-use super::coefficient::CoefficientLaw;
+use super::coefficient::{CoefficientLaw, Over};
 use super::info::{Dim, Info, Param, Ports, Role, Sign};
 
 /// Linear law of a coefficient in the load.
@@ -21,7 +21,7 @@ impl CoefficientLaw for LoadStiffness {
         range: "loads near load_ref; the coefficient changes sign at load_ref - 1/a",
     };
 
-    const CONDITION: Option<&'static str> = Some("load");
+    const OVER: Over = Over::Load;
 
     fn factor<T: Num>(offset: f64, p: &[T]) -> T {
         p[0] * offset + 1.0

@@ -34,6 +34,7 @@ mod film;
 mod gain;
 mod interference_law;
 mod iwan;
+mod linear_law;
 mod linear_stiffness;
 mod load_stiffness;
 mod lugre;
@@ -53,7 +54,7 @@ mod viscous;
 use num_complex::Complex;
 
 pub use channel::{Channel, Moment};
-pub use coefficient::Coefficient;
+pub use coefficient::{Coefficient, Over};
 pub use dispatch::{ForceLaw, Tangent};
 pub use error::EffectError;
 pub use formula::{Formula, FormulaError};
@@ -160,6 +161,7 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Series(&backlash::Backlash),
     Effect::Series(&support_compliance::SupportCompliance),
     Effect::Coefficient(&interference_law::InterferenceLaw),
+    Effect::Coefficient(&linear_law::LinearLaw),
     Effect::Coefficient(&load_stiffness::LoadStiffness),
     Effect::Channel(&delay::Delay),
     Effect::Channel(&gain::Gain),

@@ -1,6 +1,6 @@
-//! Steps that lower the cost, and get nowhere.
+//! Steps that lower the cost by next to nothing, or not at all, and get nowhere.
 
-/// Steps that are looked back upon.
+/// Steps, taken or refused, that are looked back upon.
 const WINDOW: u32 = 20;
 
 /// The cost as it stood, and the steps since.
@@ -11,7 +11,7 @@ pub(super) struct Crawl {
 }
 
 impl Crawl {
-    /// Takes note of a step that ended at `cost`; whether so many have fallen by less, one with another, than is `worth` one. A residual that
+    /// Takes note of a step that was tried and left the cost at `cost`; whether so many have fallen by less, one with another, than is `worth` one. A residual that
     /// jumps (a sample beside the closing of a gap, a slider that sticks) is lowered a little by ever more steps between two jumps.
     pub fn crawls(&mut self, cost: f64, worth: f64) -> bool {
         if self.steps == 0 {

@@ -172,17 +172,19 @@ impl<'a> ConstrainedLm<'a> {
         self.held = held;
     }
 
-    /// Fall of the cost that is worth a step.
-    fn worth(&self, cost: f64) -> f64 {
-        self.tolerances.drop.max(self.tolerances.f_tol * cost)
+    /// Fall of the cost that is worth a step. `drop` is in units of the noise; a model that stays far from its data knows its parameters no
+    /// better than its residual variance 2 cost / n says, so the fall is measured in that variance where it is larger than the noise's.
+    fn worth(&self, cost: f64, n: usize) -> f64 {
+        let variance = (2.0 * cost / n.max(1) as f64).max(1.0);
+        (self.tolerances.drop * variance).max(self.tolerances.f_tol * cost)
     }
 
     /// The kind of convergence reached at this point, if any.
-    fn converged(&self, step: &StepProblem, reduced: &Reduced, scale: &[f64], p: &V, cost: f64) -> Option<Convergence> {
+    fn converged(&self, step: &StepProblem, reduced: &Reduced, scale: &[f64], p: &V, cost: f64, n: usize) -> Option<Convergence> {
         let d = &step.solve(UNDAMPED)?.d;
         let drop = predicted_drop(reduced, d);
         let norm = |v: &V| scaled_norm(v, scale);
-        let worth = self.worth(cost);
+        let worth = self.worth(cost, n);
         if (2.0 * drop.max(0.0)).sqrt() <= self.tolerances.g_tol * reduced.q.norm() {
             Some(Convergence::Gradient)
         } else if norm(d) <= self.tolerances.x_tol * norm(p) {
@@ -285,6 +287,13 @@ impl<'a> ConstrainedLm<'a> {
                     return Trial::Ended(Termination::Converged(Convergence::Cost));
                 }
                 self.reject(k, at.cost, format!("cost {cost:e}, gain ratio {ratio:.3e}"), 0.0);
+                if self.crawl.crawls(at.cost, self.worth(at.cost, at.r.len())) {
+                    return Trial::Ended(Termination::Stalled);
+                }
+                // A shorter step changes no digit that is asked for; damping on would only try shorter ones.
+                if scaled_norm(&d, scale) <= self.tolerances.x_tol * scaled_norm(&at.p, scale) {
+                    break;
+                }
                 continue;
             }
             let (r, j) = match known.map_or_else(|| problem.problem("jacobian_count", |o| o.jacobian(&p)), |j| Ok((r, j))) {
@@ -448,7 +457,7 @@ where
         let settled = !step.is_constrained() || self.last_drop <= 1e-2 * cost || state.iter == 0;
         let trial = if cost == 0.0 {
             Trial::Ended(Termination::Converged(Convergence::ZeroResidual))
-        } else if let Some(kind) = settled.then(|| self.converged(&step, &reduced, &scale, &at.p, cost)).flatten() {
+        } else if let Some(kind) = settled.then(|| self.converged(&step, &reduced, &scale, &at.p, cost, at.r.len())).flatten() {
             Trial::Ended(Termination::Converged(kind))
         } else if self.creeping >= CREEPING || self.crawls {
             Trial::Ended(Termination::Stalled)
@@ -465,7 +474,7 @@ where
         match trial {
             Trial::Accepted { point, relative_step, ratio } => {
                 self.last_drop = cost - point.cost;
-                self.crawls = self.crawl.crawls(point.cost, self.worth(point.cost));
+                self.crawls = self.crawl.crawls(point.cost, self.worth(point.cost, point.r.len()));
                 self.creeping = if relative_step < CREEP { self.creeping + 1 } else { 0 };
                 self.save(&point, k + 1, false);
                 if let Some(callback) = &self.monitor.on_iteration {

@@ -44,9 +44,12 @@ pub struct Study {
     pub predictions: Vec<PredictionSpec>,
     /// Tolerance cases that `predict` holds the model against.
     pub tolerance: Option<ToleranceSpec>,
+    /// Studies that the program has written of this one, in the order of the way: its fit, what the ladder found. `predict` goes over them; the last is
+    /// the answer.
+    pub rungs: Vec<PathBuf>,
 }
 
-const KEYS: [&str; 20] = [
+const KEYS: [&str; 21] = [
     "schema",
     "title",
     "dataset",
@@ -67,7 +70,19 @@ const KEYS: [&str; 20] = [
     "order",
     "prediction",
     "tolerance",
+    "rungs",
 ];
+
+/// `rungs = ["fitted", "found"]`: folders with a study.toml, or such files.
+fn rungs(root: &TableView<'_>, folder: &Path) -> Result<Vec<PathBuf>, StudyError> {
+    let Some(value) = root.get("rungs") else { return Ok(vec![]) };
+    let one = |name: &str| -> Result<PathBuf, StudyError> {
+        let path = folder.join(name);
+        let there = path.is_file() || path.join("study.toml").is_file();
+        if there { Ok(path) } else { Err(value.refuse(format!("no study at {}", path.display()), "a folder with study.toml, or that file").into()) }
+    };
+    value.strings()?.into_iter().map(one).collect()
+}
 
 impl Study {
     /// Reads `path` (a folder with study.toml, or that file) and its dataset.
@@ -114,6 +129,7 @@ impl Study {
             assumptions: root.optional("assumptions", |v| v.strings())?.unwrap_or_default().into_iter().map(str::to_string).collect(),
             predictions: prediction::read(&root, &system, &dataset)?,
             tolerance: tolerance::read(&root, &system, &dataset, &folder)?,
+            rungs: rungs(&root, &folder)?,
             file: toml.path().to_path_buf(),
             folder,
             dataset,

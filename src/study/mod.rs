@@ -66,7 +66,7 @@ pub use load::Study;
 pub use orders::OrderSpec;
 pub use prediction::{CycleQuantity, Predicted, PredictionSpec};
 pub use settings::{FitSettings, LeaveOut, SearchSettings, Split};
-pub use tolerance::ToleranceSpec;
+pub use tolerance::{CaseCondition, ToleranceSpec, ToleranceTable};
 
 #[cfg(test)]
 mod tests;

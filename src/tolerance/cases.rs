@@ -16,6 +16,10 @@ pub struct Case {
     pub values: BTreeMap<String, f64>,
     /// Dissipated energy per cycle W_D [J].
     pub energy: f64,
+    /// Equivalent elastic energy W_s [J], where the table has it.
+    pub stored: Option<f64>,
+    /// File and line of its row.
+    pub place: String,
 }
 
 /// All cases with the units of their quantities.
@@ -27,6 +31,25 @@ pub struct Cases {
     pub units: BTreeMap<String, Unit>,
     /// Unit of the energies, for printing.
     pub energy_unit: Unit,
+}
+
+/// Part by which two energies of one set of conditions may differ and still be one measurement repeated.
+const REPEATED: f64 = 0.05;
+
+/// Refuses a table of which two rows state the same conditions and other energies: no law and no model can have both.
+fn contradictions(cases: &[Case], needed: &[(String, Dimension)]) -> Result<(), ToleranceError> {
+    for (k, a) in cases.iter().enumerate() {
+        let same = |b: &&Case| needed.iter().all(|(q, _)| a.values.get(q) == b.values.get(q));
+        let Some(b) = cases[..k].iter().filter(same).find(|b| (a.energy / b.energy).ln().abs() > REPEATED) else { continue };
+        let names: Vec<&str> = needed.iter().map(|n| n.0.as_str()).collect();
+        return Err(ToleranceError::Row {
+            place: a.place.clone(),
+            case: a.name.clone(),
+            message: format!("it has the conditions of case {} and another energy ({:.4} J and {:.4} J)", b.name, a.energy, b.energy),
+            accepted: format!("rows that differ in one of {}, or agree in W_D within {:.0} %", names.join(", "), 100.0 * REPEATED),
+        });
+    }
+    Ok(())
 }
 
 impl Cases {
@@ -56,16 +79,18 @@ impl Cases {
                     let message = format!("`{quantity}` is {}, where a {} is expected", c.quantity(), dimension.name());
                     return Err(refuse(message, example()));
                 }
-                if c.value <= 0.0 {
+                if c.value <= 0.0 || !c.value.is_finite() {
                     return Err(refuse(format!("`{quantity}` is {}", c.quantity()), "a value above 0".into()));
                 }
                 units.entry(quantity.clone()).or_insert_with(|| c.unit.clone());
                 values.insert(quantity.clone(), c.value);
             }
-            Ok(Case { name, values, energy: energy.value })
+            let stored = r.stored.as_ref().map(|w| w.value);
+            Ok(Case { name, values, energy: energy.value, stored, place: format!("{}, {}", dataset.file.display(), r.place) })
         };
         let EnergyTable { rows, .. } = table;
         let cases: Vec<Case> = rows.iter().enumerate().map(one).collect::<Result<_, _>>()?;
+        contradictions(&cases, needed)?;
         let energy_unit = rows.iter().find_map(|r| Some(r.dissipated.as_ref()?.unit.clone()));
         let energy_unit = energy_unit.unwrap_or_else(|| Unit::si(Dimension::ENERGY));
         Ok(Cases { cases, units, energy_unit })

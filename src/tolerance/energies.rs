@@ -1,5 +1,4 @@
-//! Energies of the cases as the calibrated model has them under laws in the interference (eqs. 7 and 8), held against the table as ratios
-//! to one case and with one scale.
+//! Energies of the cases as a model has them, held against the table: absolute with one declared scale, and as ratios to one case.
 
 use super::{Cases, ToleranceError};
 
@@ -9,113 +8,103 @@ pub fn span(values: &[f64]) -> f64 {
     high / low - 1.0
 }
 
-/// The model's energy of one case [J]: at the middle of its interferences, at the least and the greatest, and its standard deviation at
-/// the middle from the fit; `slopes` of ln W with respect to the fit's variables.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Predicted {
-    /// At the mean interference.
-    pub middle: f64,
-    /// At the ends of the interference.
-    pub ends: (f64, f64),
-    /// Slopes of ln W at the middle.
-    pub slopes: Vec<f64>,
-    /// Whether the laws are used beyond the interferences of the tests.
-    pub extrapolated: bool,
+/// What is predicted of a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Dissipated energy per cycle [J].
+    Dissipated,
+    /// Equivalent elastic energy per cycle [J].
+    Stored,
+    /// W_D over that of the reference case.
+    Ratio,
 }
 
-/// One case, predicted and printed.
+impl Quantity {
+    /// As contract and tables name it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Quantity::Dissipated => "W_D",
+            Quantity::Stored => "W_s",
+            Quantity::Ratio => "W_D_ratio",
+        }
+    }
+}
+
+/// One number predicted, beside the table's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
-    /// Name.
+    /// Name of the case.
     pub case: String,
-    /// W_D over that of the reference case.
-    pub ratio: f64,
-    /// Standard deviation of the ratio from the fit, which is none of the reference's; none where a parameter is open.
+    /// Which number.
+    pub quantity: Quantity,
+    /// Value [J or -].
+    pub value: f64,
+    /// Standard deviation: of the parameters and of the model's own error together; none where a parameter that matters is open.
     pub std: Option<f64>,
-    /// The ratio at the ends of the interference, both cases at the same end: lowest and highest.
-    pub interval: (f64, f64),
-    /// Printed ratio.
-    pub printed: f64,
-    /// With the scale [J].
-    pub scaled: f64,
-    /// Printed energy [J].
-    pub energy: f64,
-    /// Whether the laws are used beyond the interferences of the tests.
-    pub extrapolated: bool,
+    /// 95 % interval.
+    pub interval: Option<(f64, f64)>,
+    /// The table's value.
+    pub reference: Option<f64>,
+    /// Ratio to the reference case predicted without this case; none where it was not left out of anything.
+    pub left_out: Option<f64>,
+    /// What lies outside the conditions that were tested, and how far.
+    pub outside: Option<String>,
 }
 
-/// All cases.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Energies {
-    /// In the order of the table.
-    pub cases: Vec<Prediction>,
-    /// The one scale on the model's energies: the geometric mean of printed over computed.
-    pub scale: f64,
-    /// Root mean square of ln(scaled / printed), as a factor minus one.
-    pub error: f64,
-    /// Span of the computed energies at the middle, and over all ends.
-    pub span: (f64, f64),
-    /// Span of the printed energies.
-    pub printed_span: f64,
-}
-
-impl Energies {
-    /// Holds the model's energies against the table. `deviation` gives the standard deviation of a number from its slopes.
-    pub fn of(
-        cases: &Cases,
-        reference: usize,
-        predicted: &[Predicted],
-        deviation: impl Fn(f64, &[f64]) -> Option<f64>,
-    ) -> Result<Energies, ToleranceError> {
-        let Some(base) = predicted.get(reference).filter(|_| predicted.len() == cases.cases.len()) else {
-            return Err(ToleranceError::TooFew { what: "energies".into(), found: predicted.len(), needed: cases.cases.len() });
-        };
-        let printed = cases.energies();
-        let logs: Vec<f64> = printed.iter().zip(predicted).map(|(w, p)| (w / p.middle).ln()).collect();
-        let mean = logs.iter().sum::<f64>() / logs.len() as f64;
-        let scale = mean.exp();
-        let error = (logs.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / logs.len() as f64).sqrt().exp_m1();
-        let one = |(k, p): (usize, &Predicted)| {
-            let ratio = p.middle / base.middle;
-            let slopes: Vec<f64> = p.slopes.iter().zip(&base.slopes).map(|(a, b)| ratio * (a - b)).collect();
-            let ends = (p.ends.0 / base.ends.0, p.ends.1 / base.ends.1);
-            Prediction {
-                case: cases.cases[k].name.clone(),
-                ratio,
-                std: deviation(ratio, &slopes),
-                interval: (ratio.min(ends.0).min(ends.1), ratio.max(ends.0).max(ends.1)),
-                printed: printed[k] / printed[reference],
-                scaled: scale * p.middle,
-                energy: printed[k],
-                extrapolated: p.extrapolated,
-            }
-        };
-        let middles: Vec<f64> = predicted.iter().map(|p| p.middle).collect();
-        let ends: Vec<f64> = predicted.iter().flat_map(|p| [p.ends.0, p.ends.1]).collect();
-        let list = predicted.iter().enumerate().map(one).collect();
-        Ok(Energies { cases: list, scale, error, span: (span(&middles), span(&ends)), printed_span: cases.span() })
+impl Prediction {
+    /// value / reference - 1.
+    pub fn relative_error(&self) -> Option<f64> {
+        self.reference.filter(|r| *r != 0.0).map(|r| self.value / r - 1.0)
     }
+
+    /// Whether the table's value lies in the interval.
+    pub fn holds(&self) -> Option<bool> {
+        let ((low, high), r) = (self.interval?, self.reference?);
+        Some((low..=high).contains(&r))
+    }
+}
+
+/// Root mean square of the relative errors of one quantity over all cases but the reference of a ratio, which is 1 by definition.
+pub fn rms(predictions: &[Prediction], quantity: Quantity) -> Option<f64> {
+    let errors: Vec<f64> = predictions
+        .iter()
+        .filter(|p| p.quantity == quantity && !(quantity == Quantity::Ratio && p.reference == Some(1.0) && p.value == 1.0))
+        .filter_map(Prediction::relative_error)
+        .collect();
+    (!errors.is_empty()).then(|| (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt())
+}
+
+/// The index of a case by its name.
+pub fn find(cases: &Cases, name: &str) -> Result<usize, ToleranceError> {
+    let known = || cases.cases.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
+    cases.cases.iter().position(|c| c.name == name).ok_or_else(|| ToleranceError::Row {
+        place: String::new(),
+        case: name.into(),
+        message: "the table has no such case".into(),
+        accepted: format!("one of {}", known()),
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tolerance::Case;
-    use crate::units::{Dimension, Unit};
 
     #[test]
-    fn ratios_scale_and_error_are_those_by_hand() {
-        let case = |name: &str, energy: f64| Case { name: name.into(), values: Default::default(), energy };
-        let cases =
-            Cases { cases: vec![case("1", 2.0), case("2", 8.0)], units: Default::default(), energy_unit: Unit::si(Dimension::ENERGY) };
-        let p = |middle: f64| Predicted { middle, ends: (0.9 * middle, 1.2 * middle), slopes: vec![middle], extrapolated: false };
-        let e = Energies::of(&cases, 0, &[p(1.0), p(2.0)], |_, s| Some(s[0].abs())).unwrap();
-        // Printed over computed: 2 and 4; their geometric mean sqrt 8, ln of each off it by ln(2)/2.
-        assert!((e.scale - 8f64.sqrt()).abs() < 1e-14 && (e.error - (0.5 * 2f64.ln()).exp_m1()).abs() < 1e-14);
-        assert_eq!((e.cases[1].ratio, e.cases[1].printed, e.printed_span), (2.0, 4.0, 3.0));
-        // d ln(W2/W1) = 2 - 1, times the ratio.
-        assert_eq!(e.cases[1].std, Some(2.0));
-        assert_eq!(e.cases[0].std, Some(0.0));
-        assert!(Energies::of(&cases, 0, &[p(1.0)], |_, _| None).is_err());
+    fn errors_are_those_by_hand_and_the_reference_of_a_ratio_is_no_success() {
+        let p = |quantity, value: f64, reference: f64, half: f64| Prediction {
+            case: "1".into(),
+            quantity,
+            value,
+            std: Some(half / 2.0),
+            interval: Some((value - half, value + half)),
+            reference: Some(reference),
+            left_out: None,
+            outside: None,
+        };
+        let all = [p(Quantity::Ratio, 1.0, 1.0, 0.0), p(Quantity::Ratio, 1.1, 1.0, 0.05), p(Quantity::Dissipated, 3.0, 2.0, 2.0)];
+        assert!((rms(&all, Quantity::Ratio).unwrap() - 0.1).abs() < 1e-12 && (rms(&all, Quantity::Dissipated).unwrap() - 0.5).abs() < 1e-12);
+        assert_eq!((all[1].holds(), all[2].holds()), (Some(false), Some(true)));
+        assert_eq!(rms(&all, Quantity::Stored), None);
+        assert_eq!(span(&[2.0, 8.0]), 3.0);
     }
 }

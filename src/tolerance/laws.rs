@@ -1,4 +1,5 @@
-//! Laws of the energies in the quantities of a table: ln W = b0 + sum b_k phi_k, least squares on the logarithms.
+//! Laws of a strength in the quantities of a table: u = b0 + sum b_k phi_k, by least squares. u is the logarithm of the strengths that carry the
+//! loss of a model ([`super::Link`]), or that of the energy itself where there is no model.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,9 +18,59 @@ pub enum Term {
     Product(usize, usize),
     /// x / y: an interaction
     Ratio(usize, usize),
+    /// x^m y^n, both exponents at least 1 or n = 0: a monomial of a polynomial
+    Monomial(usize, u8, usize, u8),
 }
 
-/// Every law with one term up to `most`.
+/// Which terms a library holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Forms {
+    /// x, ln x, x^2, x y and x / y of every quantity and pair of quantities.
+    Elementary,
+    /// Every monomial x^m y^n up to this degree m + n, in one quantity or two.
+    Polynomial(u8),
+}
+
+/// A declared library of terms: laws of one to `most` terms are searched.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Library {
+    /// Name.
+    pub name: String,
+    /// Quantities, by their names in the table.
+    pub quantities: Vec<String>,
+    /// Terms.
+    pub forms: Forms,
+    /// Terms of a law at most.
+    pub most: usize,
+}
+
+impl Library {
+    /// All terms of the library.
+    fn terms(&self) -> Vec<Term> {
+        let n = self.quantities.len();
+        match self.forms {
+            Forms::Elementary => {
+                let mut terms: Vec<Term> = (0..n).flat_map(|a| [Term::Own(a), Term::Log(a), Term::Square(a)]).collect();
+                for a in 0..n {
+                    terms.extend((a + 1..n).map(|b| Term::Product(a, b)));
+                    terms.extend((0..n).filter(|b| *b != a).map(|b| Term::Ratio(a, b)));
+                }
+                terms
+            }
+            Forms::Polynomial(degree) => {
+                let mut terms: Vec<Term> = (0..n).flat_map(|a| (1..=degree).map(move |m| Term::Monomial(a, m, a, 0))).collect();
+                for a in 0..n {
+                    for b in a + 1..n {
+                        terms.extend((1..degree).flat_map(|m| (1..=degree - m).map(move |k| Term::Monomial(a, m, b, k))));
+                    }
+                }
+                terms
+            }
+        }
+    }
+}
+
+/// Every law of a library, with the values of its terms in each case.
 #[derive(Clone, Debug)]
 pub struct Laws {
     names: Vec<String>,
@@ -51,22 +102,19 @@ pub(super) struct Ready {
     weights: Vec<f64>,
 }
 
+/// Cases at most: the search is for small tables.
+pub(super) const MOST: usize = 64;
 /// Part of a column that must be its own for a law to be told from a shorter one.
 const INDEPENDENT: f64 = 1e-6;
 
 impl Laws {
-    /// All laws of one to `most` terms in these quantities.
-    pub fn new(cases: &Cases, quantities: &[String], most: usize) -> Laws {
-        let raw: Vec<Vec<f64>> = quantities.iter().map(|q| cases.of(q)).collect();
+    /// All laws of a library.
+    pub fn new(cases: &Cases, library: &Library) -> Laws {
+        let raw: Vec<Vec<f64>> = library.quantities.iter().map(|q| cases.of(q)).collect();
         let means: Vec<f64> = raw.iter().map(|v| v.iter().sum::<f64>() / v.len().max(1) as f64).collect();
-        let n = quantities.len();
-        let mut terms: Vec<Term> = (0..n).flat_map(|a| [Term::Own(a), Term::Log(a), Term::Square(a)]).collect();
-        for a in 0..n {
-            terms.extend((a + 1..n).map(|b| Term::Product(a, b)));
-            terms.extend((0..n).filter(|b| *b != a).map(|b| Term::Ratio(a, b)));
-        }
-        let mut laws = Laws { names: quantities.to_vec(), means, terms, columns: vec![], sets: vec![] };
+        let mut laws = Laws { names: library.quantities.clone(), means, terms: library.terms(), columns: vec![], sets: vec![] };
         let rows: Vec<Vec<f64>> = (0..cases.cases.len()).map(|k| raw.iter().map(|v| v[k]).collect()).collect();
+        let most = library.most;
         laws.columns = laws.terms.iter().map(|t| rows.iter().map(|r| laws.term(*t, r)).collect()).collect();
         let mut last: Vec<Vec<usize>> = (0..laws.terms.len()).map(|t| vec![t]).collect();
         for size in 1..=most {
@@ -107,6 +155,7 @@ impl Laws {
             Term::Square(a) => x(a) * x(a),
             Term::Product(a, b) => x(a) * x(b),
             Term::Ratio(a, b) => x(a) / x(b),
+            Term::Monomial(a, m, b, n) => x(a).powi(m.into()) * x(b).powi(n.into()),
         }
     }
 
@@ -119,6 +168,10 @@ impl Laws {
             Term::Square(a) => format!("{}^2", name(a)),
             Term::Product(a, b) => format!("{} {}", name(a), name(b)),
             Term::Ratio(a, b) => format!("{}/{}", name(a), name(b)),
+            Term::Monomial(a, m, b, n) => {
+                let power = |k: usize, m: u8| if m == 1 { name(k).to_string() } else { format!("{}^{m}", name(k)) };
+                if n == 0 { power(a, m) } else { format!("{} {}", power(a, m), power(b, n)) }
+            }
         }
     }
 
@@ -159,7 +212,7 @@ impl Laws {
         Some(Ready { law, q: q.as_slice().to_vec(), inflate, weights: weights.as_slice().to_vec() })
     }
 
-    /// A law fitted to the given energies of all cases.
+    /// A law fitted to the given values of all cases.
     pub fn fitted(&self, law: usize, logs: &[f64]) -> Option<Law> {
         let all: Vec<usize> = (0..logs.len()).collect();
         let qr = self.design(law, &all).qr();
@@ -167,29 +220,38 @@ impl Laws {
         Some(Law { terms: self.terms(law), coefficients: b.as_slice().to_vec() })
     }
 
-    /// The energy a law gives at values of the quantities, in their order.
-    pub fn energy(&self, law: &Law, values: &[f64]) -> f64 {
-        let sum: f64 = law.terms.iter().zip(&law.coefficients[1..]).map(|(t, b)| b * self.term(*t, values)).sum();
-        (law.coefficients[0] + sum).exp()
+    /// What a law gives at values of the quantities, in their order: b0 + sum b_k phi_k.
+    pub fn value(&self, law: &Law, values: &[f64]) -> f64 {
+        law.coefficients[0] + law.terms.iter().zip(&law.coefficients[1..]).map(|(t, b)| b * self.term(*t, values)).sum::<f64>()
     }
 }
 
 impl Ready {
-    /// Sum of squares of the leave-one-out residuals on its own cases (Allen's PRESS, Technometrics 16, 1974).
-    pub fn press(&self, logs: &[f64]) -> f64 {
-        let n = logs.len();
-        let mut left = [0.0; 64];
-        let left = &mut left[..n.min(64)];
-        left.copy_from_slice(&logs[..left.len()]);
+    /// Sum of squares of the leave-one-out residuals on its own cases (Allen's PRESS, Technometrics 16, 1974), each times its weight.
+    pub fn press(&self, values: &[f64], weights: &[f64]) -> f64 {
+        let n = values.len();
+        let mut left = [0.0; MOST];
+        let left = &mut left[..n.min(MOST)];
+        left.copy_from_slice(&values[..left.len()]);
         for column in self.q.chunks_exact(n) {
-            let share: f64 = column.iter().zip(logs).map(|(q, y)| q * y).sum();
+            let share: f64 = column.iter().zip(values).map(|(q, y)| q * y).sum();
             left.iter_mut().zip(column).for_each(|(r, q)| *r -= share * q);
         }
-        left.iter().zip(&self.inflate).map(|(r, f)| (r * f).powi(2)).sum()
+        left.iter().zip(&self.inflate).zip(weights).map(|((r, f), w)| (r * f * w).powi(2)).sum()
     }
 
-    /// Predicted logarithm of the energy of the case left out.
-    pub fn predicted(&self, logs: &[f64]) -> f64 {
-        self.weights.iter().zip(logs).map(|(w, y)| w * y).sum()
+    /// Predicted value of the case left out.
+    pub fn predicted(&self, values: &[f64]) -> f64 {
+        self.weights.iter().zip(values).map(|(w, y)| w * y).sum()
+    }
+
+    /// Variance of that prediction's own parameters over the variance of a value.
+    pub fn leverage(&self) -> f64 {
+        self.weights.iter().map(|w| w * w).sum()
+    }
+
+    /// Parameters of the law, its constant among them.
+    pub fn parameters(&self) -> usize {
+        self.q.len() / self.inflate.len().max(1)
     }
 }

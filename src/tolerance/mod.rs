@@ -1,10 +1,11 @@
 //! Tolerances: what the tolerance cases of a table say of interference, contact area and dissipated energy.
 //!
 //! The way from a dataset to the energies of the cases: conditions of the rows (tolerances, contact areas, interferences) -> eqs. 4 to 6 of
-//! the paper ([`interference`]) -> laws of the model's coefficients in the interference (eqs. 7 and 8, coefficient effects of the study) ->
-//! steady cycles of the calibrated model -> ratios to one case, one scale for all ([`energies`]). Where these fail, [`search`] looks for a
-//! law of the energies in the quantities of the table, with the whole search inside each leave-one-out fold and a permutation test.
-//! Nothing here knows a number of the paper: all come from the dataset and from `[tolerance]` of study.toml.
+//! the paper ([`interference`]) -> laws of the model's coefficients over the conditions (eqs. 7 and 8, coefficient effects of the study) ->
+//! steady cycles of the calibrated model ([`crate::predict`]) -> energies and ratios to one case beside the table's ([`energies`]). Where the study
+//! names strengths and libraries of terms, a law of those strengths in the quantities of the table is identified through the model ([`through`], by
+//! its [`link`] from strengths to energies), with the whole search inside each leave-one-out fold and a permutation test ([`search`]).
+//! Nothing here knows a number of the paper, a model or TOML: all come from the dataset, `[tolerance]` of study.toml and the engines.
 //!
 //! Source: *An Integrated Approach to Characterize the Dynamic Behaviour of a Mechanical Chain Tensioner by Functional Tolerancing*,
 //! section 4.
@@ -14,15 +15,19 @@ pub mod energies;
 pub mod error;
 pub mod interference;
 pub mod laws;
+pub mod link;
 pub mod outcome;
 pub mod search;
 pub mod surface;
+pub mod through;
 
 pub use cases::{Case, Cases};
-pub use energies::{Energies, Predicted, Prediction};
+pub use energies::{Prediction, Quantity};
 pub use error::ToleranceError;
 pub use interference::{Constant, Housing, Pair};
-pub use laws::{Law, Laws, Term};
-pub use outcome::{Finding, Outcome, Question, answer};
+pub use laws::{Forms, Law, Laws, Library, Term};
+pub use link::Link;
+pub use outcome::{Cycle, Finding, ModelError, Outcome, Rung};
 pub use search::{Found, Verdict};
-pub use surface::Surface;
+pub use surface::{Continuous, Layer, Surface};
+pub use through::{Compared, LawOutcome, LawQuestion};

@@ -1,7 +1,7 @@
-//! Everything at once: the constant of eq. 6, the energies under the laws, the search, the surface, and what they say in words.
+//! What the tolerance cases come to: the constant of eq. 6, the energies by every rung of the model, the search for a law of its strengths, the surface,
+//! and what they say in words.
 
-use super::energies::span;
-use super::{Cases, Constant, Energies, Found, Housing, Pair, Predicted, Surface, ToleranceError, Verdict, search};
+use super::{Cases, Constant, LawOutcome, Prediction, Quantity, Surface, energies};
 
 /// Something the cases say of each other or of the model.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,82 +14,74 @@ pub struct Finding {
     pub threshold: f64,
 }
 
-/// What is asked.
-#[derive(Clone, Copy, Debug)]
-pub struct Question<'a> {
-    /// The cases.
-    pub cases: &'a Cases,
-    /// Index of the case that ratios refer to.
-    pub reference: usize,
-    /// Interferences with their areas.
-    pub pairs: &'a [Pair],
-    /// Leaf and housing.
-    pub housing: &'a Housing,
-    /// Quantities of the laws.
-    pub quantities: &'a [String],
-    /// Terms of a law at most.
-    pub terms: usize,
-    /// Permutations.
-    pub permutations: usize,
-    /// Tolerances of the surface.
-    pub surface: &'a [String; 2],
-    /// Seed of the permutations.
-    pub seed: u64,
-    /// Energies of the model, case by case.
-    pub predicted: &'a [Predicted],
-    /// dF dx of the model's cycle [J], the rectangle that encloses any loop between its limits.
-    pub enclosing: f64,
+/// The cases of one cycle by one model.
+#[derive(Clone, Debug)]
+pub struct Cycle {
+    /// Id of the test that holds the cases.
+    pub test: String,
+    /// Limits and frequency, in words.
+    pub words: String,
+    /// Case by case: W_D, W_s where the table has it, ratio of W_D to the reference case.
+    pub predictions: Vec<Prediction>,
+}
+
+/// The relative error of the model's energies in tests that are like the cases.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModelError {
+    /// Root mean square of (W_D computed - W_D measured) / W_s measured.
+    pub loss_ratio: f64,
+    /// Root mean square of W_s computed / W_s measured - 1.
+    pub stored: f64,
+    /// Tests that it comes from.
+    pub tests: usize,
+}
+
+/// One model of the way: as it stands, with what the ladder added, or what was calibrated by hand.
+#[derive(Clone, Debug)]
+pub struct Rung {
+    /// In words.
+    pub title: String,
+    /// Effects that the rung before did not have, as `effect at place`.
+    pub added: Vec<String>,
+    /// Its energies.
+    pub cycles: Vec<Cycle>,
+    /// Error of its energies in the tests; none where no test is a loop at the place that is driven.
+    pub model_error: Option<ModelError>,
 }
 
 /// The answer.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// The constant `i A`.
-    pub constant: Constant,
-    /// Moment of area of the leaf that eq. 6 needs for it [m4], and the thickness of such a leaf [m].
-    pub leaf: (f64, f64),
-    /// Energies under the laws.
-    pub energies: Energies,
-    /// Searches with one term at most, two, ...
-    pub searches: Vec<Found>,
-    /// The surface, with the law of the last search.
-    pub surface: Surface,
-    /// Findings.
+    /// The cases of the first cycle, with units.
+    pub cases: Cases,
+    /// Index of the case that ratios refer to.
+    pub reference: usize,
+    /// The constant `i A`, with the moment of area of the leaf that eq. 6 needs for it [m4] and the thickness of such a leaf [m].
+    pub constant: Option<(Constant, (f64, f64))>,
+    /// Every rung, the last one is the answer.
+    pub rungs: Vec<Rung>,
+    /// Laws of the strengths in the quantities of the table.
+    pub laws: Option<LawOutcome>,
+    /// The surface.
+    pub surface: Option<Surface>,
+    /// Findings; the first says what can be predicted and what cannot.
     pub findings: Vec<Finding>,
 }
 
-/// Points of the surface from one case to the next.
-const FINER: usize = 8;
-/// Interferences that differ by at most this many printed digits are nearly equal.
-const NEARLY: f64 = 2.5;
-/// Energies at nearly equal interferences that differ by more than this part say that the interference is not all.
-const UNLIKE: f64 = 0.25;
-
-/// Answers a question; `deviation` as for [`Energies::of`].
-pub fn answer(ask: &Question, deviation: impl Fn(f64, &[f64]) -> Option<f64>) -> Result<Outcome, ToleranceError> {
-    let constant = Constant::of(ask.cases, ask.pairs)?;
-    let inertia = ask.housing.moment_of_area(constant.value);
-    let leaf = (inertia, ask.housing.leaf_thickness(inertia));
-    let energies = Energies::of(ask.cases, ask.reference, ask.predicted, deviation)?;
-    let mut searches = Vec::new();
-    let mut last = None;
-    for terms in 1..=ask.terms.max(1) {
-        let (laws, found) = search::search(ask.cases, ask.quantities, terms, ask.permutations, ask.seed)?;
-        last = Some((laws, found.law.clone()));
-        searches.push(found);
+impl Outcome {
+    /// The predictions of the answer: those of the laws where they were searched, else of the last rung.
+    pub fn predictions(&self) -> Vec<&Prediction> {
+        match (&self.laws, self.rungs.last()) {
+            (Some(laws), _) => laws.predictions.iter().collect(),
+            (None, Some(rung)) => rung.cycles.iter().flat_map(|c| c.predictions.iter()).collect(),
+            (None, None) => vec![],
+        }
     }
-    let (laws, law) = last.ok_or(ToleranceError::TooFew { what: "a law".into(), found: 0, needed: 1 })?;
-    let scaled: Vec<f64> = energies.cases.iter().map(|c| c.scaled).collect();
-    let axes = [ask.surface[0].as_str(), ask.surface[1].as_str()];
-    let surface = Surface::of(ask.cases, axes, ask.quantities, &scaled, &laws, &law, FINER)?;
-    let findings = findings(ask, &constant, leaf, &energies, &searches);
-    Ok(Outcome { constant, leaf, energies, searches, surface, findings })
 }
 
-fn findings(ask: &Question, constant: &Constant, leaf: (f64, f64), energies: &Energies, searches: &[Found]) -> Vec<Finding> {
-    let mut list = Vec::new();
-    let mut add = |claim: String, number: f64, threshold: f64| list.push(Finding { claim, number, threshold });
-    let mm3 = 1e9;
+/// What the constant of eq. 6 says.
+pub fn of_constant(constant: &Constant, leaf: (f64, f64), thickness: f64) -> Vec<Finding> {
+    let (mut list, mm3) = (Vec::new(), 1e9);
     if !constant.holds() {
         let needs = |a: &(String, f64, f64)| match a.1 <= a.2 {
             true => format!("that of {} lies in {:.3} to {:.3} mm3", a.0, a.1 * mm3, a.2 * mm3),
@@ -97,79 +89,73 @@ fn findings(ask: &Question, constant: &Constant, leaf: (f64, f64), energies: &En
         };
         let each: Vec<String> = constant.allowed.iter().map(needs).collect();
         let claim = format!("interference times contact area is not one constant within the rounding of the table: {}", each.join(", "));
-        add(claim, constant.allowed_by_all.0 / constant.allowed_by_all.1, 1.0);
+        list.push(Finding { claim, number: constant.allowed_by_all.0 / constant.allowed_by_all.1, threshold: 1.0 });
     }
-    let claim = format!(
-        "the constant {:.3} mm3 means a leaf of {:.1} mm4, {:.1} mm thick at the declared width, in a housing of {:.1} mm",
-        constant.value * mm3,
-        leaf.0 * 1e12,
-        leaf.1 * 1e3,
-        ask.housing.thickness * 1e3
-    );
-    if leaf.1 > 0.25 * ask.housing.thickness {
-        add(claim, leaf.1 / ask.housing.thickness, 0.25);
-    }
-    let largest = energies.cases.iter().fold((0.0, ""), |m, c| if c.energy > m.0 { (c.energy, c.case.as_str()) } else { m });
-    if largest.0 > ask.enclosing {
+    if leaf.1 > THICK * thickness {
         let claim = format!(
-            "case {} dissipates {:.1} mJ, more than dF dx = {:.1} mJ, which encloses any loop between the declared limits: the energies are of \
-             another test, and only their ratios can be compared",
-            largest.1,
-            largest.0 * 1e3,
-            ask.enclosing * 1e3
+            "the constant {:.3} mm3 means a leaf of {:.1} mm4, {:.1} mm thick at the declared width, in a housing of {:.1} mm",
+            constant.value * mm3,
+            leaf.0 * 1e12,
+            leaf.1 * 1e3,
+            thickness * 1e3
         );
-        add(claim, largest.0 / ask.enclosing, 1.0);
-    }
-    let (middle, ends) = energies.span;
-    if ends < energies.printed_span {
-        let claim = format!(
-            "the laws in the interference span {:.1} % over the cases ({:.1} % with the ends of the interferences), the energies {:.0} %",
-            100.0 * middle,
-            100.0 * ends,
-            100.0 * energies.printed_span
-        );
-        add(claim, energies.printed_span / ends, 1.0);
-    }
-    if let Some((a, b, ratio)) = unlike(ask) {
-        let claim = format!(
-            "cases {a} and {b} have nearly equal interferences and energies that differ by {:.0} %: the interference is not all",
-            100.0 * ratio
-        );
-        add(claim, ratio, UNLIKE);
-    }
-    for found in searches {
-        let said = match found.verdict {
-            Verdict::CannotTell => format!("{} numbers cannot tell a law", found.errors.len()),
-            Verdict::SomeLaw => "the energies depend on these quantities, but the folds do not agree on the law".into(),
-            Verdict::Law => format!("every fold takes {}", found.words),
-        };
-        let terms = if found.terms == 1 { "1 term".to_string() } else { format!("1 to {} terms", found.terms) };
-        let claim = format!(
-            "laws of {terms} ({} searched in every fold): left out {:.1} % off, {:.1} % without a law; {:.1} % of permuted tables do as well: {said}",
-            found.laws,
-            100.0 * found.relative,
-            100.0 * found.no_law,
-            100.0 * found.p_value
-        );
-        add(claim, found.p_value, super::search::LEVEL);
+        list.push(Finding { claim, number: leaf.1 / thickness, threshold: THICK });
     }
     list
 }
 
-/// Of the pairs of cases with nearly equal interferences the one whose energies differ most.
-fn unlike(ask: &Question) -> Option<(String, String, f64)> {
-    let (cases, mut worst) = (&ask.cases.cases, None::<(String, String, f64)>);
-    for (k, a) in cases.iter().enumerate() {
-        for b in &cases[k + 1..] {
-            let near = ask.pairs.iter().all(|p| {
-                let of = |c: &super::Case| c.values.get(&p.interference).copied().unwrap_or(f64::NAN);
-                (of(a) - of(b)).abs() <= NEARLY * p.resolution.0
-            });
-            let ratio = span(&[a.energy, b.energy]);
-            if near && ratio > UNLIKE && worst.as_ref().is_none_or(|w| ratio > w.2) {
-                worst = Some((a.name.clone(), b.name.clone(), ratio));
+/// Part of the housing's thickness beyond which a leaf is no leaf.
+const THICK: f64 = 0.25;
+/// Conditions of two cases that differ by at most this part of their spread are nearly equal.
+const NEARLY: f64 = 0.15;
+/// Energies at nearly equal conditions that differ by more than this part say that the condition is not all.
+const UNLIKE: f64 = 0.05;
+
+/// Of the pairs of cases at nearly equal `condition` (a value a case) the one whose energies differ most.
+pub fn unlike(cases: &Cases, condition: &str, values: &[f64]) -> Option<Finding> {
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let mut worst: Option<(usize, usize, f64)> = None;
+    for a in 0..values.len() {
+        for b in a + 1..values.len() {
+            let ratio = energies::span(&[cases.cases[a].energy, cases.cases[b].energy]);
+            let near = (values[a] - values[b]).abs() <= NEARLY * (high - low);
+            if near && ratio > UNLIKE && worst.is_none_or(|w| ratio > w.2) {
+                worst = Some((a, b, ratio));
             }
         }
     }
-    worst
+    let (a, b, ratio) = worst?;
+    let (a, b) = (&cases.cases[a].name, &cases.cases[b].name);
+    let claim = format!("cases {a} and {b} have nearly equal {condition} and energies that differ by {:.0} %: {condition} is not all", 100.0 * ratio);
+    Some(Finding { claim, number: ratio, threshold: UNLIKE })
+}
+
+/// What the rungs say: error of the ratios and of W_D before and after, and how many values of the table lie in the intervals.
+pub fn of_rungs(rungs: &[Rung]) -> Option<Finding> {
+    let last = rungs.last()?;
+    let error = |r: &Rung, quantity| r.cycles.first().and_then(|c| energies::rms(&c.predictions, quantity));
+    let (after, absolute) = (error(last, Quantity::Ratio)?, error(last, Quantity::Dissipated)?);
+    let all: Vec<bool> = last.cycles.iter().flat_map(|c| c.predictions.iter().filter_map(Prediction::holds)).collect();
+    let inside = all.iter().filter(|h| **h).count();
+    let before = rungs.first().filter(|_| rungs.len() > 1).and_then(|r| error(r, Quantity::Ratio));
+    let added = if last.added.is_empty() { "the answer".to_string() } else { last.added.join(" and ") };
+    let fell = before.map_or(String::new(), |b| format!(" instead of {:.1} % before {added} was added", 100.0 * b));
+    let claim = format!(
+        "nothing is fitted to the energies of the cases: their ratios are predicted {:.1} % off (root mean square){fell}, W_D itself {:.1} % off; \
+         {inside} of {} values lie in their 95 % intervals",
+        100.0 * after,
+        100.0 * absolute,
+        all.len()
+    );
+    Some(Finding { claim, number: after, threshold: before.unwrap_or(f64::INFINITY) })
+}
+
+/// That the model has a law over a condition which no two tests differ in: nothing tells its exponent, and the cases rest on it.
+pub fn varies(conditions: &[String], unvaried: &[String]) -> Vec<Finding> {
+    let of = |name: &String| Finding {
+        claim: format!("the model has a law over {name}, and no two tests differ in {name}: nothing measured tells its coefficient"),
+        number: 0.0,
+        threshold: 1.0,
+    };
+    conditions.iter().filter(|c| unvaried.contains(c)).map(of).collect()
 }

@@ -4,7 +4,6 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::DMatrix;
 use num_complex::Complex64;
 
 use crate::data::{
@@ -12,26 +11,13 @@ use crate::data::{
     TimeRecord,
 };
 use crate::model::{FreeParam, Site, System};
+use crate::predict::Found;
 use crate::report::Sweep;
 use crate::response::Plan;
 use crate::study::{CycleQuantity, Predicted, PredictionSpec, Study};
 use crate::units::{Dimension, Unit};
 
 use super::super::failure::Failure;
-
-/// A value [SI] and its slopes.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Found {
-    pub value: f64,
-    pub slopes: Vec<f64>,
-}
-
-impl Found {
-    /// `f` of a and b with its partial derivatives.
-    fn of(a: &Found, b: &Found, value: f64, da: f64, db: f64) -> Found {
-        Found { value, slopes: a.slopes.iter().zip(&b.slopes).map(|(x, y)| da * x + db * y).collect() }
-    }
-}
 
 pub(super) fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
     let system = structure(system);
@@ -93,23 +79,6 @@ pub(super) fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, fr
         Predicted::Frequency(mode) => mode_of(spec, *mode, false, &system, free),
         Predicted::Damping(mode) => mode_of(spec, *mode, true, &system, free),
     }
-}
-
-/// Standard deviation by the delta method, sqrt(g' C g); none where it depends on a parameter that the data leave open.
-pub(super) fn deviation(found: &Found, covariance: &DMatrix<f64>, p: &[f64]) -> Option<f64> {
-    let n = found.slopes.len();
-    let open = |k: usize| covariance[(k, k)].is_nan();
-    let matters = |k: usize| (found.slopes[k] * p[k].abs().max(f64::MIN_POSITIVE)).abs() > 1e-9 * found.value.abs();
-    if (0..n).any(|k| open(k) && matters(k)) {
-        return None;
-    }
-    let known: Vec<usize> = (0..n).filter(|k| !open(*k)).collect();
-    let variance: f64 = known
-        .iter()
-        .flat_map(|a| known.iter().map(move |b| (a, b)))
-        .map(|(a, b)| found.slopes[*a] * covariance[(*a, *b)] * found.slopes[*b])
-        .sum();
-    (variance.is_finite() && variance >= 0.0).then(|| variance.sqrt() + 0.0)
 }
 
 fn compute(spec: &PredictionSpec, record: Record, system: &System, free: &[FreeParam]) -> Result<Vec<Found>, Failure> {
