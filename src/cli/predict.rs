@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 use polars::prelude::{Column, DataFrame, ParquetWriter};
 use serde_json::{Value, json};
 
-use crate::diagnose::{self, Fitted};
+use crate::diagnose::{self, Case, Fitted};
 use crate::identify::{Replicate, UncertaintyOptions, uncertainty};
 use crate::predict::{self, Calibrated};
 use crate::report::{ReportInput, Sweep, html_with};
@@ -23,6 +23,9 @@ use super::{INTERRUPTED, Outcome, fit, report, scatter, text};
 mod told;
 mod tolerance;
 mod value;
+
+/// Relative change of the cost at which the fit of a rung that the program wrote may end.
+const WRITTEN: f64 = 1e-6;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -50,7 +53,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             "[[prediction]] with case, quantity, ..., or [tolerance]",
         ));
     }
-    let case = session.case(study)?;
+    // A rung that the program wrote stands at its optimum: its fit need only see that it does.
+    let near = |case: Case| Case { f_tol: (!way.is_empty()).then_some(WRITTEN), ..case };
+    let case = near(session.case(study)?);
     let folder = session.folder(&asked, "predict")?;
     let done = fit::fitted(&session, &case, &folder, args.resume.as_deref());
     let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
@@ -113,7 +118,7 @@ fn cases(
     let mut rungs = Vec::new();
     for (k, before) in way[..earlier].iter().enumerate() {
         session.progress.say(&format!("fit of rung {k}"));
-        let case = session.case(before)?;
+        let case = Case { f_tol: Some(WRITTEN), ..session.case(before)? };
         let (_, fitted, _) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
         let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
         let added = k.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &before.system));

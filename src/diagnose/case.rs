@@ -22,8 +22,8 @@ pub(super) const COARSE: f64 = 1e-5;
 /// Root mean square of the whitened residuals from which intervals do not hold.
 const MISSES: f64 = 1.5;
 /// Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than
-/// `sqrt(2e-7)` of its standard deviation.
-const WORTH_NO_STEP: f64 = 1e-7;
+/// `sqrt(2e-5)`, half a hundredth, of its standard deviation.
+const WORTH_NO_STEP: f64 = 1e-5;
 
 /// What the search for missing effects may use.
 #[derive(Clone, Debug, Default)]

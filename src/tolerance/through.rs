@@ -196,18 +196,19 @@ fn findings(ask: &LawQuestion, out: &LawOutcome) -> Vec<Finding> {
     };
     let claim = format!(
         "ratios to case {} can be predicted {} off for a case that was left out (no law {}, the model's own laws in the interference {}): {agreed}; \
-         {inside} of {} printed ratios lie in the 95 % intervals of the folds. Absolute energies cannot: the table stands {} times above the loop that \
-         the model was calibrated to, and the laws in the interference span {} where the energies span {}",
+         {inside} of {} printed ratios lie in the 95 % intervals of the folds. Absolute energies rest on the declared scale of {:.3}, which no test tells; \
+         the model's laws in the interference span {} where the energies span {}",
         ask.cases.cases[ask.reference].name,
         percent(out.found.relative),
         percent(out.no_law),
         percent(out.own_laws),
         ask.cases.cases.len(),
-        format_args!("{:.2}", ask.scale),
+        ask.scale,
         percent(own),
         percent(ask.cases.span()),
     );
     list.push(Finding { claim, number: out.found.relative, threshold: out.no_law });
+    list.extend(largest(ask));
     for (case, scale) in &out.unreached {
         let claim = format!(
             "case {case} exceeds any loop between these limits of the cycle, whatever the strengths: at the declared scale of {:.3} the model reaches {:.1} mJ; \
@@ -227,4 +228,19 @@ fn findings(ask: &LawQuestion, out: &LawOutcome) -> Vec<Finding> {
     );
     list.push(Finding { claim, number: high, threshold: low });
     list
+}
+
+/// That the largest energy of the table exceeds any loop of the model between the limits of its cycle, so that the table needs a scale.
+fn largest(ask: &LawQuestion) -> Option<Finding> {
+    let reach = ask.link.greatest()?.exp();
+    let worst = ask.cases.cases.iter().max_by(|a, b| a.energy.total_cmp(&b.energy))?;
+    let needed = worst.energy / reach;
+    let claim = format!(
+        "case {} ({:.1} mJ) exceeds any loop of the model between the limits of its cycle: {:.1} mJ, at the strengths where what slides begins to stick; \
+         a scale below {needed:.2} cannot reach it, so the table is of another cycle, or of another device",
+        worst.name,
+        1e3 * worst.energy,
+        1e3 * reach
+    );
+    (needed > 1.0).then_some(Finding { claim, number: needed, threshold: 1.0 })
 }
