@@ -79,6 +79,10 @@ pub trait ForceLaw: Send + Sync {
     fn linear(&self) -> bool;
     /// [`Force::SUPERPOSES`].
     fn superposes(&self) -> bool;
+    /// [`Force::PRESSES`].
+    fn presses(&self) -> bool {
+        false
+    }
     /// The formula it is, if it comes from a study file.
     fn formula(&self) -> Option<&Formula> {
         None
@@ -285,6 +289,10 @@ impl<L: Force> ForceLaw for Dispatch<L> {
 
     fn superposes(&self) -> bool {
         L::SUPERPOSES
+    }
+
+    fn presses(&self) -> bool {
+        L::PRESSES
     }
 
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64 {

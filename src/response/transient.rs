@@ -159,7 +159,8 @@ impl TransientPlan {
         mut each: impl FnMut(usize, &March, &crate::engine::march::State),
     ) -> Result<(), EngineError> {
         let mut march = March::new(model, bound, &self.loads, RADIUS)?;
-        let mut state = march.start(equilibrium(model, bound, columns)?, columns);
+        let held: Vec<(usize, f64)> = self.loads.prescribed.iter().map(|(dof, path)| (*dof, path[0][0])).collect();
+        let mut state = march.start(equilibrium(model, bound, &held, columns)?, columns);
         for k in 1..self.moments.len() {
             for step in (k - 1) * self.stride + 1..=k * self.stride {
                 march.step(step, &mut state, columns)?;
