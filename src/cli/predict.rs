@@ -7,7 +7,7 @@ use polars::prelude::{Column, DataFrame, ParquetWriter};
 use serde_json::{Value, json};
 
 use crate::diagnose::Fitted;
-use crate::identify::{Replicate, UncertaintyOptions, uncertainty};
+use crate::identify::{Replicate, uncertainty};
 use crate::report::{ReportInput, Sweep, html_with};
 use crate::study::run::{RunError, RunFolder};
 use crate::study::{Predicted, PredictionSpec, Study};
@@ -48,7 +48,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&study, "predict")?;
     let done = fit::fitted(&session, &case, &folder, args.resume.as_deref());
     let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
-    let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
+    let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
     let replicates = match args.bootstrap {
         Some(n) => scatter::replicates(&session, &case, &fitted, &folder, n as usize)?,
         None => vec![],

@@ -103,6 +103,9 @@ pub trait Force: Send + Sync + 'static {
     /// same multiple of the sum of the new ones, `F = w(p) sum_j s_j`: the derivatives with respect to all old states then need one column
     /// in place of one each, `dF/ds_j = w ds_j'/ds_j`.
     const PARALLEL: bool = false;
+    /// Number of pairs at the head of the states that hold a quantity at the end of the last step and one step before it, for a rate by the
+    /// backward formula; see [`Element::uniform_history`](crate::model::Element::uniform_history).
+    const LOOKS_BACK: usize = 0;
     /// Whether it acts where nothing moves and nothing loads the structure: such a force is balanced before small motion is looked at.
     const PRESSES: bool = false;
 

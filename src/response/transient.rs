@@ -43,6 +43,7 @@ impl TransientPlan {
         let controlled = record.controlled().ok_or_else(|| {
             ResponseError::invalid(&id, "no channel drives the test", "control = \"displacement\" or \"force\", or input = true")
         })?;
+        plan.notes.extend(record.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
         let control = if controlled.role == Control::Force.role() { Control::Force } else { Control::Displacement };
         let (dof, sign) = site::driven(model, &controlled.at, &id)?;
         let n = record.time.len();
