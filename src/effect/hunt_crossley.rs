@@ -23,9 +23,7 @@ impl Force for HuntCrossley {
             Param::setting("side", Dim::One, Sign::Any, 1.0, "1: touches for x > g; -1: for x < -g; 0: a stop on either side")
                 .within(-1.0, 1.0)
                 .tried(Grid::Values(&[1.0, -1.0, 0.0])),
-            Param::setting("n", Dim::One, Sign::Positive, 1.5, "exponent: 1 flat faces, 1.5 Hertz, above 1.5 rough faces")
-                .within(1.0, 5.0)
-                .tried(Grid::Starts(&[1.5])),
+            Param::setting("n", Dim::One, Sign::Positive, 1.5, "exponent: 1 flat faces, 1.5 Hertz, above 1.5 rough faces").within(1.0, 5.0),
             Param::setting("r", Dim::X, Sign::Positive, 1e-3, "penetration at which k is the force per penetration; no effect for n = 1")
                 .tried(Grid::OfX(&[1.0])),
         ],
