@@ -161,6 +161,9 @@ fn channel(table: &TableView<'_>, roles: &[Role], response: &[Dimension]) -> Res
     if let (true, Some(v)) = (clock, table.get("column").or(table.get("unit"))) {
         return Err(v.refuse("a channel of time that is given by its rate has no column", "rate, or column and unit"));
     }
+    if role == Role::Time && !clock {
+        table.require("column", "the name of a column, or in place of column and unit `rate = \"100 Hz\"`")?;
+    }
     let unit = if clock { Unit::si(Dimension::TIME) } else { unit(table, role, &dimensions)? };
     let sigma = table.optional("sigma", |v| sigma(&v, &unit))?;
     let sigma_column = table.optional("sigma_column", |v| v.string())?.map(str::to_string);

@@ -167,11 +167,6 @@ impl Element {
         self.series.is_empty() && self.forces.iter().chain(&self.followers).all(|f| f.law.linear() || f.law.info().states > 0)
     }
 
-    /// Whether a force acts here where nothing moves and nothing loads the structure.
-    pub fn presses(&self) -> bool {
-        self.forces.iter().any(|f| f.law.presses())
-    }
-
     /// Mass or moment of inertia of its linear laws; 0 where it stands behind an opening.
     pub fn inertia(&self) -> f64 {
         if self.opening { 0.0 } else { self.linear_sum[2] }

@@ -1,8 +1,13 @@
-//! What elements keep of the last two steps, where the length of the step changes.
+//! What elements do without motion, and what they keep of the last two steps where the length of the step changes.
 
 use super::{Element, ForcePiece};
 
 impl Element {
+    /// Whether a force acts here where nothing moves and nothing loads the structure.
+    pub fn presses(&self) -> bool {
+        self.forces.iter().any(|f| f.law.presses())
+    }
+
     /// Takes what laws and openings keep of the last two steps to a step that is `ratio` times as long: the value before the last goes to
     /// where the line through both has it one such step ago, so that a rate that does not change stays what it is. `columns` numbers stand
     /// for each state in `s` and `fs`.
