@@ -8,7 +8,7 @@ use serde_json::json;
 use crate::data::Test;
 use crate::diagnose;
 use crate::export::{CalibratedSet, EXPORTERS, Exporter, Source};
-use crate::identify::{UncertaintyOptions, uncertainty};
+use crate::identify::uncertainty;
 use crate::model::Level;
 use crate::study::Study;
 
@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     session.progress.say("fit");
     let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
     session.progress.end();
-    let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
+    let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
     let source = std::fs::read(&study.file)
         .map_err(|e| Failure::new("study", study.file.display().to_string(), e.to_string(), "a study.toml that can be read"))?;
     let set = CalibratedSet::new(&source, &result, &fitted, &spread.covariance);

@@ -44,7 +44,21 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         names.push(name);
     }
     // Every file is read before anything is written.
-    let found: Vec<FoundFile> = args.from.iter().map(|f| inspect(f)).collect::<Result<_, _>>()?;
+    let (mut found, mut files, mut left): (Vec<FoundFile>, Vec<PathBuf>, Vec<Failure>) = (vec![], vec![], vec![]);
+    for file in &args.from {
+        match inspect(file) {
+            Ok(one) => {
+                found.push(one);
+                files.push(file.clone());
+            }
+            Err(e) => left.push(Failure::from(e)),
+        }
+    }
+    if found.is_empty()
+        && let Some(first) = left.drain(..).next()
+    {
+        return Err(first);
+    }
     let scaffold = scaffold::write(&found);
     let Some(scaffold) = scaffold else {
         let inside: String = found.iter().flat_map(|f| &f.items).take(20).map(described).collect();
@@ -57,7 +71,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             "files with histories of force and displacement, or with FRFs",
         ));
     };
-    let (problem, modes) = create(&args.dir, &args.from, &scaffold)?;
+    let (problem, modes) = create(&args.dir, &files, &scaffold)?;
     let shown = |name: &str| args.dir.join(name).display().to_string();
     let items: Vec<Value> = found.iter().flat_map(|f| f.items.iter().map(|i| item(f, i))).collect();
     let value = json!({
@@ -65,10 +79,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         "study": shown("study.toml"),
         "found": items,
         "to_confirm": scaffold.to_confirm,
+        "left_out": left.iter().map(Failure::problem).collect::<Vec<_>>(),
         "problem": problem.as_ref().map(Failure::problem),
         "modes": modes.as_ref().map(modes_json),
     });
-    Ok(Outcome { json: value, text: told(&found, &scaffold, problem.as_ref(), modes.as_ref(), args), code: 0 })
+    Ok(Outcome { json: value, text: told(&found, &left, &scaffold, problem.as_ref(), modes.as_ref(), args), code: 0 })
 }
 
 fn free(dir: &Path) -> Result<(), Failure> {
@@ -181,13 +196,23 @@ fn measured(c: &Cyclic) -> Option<Value> {
     )
 }
 
-fn told(found: &[FoundFile], scaffold: &scaffold::Scaffold, problem: Option<&Failure>, modes: Option<&ModalFit>, args: &Args) -> String {
+fn told(
+    found: &[FoundFile],
+    left: &[Failure],
+    scaffold: &scaffold::Scaffold,
+    problem: Option<&Failure>,
+    modes: Option<&ModalFit>,
+    args: &Args,
+) -> String {
     let mut text = String::new();
     for file in found {
         text += &format!("{}\n", file.path.display());
         for item in &file.items {
             text += &described(item);
         }
+    }
+    for file in left {
+        text += &format!("{}\n  left out: {}\n  accepted: {}\n", file.place(), file.message(), file.accepted());
     }
     if let Some(fit) = modes.filter(|m| !m.modes.is_empty()) {
         let row = |m: &modal_fit::Mode| {

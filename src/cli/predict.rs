@@ -8,7 +8,7 @@ use polars::prelude::{Column, DataFrame, ParquetWriter};
 use serde_json::{Value, json};
 
 use crate::diagnose::{self, Case, Fitted};
-use crate::identify::{Replicate, UncertaintyOptions, uncertainty};
+use crate::identify::{Replicate, uncertainty};
 use crate::predict::{self, Calibrated};
 use crate::report::{ReportInput, Sweep, html_with};
 use crate::study::run::{RunError, RunFolder};
@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&asked, "predict")?;
     let done = fit::fitted(&session, &case, &folder, args.resume.as_deref());
     let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
-    let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
+    let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
     let replicates = match args.bootstrap {
         Some(n) => scatter::replicates(&session, &case, &fitted, &folder, n as usize)?,
         None => vec![],
@@ -120,7 +120,7 @@ fn cases(
         session.progress.say(&format!("fit of rung {k}"));
         let case = Case { f_tol: Some(WRITTEN), ..session.case(before)? };
         let (_, fitted, _) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
-        let spread = uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
+        let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
         let added = k.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &before.system));
         let own = before.tolerance.as_ref().unwrap_or(spec);
         rungs.push(predict::rung(own, &calibrated(before, &fitted, &spread.covariance), before.title.clone(), added)?);

@@ -1,5 +1,6 @@
 //! Channels of a measurement file: what a column holds.
 
+use super::reading::{self, Reading};
 use super::toml_strict::{TableView, TomlError, ValueView, unique};
 use crate::units::{self, Dimension, Unit};
 
@@ -108,6 +109,8 @@ pub struct ChannelSpec {
     pub averages: Option<u32>,
     /// Drives the test (transient).
     pub input: bool,
+    /// What is done to it before it is used.
+    pub reading: Reading,
     /// Line in dataset.toml.
     pub line: usize,
 }
@@ -148,11 +151,20 @@ fn channel(table: &TableView<'_>, roles: &[Role], response: &[Dimension]) -> Res
     } else if !role.is_text() && role != Role::Time {
         keys.extend(["sigma", "sigma_column"]);
     }
+    keys.extend(reading::keys(role));
+    whose(table, role)?;
     table.only(&keys)?;
     let at = if role.has_place() { Some(place(&table.require("at", "a place such as \"c1.x\"")?)?) } else { None };
     let dimensions = if matches!(role, Role::Real | Role::Imag | Role::Amplitude) { response } else { role.dimensions() };
     let dimensions = along_axis(dimensions, at.as_deref());
-    let unit = unit(table, role, &dimensions)?;
+    let clock = role == Role::Time && table.has("rate");
+    if let (true, Some(v)) = (clock, table.get("column").or(table.get("unit"))) {
+        return Err(v.refuse("a channel of time that is given by its rate has no column", "rate, or column and unit"));
+    }
+    if role == Role::Time && !clock {
+        table.require("column", "the name of a column, or in place of column and unit `rate = \"100 Hz\"`")?;
+    }
+    let unit = if clock { Unit::si(Dimension::TIME) } else { unit(table, role, &dimensions)? };
     let sigma = table.optional("sigma", |v| sigma(&v, &unit))?;
     let sigma_column = table.optional("sigma_column", |v| v.string())?.map(str::to_string);
     if let (Some(_), Some(v)) = (&sigma, table.get("sigma_column")) {
@@ -162,10 +174,12 @@ fn channel(table: &TableView<'_>, roles: &[Role], response: &[Dimension]) -> Res
         Role::Coherence => Some(table.require("averages", "the number of averages, such as 20")?.integer(1, 1_000_000_000)? as u32),
         _ => None,
     };
+    let reading = reading::read(table, &unit)?;
     Ok(ChannelSpec {
         role,
         at,
-        column: table.string("column")?.to_string(),
+        reading,
+        column: if clock { String::new() } else { table.string("column")?.to_string() },
         unit,
         sigma,
         sigma_column,
@@ -173,6 +187,24 @@ fn channel(table: &TableView<'_>, roles: &[Role], response: &[Dimension]) -> Res
         input: table.optional("input", |v| v.bool())?.unwrap_or(false),
         line: table.line(),
     })
+}
+
+/// Says of a key that a channel of another role takes where it belongs.
+fn whose(table: &TableView<'_>, role: Role) -> Result<(), TomlError> {
+    let places = [
+        (["from", "to"].as_slice(), "on the channel of role time: the window holds for all channels"),
+        (&["rate"], "on the channel of role time"),
+        (&["offset", "centre"], "on a displacement, velocity, acceleration or force"),
+        (&["scale"], "on a displacement, velocity, acceleration or force, or on real, imag or amplitude"),
+    ];
+    for (keys, where_to) in places {
+        for key in keys.iter().filter(|k| !reading::keys(role).contains(*k)) {
+            if let Some(v) = table.get(key) {
+                return Err(v.refuse(format!("`{key}` on a channel of role {}", role.word()), where_to));
+            }
+        }
+    }
+    Ok(())
 }
 
 fn unit(table: &TableView<'_>, role: Role, dimensions: &[Dimension]) -> Result<Unit, TomlError> {

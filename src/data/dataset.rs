@@ -230,3 +230,5 @@ pub(super) fn columns(
 pub(super) mod tests;
 #[cfg(test)]
 mod files_tests;
+#[cfg(test)]
+mod reading_tests;

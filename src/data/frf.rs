@@ -136,7 +136,7 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
         to_si(&file, &rows, id, spec, &mut column)?;
         values.push(column);
     }
-    let mut notes = Vec::new();
+    let mut notes: Vec<Note> = specs.iter().filter_map(|s| s.reading.note(&s.label(), &s.unit)).collect();
     // Analysers write their lines from 0 Hz on, where neither mobility nor accelerance says anything of the receptance.
     let at = specs.iter().position(|s| s.role == Role::Frequency).unwrap_or(0);
     let from_zero = values.get(at).is_some_and(|f| f.first() == Some(&0.0)) && quantity != FrfQuantity::Receptance;

@@ -17,6 +17,7 @@ use super::{Channel, FourierInput, Role, TimeRecord};
 use crate::units::Unit;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 pub use settling::Unsettled;
 
@@ -26,7 +27,7 @@ const MAX_POINTS: usize = 400;
 const MIN_POINTS: usize = 8;
 /// Declared and measured drive frequency may differ by this much.
 const FREQUENCY_TOLERANCE: f64 = 0.02;
-/// Cycles at the end of a record whose amplitude is below this part of the greatest are its run-down.
+/// Cycles at the beginning and the end of a record whose amplitude is below this part of the greatest are its run-up and its run-down.
 const RUN_DOWN: f64 = 0.9;
 /// Scatter below this part of a channel's range is taken for noise-free data, and floored.
 const SCATTER_FLOOR: f64 = 1e-6;
@@ -46,6 +47,8 @@ pub struct SettledLoop {
     pub phase: Vec<f64>,
     /// Index of the point with which the cycles begin in the record.
     pub first: usize,
+    /// Cycles of the record before those that are kept: discarded, and of the run-up.
+    pub left_out: usize,
     pub channels: Vec<LoopChannel>,
     /// Index in `channels` of the controlled one.
     pub controlled: usize,
@@ -102,6 +105,8 @@ pub enum LoopError {
     Frequency { channel: String, declared: f64, measured: f64 },
     #[error("{cycles} complete cycles after {discarded} discarded ({seconds:.4} s at {frequency:.6} Hz)")]
     Cycles { cycles: usize, discarded: u32, seconds: f64, frequency: f64 },
+    #[error("cycles up to {last} are asked for, and the record holds {cycles}")]
+    Beyond { last: u32, cycles: usize },
     #[error("{samples:.1} samples per cycle")]
     Coarse { samples: f64 },
 }
@@ -122,6 +127,7 @@ impl LoopError {
             Self::Frequency { .. } => {
                 format!("conditions.frequency within {} % of the recorded one, or left out", FREQUENCY_TOLERANCE * 100.0)
             }
+            Self::Beyond { cycles, .. } => format!("a last cycle of {cycles} at most"),
             Self::Coarse { .. } => format!("at least {MIN_POINTS} samples per cycle"),
         }
     }
@@ -129,6 +135,8 @@ impl LoopError {
 
 /// How the record is cut into cycles.
 struct Grid {
+    /// Cycles of the record before those kept.
+    before: usize,
     frequency: f64,
     n: usize,
     cycles: usize,
@@ -177,8 +185,8 @@ pub(super) fn settle(record: &TimeRecord) -> Result<SettledLoop, LoopError> {
 
     let input = FourierInput::fit(&phase, &channels[controlled].mean, channels[controlled].sigma_mean, TAU * grid.frequency);
     let first = (grid.n - turn) % grid.n.max(1);
-    let (frequency, n, cycles) = (grid.frequency, grid.n, grid.cycles);
-    Ok(SettledLoop { frequency, n, cycles, phase, first, channels, controlled, input, recorded, unsettled, notes })
+    let (frequency, n, cycles, left_out) = (grid.frequency, grid.n, grid.cycles, grid.before);
+    Ok(SettledLoop { frequency, n, cycles, phase, first, left_out, channels, controlled, input, recorded, unsettled, notes })
 }
 
 fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<Grid, LoopError> {
@@ -202,7 +210,16 @@ fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<G
     if seconds * rough < 2.0 - 1e-3 - rough * dt {
         return Err(few((seconds * rough).max(0.0) as usize));
     }
-    let samples = settled_end(&time[from..], &drive.values[from..], rough, &label, notes) + from;
+    let samples = match record.last_cycle {
+        Some(last) if (time[samples - 1] - time[0] + dt) * rough < f64::from(last) - 0.02 => {
+            return Err(LoopError::Beyond { last, cycles: ((time[samples - 1] - time[0] + dt) * rough + 0.02) as usize });
+        }
+        Some(last) => time.partition_point(|t| *t < time[0] + f64::from(last) / rough - 0.5 * dt),
+        None => samples,
+    };
+    let full = full_cycles(&time[from..samples], &drive.values[from..samples], rough, &label, notes);
+    let (from, samples) = (from + full.samples.start, from + full.samples.end);
+    let before = record.discard_cycles as usize + full.run_up;
     let seconds = time[samples - 1] - time[from] + dt;
     let settled = fitted(from, samples)?;
     if let Some(declared) = record.frequency.filter(|f| (f - settled).abs() > FREQUENCY_TOLERANCE * f) {
@@ -231,7 +248,7 @@ fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<G
             if cycles < 2 {
                 return Err(few(cycles));
             }
-            return Ok(Grid { frequency, n, cycles, points: Points::Samples { first: from, per_cycle: m, step: m / n } });
+            return Ok(Grid { before, frequency, n, cycles, points: Points::Samples { first: from, per_cycle: m, step: m / n } });
         }
     }
     let n = (per_cycle as usize).min(MAX_POINTS);
@@ -244,34 +261,41 @@ fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<G
     if !uniform {
         notes.push(Note::new("time", "the record is not sampled uniformly; it was put on equal phases by interpolation"));
     }
-    Ok(Grid { frequency, n, cycles, points: Points::Times { start } })
+    Ok(Grid { before, frequency, n, cycles, points: Points::Times { start } })
 }
 
-/// Samples up to the end of the last cycle at full amplitude: machines run down at the end of a record. Said, where a cycle is left out.
-fn settled_end(time: &[f64], drive: &[f64], frequency: f64, label: &str, notes: &mut Vec<Note>) -> usize {
+/// The part of a record at full amplitude.
+struct Full {
+    samples: Range<usize>,
+    /// Cycles before it.
+    run_up: usize,
+}
+
+/// The cycles at full amplitude: machines run up at the beginning of a record and down at its end. Said, where a cycle is left out.
+fn full_cycles(time: &[f64], drive: &[f64], frequency: f64, label: &str, notes: &mut Vec<Note>) -> Full {
     let start_of = |c: usize| time.partition_point(|t| (t - time[0]) * frequency < c as f64 - 1e-6);
     let cycles = (((time[time.len() - 1] - time[0]) * frequency) as usize).max(1);
     let amplitudes: Vec<f64> = (0..cycles).map(|c| super::record::spread(&drive[start_of(c)..start_of(c + 1)])).collect();
     let full = amplitudes.iter().copied().fold(0.0, f64::max);
-    let rising = amplitudes.iter().take_while(|a| **a < RUN_DOWN * full).count();
-    if rising > 0 {
-        let text = format!(
-            "runs up: the first {rising} of {cycles} cycles kept have less than {} % of its amplitude; discard_cycles leaves them out",
-            RUN_DOWN * 100.0
-        );
+    let is_full = |a: &f64| *a >= RUN_DOWN * full;
+    let rising = amplitudes.iter().position(is_full).unwrap_or(0);
+    let kept = amplitudes.iter().rposition(is_full).map_or(cycles, |last| last + 1);
+    if kept < rising + 2 {
+        return Full { samples: 0..time.len(), run_up: 0 };
+    }
+    let mut said = |what: &str, which: &str, count: usize| {
+        let share = RUN_DOWN * 100.0;
+        let text = format!("{what}: the {which} {count} of {cycles} cycles have less than {share} % of its amplitude and are left out");
         notes.push(Note::new(label, text));
+    };
+    if rising > 0 {
+        said("runs up", "first", rising);
     }
-    let kept = amplitudes.iter().rposition(|a| *a >= RUN_DOWN * full).map_or(cycles, |last| last + 1);
-    if kept == cycles || kept < 2 {
-        return time.len();
+    if kept < cycles {
+        said("runs down", "last", cycles - kept);
     }
-    let text = format!(
-        "runs down: the last {} of {cycles} cycles have less than {} % of its amplitude and are left out",
-        cycles - kept,
-        RUN_DOWN * 100.0
-    );
-    notes.push(Note::new(label, text));
-    start_of(kept)
+    let end = if kept < cycles { start_of(kept) } else { time.len() };
+    Full { samples: start_of(rising)..end, run_up: rising }
 }
 
 /// Mean over cycles and its scatter.

@@ -18,7 +18,9 @@ mod loops;
 mod modal_families;
 pub mod modal_fit;
 pub mod readers;
+mod reading;
 mod record;
+mod sampling;
 mod tables;
 pub mod toml_strict;
 pub mod uff;
@@ -33,6 +35,7 @@ pub use frf::{Frf, FrfQuantity};
 pub use history::{Derivatives, History, HistoryError, Motion, derivatives};
 pub use loops::{Estimate, LoopChannel, LoopEnergy, LoopError, Note, RecordedArea, SettledLoop, Unsettled, recognised_control};
 pub use modal_families::{OUT_OF_FAMILY, OutOfFamily, out_of_family};
+pub use reading::Reading;
 pub use record::{Channel, Control, TimeRecord};
 pub use tables::{EnergyRow, EnergyTable, ModalTable, ModeRow, StoredEnergy, TableValue};
 

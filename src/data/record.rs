@@ -4,8 +4,10 @@ use super::channel::{ChannelSpec, Role, Sigma, channels};
 use super::condition::Conditions;
 use super::dataset::{Source, columns, no_channel, only};
 use super::readers::{Column, Columns};
-use super::toml_strict::TableView;
+use super::sampling::{Sampling, sampling};
+use super::toml_strict::{TableView, TomlError, ValueView};
 use super::{Content, DataError, History, LoopError, Note, SettledLoop};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// What the machine controls.
@@ -56,22 +58,46 @@ pub struct TimeRecord {
     /// None for a transient test whose inputs are marked `input = true`.
     pub control: Option<Control>,
     pub discard_cycles: u32,
+    /// Last cycle of the record that is used, counted from 1 (`cycles = "3-8"`).
+    pub last_cycle: Option<u32>,
     /// Declared drive frequency, Hz (cycle tests).
     pub frequency: Option<f64>,
     /// s
     pub time: Vec<f64>,
     pub channels: Vec<Channel>,
+    /// What was done to the channels when they were read.
+    pub notes: Vec<Note>,
 }
 
 impl TimeRecord {
     /// A record that is already in memory (simulated, or in tests): time strictly increasing, channels as long as it, one of them `input`.
     pub fn new(test: &str, file: PathBuf, control: Control, frequency: Option<f64>, time: Vec<f64>, channels: Vec<Channel>) -> Self {
-        Self { test: test.to_string(), file, control: Some(control), discard_cycles: 0, frequency, time, channels }
+        Self {
+            test: test.to_string(),
+            file,
+            control: Some(control),
+            discard_cycles: 0,
+            last_cycle: None,
+            frequency,
+            time,
+            channels,
+            notes: vec![],
+        }
     }
 
     /// The controlled channel: of the controlled role, and marked `input = true` where there are several.
     pub fn controlled(&self) -> Option<&Channel> {
         self.channels.iter().find(|c| c.input)
+    }
+
+    /// Takes a mean off each of these channels, and says so.
+    fn centre(&mut self, channels: &[usize], mean: impl Fn(usize) -> f64) {
+        for k in channels {
+            let (mean, channel) = (mean(*k), &mut self.channels[*k]);
+            channel.values.iter_mut().for_each(|v| *v -= mean);
+            self.notes
+                .push(Note::new(channel.label(), format!("centred: its mean of {} was taken off", channel.unit.print_difference(mean))));
+        }
     }
 
     /// Whether a channel is one that the test answers with. Velocity and acceleration of a driven displacement are the drive itself.
@@ -119,31 +145,54 @@ impl TimeRecord {
 const ROLES: [Role; 5] = [Role::Time, Role::Displacement, Role::Velocity, Role::Acceleration, Role::Force];
 
 pub(super) fn cycle(table: &TableView<'_>, id: &str, conditions: &Conditions, source: &Source<'_>) -> Result<TimeRecord, DataError> {
-    only(table, &["file", "control", "discard_cycles", "noise", "channels"])?;
+    only(table, &["file", "control", "discard_cycles", "cycles", "noise", "channels"])?;
     let control = table.require("control", "\"displacement\" or \"force\"")?.word("control", &Control::WORDS)?;
     let discard = table.optional("discard_cycles", |v| v.integer(0, 1_000_000))?.unwrap_or(0) as u32;
-    let mut record = record(table, id, Some(control), source)?;
-    record.discard_cycles = discard;
+    let cycles = table.optional("cycles", |v| cycles(&v))?;
+    if let (Some(_), Some(v)) = (cycles, table.get("discard_cycles")) {
+        return Err(v
+            .refuse("cycles and discard_cycles both stand there", "one of them: cycles = \"3-8\" leaves out what lies before and after")
+            .into());
+    }
+    let (mut record, centred) = record(table, id, Some(control), source)?;
+    (record.discard_cycles, record.last_cycle) = cycles.map_or((discard, None), |(first, last)| (first - 1, Some(last)));
     record.frequency = conditions.get("frequency").map(|c| c.value);
     if !record.channels.iter().any(|c| !c.input) {
         return Err(no_channel(table, "that answers: a force under displacement control, a displacement under force control").into());
     }
     // The loop is checked when the dataset is read, so that an unusable record is known before any run.
-    record.settled()?;
+    let settled = record.settled()?;
+    record.centre(&centred, |k| {
+        let mean = &settled.channels[k].mean;
+        mean.iter().sum::<f64>() / mean.len().max(1) as f64
+    });
     Ok(record)
+}
+
+/// First and last cycle, counted from 1: `"3-8"`.
+fn cycles(value: &ValueView<'_>) -> Result<(u32, u32), TomlError> {
+    let text = value.string()?;
+    let ends = text.split_once('-').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+    match ends {
+        Some((first, last)) if first >= 1 && last > first && last <= 1_000_000 => Ok((first, last)),
+        _ => Err(value.refuse(format!("`{text}` is no range of cycles"), "first and last cycle, counted from 1, such as \"3-8\"")),
+    }
 }
 
 pub(super) fn transient(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<TimeRecord, DataError> {
     only(table, &["file", "control", "noise", "channels"])?;
     let control = table.optional("control", |v| v.word("control", &Control::WORDS))?;
-    let record = record(table, id, control, source)?;
+    let (mut record, centred) = record(table, id, control, source)?;
+    let means: Vec<f64> = record.channels.iter().map(|c| c.values.iter().sum::<f64>() / c.values.len().max(1) as f64).collect();
+    record.centre(&centred, |k| means[k]);
     if record.channels.iter().all(|c| c.input) {
         return Err(no_channel(table, "that answers (without input = true)").into());
     }
     Ok(record)
 }
 
-fn record(table: &TableView<'_>, id: &str, control: Option<Control>, source: &Source<'_>) -> Result<TimeRecord, DataError> {
+/// The record, and which of its channels are to be centred.
+fn record(table: &TableView<'_>, id: &str, control: Option<Control>, source: &Source<'_>) -> Result<(TimeRecord, Vec<usize>), DataError> {
     let mut specs = channels(table, &ROLES, &[])?;
     mark_inputs(table, control, &mut specs)?;
     let noise = table.optional("noise", |v| super::channel::sigma(&v, &crate::units::Unit::si(crate::units::Dimension::DIMENSIONLESS)))?;
@@ -154,29 +203,101 @@ fn record(table: &TableView<'_>, id: &str, control: Option<Control>, source: &So
         return Err(no_channel(table, "role = \"time\"").into());
     }
     let file = source.file(table, id)?;
-    let mut rows = columns(table, id, &file, &specs)?;
-    let (mut time, mut all) = (Vec::new(), Vec::new());
-    for (spec, column) in specs.iter().zip(std::mem::take(&mut rows.columns)) {
+    let recorded: Vec<ChannelSpec> = specs.iter().filter(|s| s.reading.rate.is_none()).cloned().collect();
+    let mut rows = columns(table, id, &file, &recorded)?;
+    let n = rows.len();
+    let mut read: Vec<(&ChannelSpec, Vec<f64>)> = Vec::with_capacity(specs.len());
+    for (spec, column) in recorded.iter().zip(std::mem::take(&mut rows.columns)) {
         let Column::Numbers(mut values) = column else { continue };
         to_si(&file, &rows, id, spec, &mut values)?;
-        match &spec.at {
-            None => time = values,
-            Some(at) => {
-                let sigma = spec.sigma.or(noise).map(|s| match s {
-                    Sigma::Absolute(s) => s,
-                    Sigma::Relative(f) => f * spread(&values),
-                });
-                if sigma.is_some_and(|s| s.is_nan() || s <= 0.0) {
-                    return Err(content(&file, None, id, spec, "a relative sigma of a channel that does not vary", "a sigma with a unit"));
-                }
-                all.push(Channel { role: spec.role, at: at.clone(), unit: spec.unit.clone(), sigma, input: spec.input, values });
-            }
+        read.push((spec, values));
+    }
+    read.extend(specs.iter().filter_map(|s| Some((s, s.reading.clock(n)?))));
+    let mut notes: Vec<Note> = specs.iter().filter_map(|s| s.reading.note(&s.label(), &s.unit)).collect();
+    let place = read.iter().position(|(s, _)| s.role == Role::Time);
+    let mut time = Vec::new();
+    if let Some((spec, stamps)) = place.map(|k| read.remove(k)) {
+        increasing(&file, &rows, id, spec, &stamps)?;
+        let kept = window(&file, id, spec, &stamps, &mut notes)?;
+        read.iter_mut().for_each(|(_, values)| *values = values[kept.clone()].to_vec());
+        let even = control.is_some() && table.string("kind")? == "cycle";
+        time = evened(&file, &rows, id, spec, (stamps, kept), even, &mut notes)?;
+    }
+    let (mut all, mut centred) = (Vec::new(), Vec::new());
+    for (spec, values) in read {
+        let Some(at) = &spec.at else { continue };
+        let sigma = spec.sigma.or(noise).map(|s| match s {
+            Sigma::Absolute(s) => s,
+            Sigma::Relative(f) => f * spread(&values),
+        });
+        if sigma.is_some_and(|s| s.is_nan() || s <= 0.0) {
+            return Err(content(&file, None, id, spec, "a relative sigma of a channel that does not vary", "a sigma with a unit"));
         }
+        if spec.reading.centre {
+            centred.push(all.len());
+        }
+        all.push(Channel { role: spec.role, at: at.clone(), unit: spec.unit.clone(), sigma, input: spec.input, values });
     }
-    if let Some(spec) = specs.iter().find(|s| s.role == Role::Time) {
-        increasing(&file, &rows, id, spec, &time)?;
+    let record = TimeRecord {
+        test: id.to_string(),
+        file,
+        control,
+        discard_cycles: 0,
+        last_cycle: None,
+        frequency: None,
+        time,
+        channels: all,
+        notes,
+    };
+    Ok((record, centred))
+}
+
+/// The samples that the window of the time channel keeps.
+pub(super) fn window(file: &Path, id: &str, spec: &ChannelSpec, time: &[f64], notes: &mut Vec<Note>) -> Result<Range<usize>, DataError> {
+    let Some(kept) = spec.reading.kept(time) else {
+        let held =
+            time.first().zip(time.last()).map_or(String::new(), |(a, b)| format!("{} to {}", spec.unit.print(*a), spec.unit.print(*b)));
+        let message = "fewer than two samples lie between from and to";
+        return Err(content(file, None, id, spec, message, &format!("a window inside the record: {held}")));
+    };
+    if kept.len() < time.len() {
+        notes.push(Note::new("time", format!("from and to keep {} of {} samples", kept.len(), time.len())));
     }
-    Ok(TimeRecord { test: id.to_string(), file, control, discard_cycles: 0, frequency: None, time, channels: all })
+    Ok(kept)
+}
+
+/// The times of the samples kept: those that rounded stamps stand for. Samples at unlike times are refused, unless they may be `uneven`, as
+/// those of a cycle, which are put on equal phases.
+fn evened(
+    file: &Path,
+    rows: &Columns,
+    id: &str,
+    spec: &ChannelSpec,
+    (stamps, kept): (Vec<f64>, Range<usize>),
+    uneven: bool,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<f64>, DataError> {
+    let time = &stamps[kept.clone()];
+    match sampling(time) {
+        Sampling::Rounded { quantum, time } => {
+            let rate = (time.len() - 1) as f64 / (time[time.len() - 1] - time[0]);
+            notes.push(Note::new("time", format!("stamps rounded to {quantum} s; taken as sampled uniformly at {rate:.6} Hz")));
+            Ok(time)
+        }
+        Sampling::Uneven { at, step, usual } if !uneven => {
+            let message = format!("not sampled uniformly: a step of {step:.3e} s, where most are {usual:.3e} s");
+            let row = rows.place(kept.start + at);
+            Err(content(
+                file,
+                Some(row),
+                id,
+                spec,
+                &message,
+                "a record sampled uniformly, whose time may be rounded; or from and to around the gap",
+            ))
+        }
+        _ => Ok(time.to_vec()),
+    }
 }
 
 /// Settles which channels drive: those marked, or the one of the controlled role.
@@ -206,7 +327,7 @@ fn mark_inputs(table: &TableView<'_>, control: Option<Control>, specs: &mut [Cha
 }
 
 /// Time must increase from row to row.
-fn increasing(file: &Path, rows: &Columns, id: &str, spec: &ChannelSpec, time: &[f64]) -> Result<(), DataError> {
+pub(super) fn increasing(file: &Path, rows: &Columns, id: &str, spec: &ChannelSpec, time: &[f64]) -> Result<(), DataError> {
     match time.windows(2).position(|w| w[1] <= w[0]) {
         None => Ok(()),
         Some(i) => {
@@ -232,7 +353,7 @@ pub(super) fn content(file: &Path, row: Option<String>, test: &str, spec: &Chann
 /// Takes a column to SI; a value that is finite in the file may not be in SI.
 pub(super) fn to_si(file: &Path, rows: &Columns, id: &str, spec: &ChannelSpec, values: &mut [f64]) -> Result<(), DataError> {
     for (i, v) in values.iter_mut().enumerate() {
-        let si = spec.unit.to_si(*v);
+        let si = spec.reading.of(spec.unit.to_si(*v));
         if !si.is_finite() {
             let message = format!("{v} {} is beyond any number", spec.unit.symbol);
             return Err(content(file, Some(rows.place(i)), id, spec, &message, "a finite number"));

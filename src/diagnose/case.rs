@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::data::TestKind;
 use crate::effect::Dim;
-use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Monitor, Prior, UncertaintyOptions};
+use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Measure, Monitor, Prior, UncertaintyOptions};
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
 use crate::parallel;
 use crate::residual::{Problem, test_error, to_variable};
@@ -74,6 +74,18 @@ pub struct Fitted {
     pub outcome: FitOutcome,
     /// Options it ran with.
     pub options: FitOptions,
+}
+
+impl Fitted {
+    /// What the deviations of its parameters are judged by.
+    pub fn judgement(&self) -> UncertaintyOptions {
+        let measure = |f: &FreeParam| match (f.log, self.system.absent_at_zero(f)) {
+            (true, _) => Measure::Logarithm,
+            (false, true) => Measure::Strength,
+            (false, false) => Measure::Position,
+        };
+        UncertaintyOptions::measured(self.free.iter().map(measure).collect())
+    }
 }
 
 impl Case {
@@ -369,7 +381,7 @@ fn practical_unit(system: &System, f: &FreeParam) -> (String, f64) {
 /// Parameters with their intervals, and the named combinations the data do not determine.
 pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>, Vec<String>), DiagnoseError> {
     let problem = Problem::new(case.plans_of(SplitName::Fit), fitted.system.clone());
-    let mut uncertainty = identify::uncertainty(&fitted.outcome, &fitted.options, &UncertaintyOptions::default())?;
+    let mut uncertainty = identify::uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
     uncertainty.probe(&problem, &fitted.outcome, &fitted.options)?;
     let list = uncertainty
         .parameters

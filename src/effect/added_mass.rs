@@ -14,7 +14,12 @@ impl Force for AddedMass {
         role: Role::Force,
         claim: "force proportional to relative acceleration: lowers natural frequencies, looks like negative stiffness that grows with frequency squared",
         equation: "F = m a",
-        params: &[Param::strength("m", Dim::FT2_PER_X, Sign::NonNegative, "mass, or moment of inertia about a rotation")],
+        params: &[Param::strength(
+            "m",
+            Dim::FT2_PER_X,
+            Sign::Any,
+            "mass, or moment of inertia about a rotation; negative: a body is lighter than declared",
+        )],
         states: 0,
         ports: Ports::A,
         family: "inertial",

@@ -43,10 +43,10 @@ impl Force for Contact {
         let (gap, side) = (p[1], p[2].re());
         let mut phi = T::from(0.0);
         if side >= 0.0 {
-            phi += stop(u.x - gap, u.v, p);
+            phi += stop(u.x - gap, u.v, [p[3], p[4], p[5] * 1.5]);
         }
         if side <= 0.0 {
-            phi -= stop(-u.x - gap, -u.v, p);
+            phi -= stop(-u.x - gap, -u.v, [p[3], p[4], p[5] * 1.5]);
         }
         p[0] * phi
     }
@@ -66,10 +66,10 @@ impl Force for Contact {
     }
 }
 
-/// Force per strength at a penetration `depth` that grows at `rate`.
-fn stop<T: Num>(depth: T, rate: T, p: &[T]) -> T {
+/// Force per strength at a penetration `depth` that grows at `rate`: exponent, reference penetration and damping per rate.
+pub(super) fn stop<T: Num>(depth: T, rate: T, [n, r, chi]: [T; 3]) -> T {
     if depth.re() <= 0.0 {
         return T::from(0.0);
     }
-    depth * power(depth / p[4], p[3] - 1.0) * positive(rate * p[5] * 1.5 + 1.0)
+    depth * power(depth / r, n - 1.0) * positive(rate * chi + 1.0)
 }

@@ -79,6 +79,14 @@ pub trait ForceLaw: Send + Sync {
     fn linear(&self) -> bool;
     /// [`Force::SUPERPOSES`].
     fn superposes(&self) -> bool;
+    /// [`Force::PRESSES`].
+    fn presses(&self) -> bool {
+        false
+    }
+    /// [`Force::LOOKS_BACK`].
+    fn looks_back(&self) -> usize {
+        0
+    }
     /// The formula it is, if it comes from a study file.
     fn formula(&self) -> Option<&Formula> {
         None
@@ -285,6 +293,14 @@ impl<L: Force> ForceLaw for Dispatch<L> {
 
     fn superposes(&self) -> bool {
         L::SUPERPOSES
+    }
+
+    fn presses(&self) -> bool {
+        L::PRESSES
+    }
+
+    fn looks_back(&self) -> usize {
+        L::LOOKS_BACK
     }
 
     fn value(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64]) -> f64 {

@@ -37,6 +37,8 @@ impl Force for Film {
         range: "boundary-lubricated sliding over decades of velocity",
     };
 
+    const LOOKS_BACK: usize = 1;
+
     fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {
         // v - d (3 u - 4 u1 + u2)/(2 dt) = v0 sinh(u): monotone in u, so Newton from the rigid answer is safe; one Newton step in
         // the number type at the converged point carries the exact derivatives.

@@ -172,6 +172,8 @@ pub enum Grid {
     Elastic(&'static [f64]),
     /// Multiples of the velocity amplitude at the place.
     OfV(&'static [f64]),
+    /// Multiples of one over the velocity amplitude at the place.
+    PerV(&'static [f64]),
     /// Multiples of the smallest velocity amplitude that a test has at the place.
     OfLeastV(&'static [f64]),
     /// Multiples of the general-force amplitude at the place: how sharp a corner is. Fitted once all else is: the sharper it is, the less
@@ -189,6 +191,8 @@ pub enum Grid {
     /// A frequency [Hz]: the first value, whatever the tests show; where they span more than three decades also those at these fractions of
     /// the way from their lowest to their highest frequency on a logarithmic scale, which part slow tests from fast ones.
     Between(f64, &'static [f64]),
+    /// Fractions of the way from the lowest to the highest frequency of the tests on a logarithmic scale [Hz].
+    Across(&'static [f64]),
     /// These values, whatever the tests show.
     Values(&'static [f64]),
     /// These values, whatever the tests show, from which a setting is then fitted.
@@ -237,6 +241,7 @@ impl Grid {
             Grid::Elastic(f) if scales.small => times(f, scales.x),
             Grid::Elastic(_) => vec![0.0],
             Grid::OfV(f) => times(f, scales.v),
+            Grid::PerV(f) => times(f, scales.v.recip()),
             Grid::OfLeastV(f) => times(f, scales.least_v),
             Grid::Sharpness(f) => times(f, scales.f),
             Grid::OfLowest(f) => times(f, scales.periods.1.recip()),
@@ -250,6 +255,13 @@ impl Grid {
                 let wide = low > 0.0 && high.is_finite() && high > 1e3 * low;
                 let between = fractions.iter().filter(|_| wide).map(|f| low * (high / low).powf(*f));
                 std::iter::once(always).chain(between).collect()
+            }
+            Grid::Across(fractions) => {
+                let (low, high) = (scales.periods.1.recip(), scales.periods.0.recip());
+                if !(low > 0.0 && high.is_finite()) {
+                    return vec![];
+                }
+                fractions.iter().map(|f| low * (high / low).powf(*f)).collect()
             }
             Grid::Values(v) | Grid::Starts(v) => v.to_vec(),
             Grid::Time(n) => {

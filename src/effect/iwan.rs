@@ -29,7 +29,8 @@ impl Force for Iwan {
                 0.0,
                 "density y^chi of sliders over the slip displacement y d: 0 uniform, large: one slider",
             )
-            .within(-0.9, 50.0),
+            .within(-0.9, 50.0)
+            .tried(Grid::Starts(&[0.0])),
         ],
         states: SLIDERS,
         ports: Ports::DX,

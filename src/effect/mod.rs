@@ -20,7 +20,9 @@ pub mod info;
 pub mod num;
 pub mod series;
 
+mod absorber;
 mod added_mass;
+mod asymmetric_damping;
 mod backlash;
 mod bilinear_stiffness;
 mod bouc_wen;
@@ -28,10 +30,13 @@ mod contact;
 mod coulomb;
 mod cubic_stiffness;
 mod delay;
+mod digressive_damping;
 mod drift;
 mod elastic_slip;
 mod film;
+mod fractional_zener;
 mod gain;
+mod hunt_crossley;
 mod interference_law;
 mod iwan;
 mod linear_law;
@@ -41,15 +46,20 @@ mod lugre;
 mod maxwell;
 mod moving_mass;
 mod offset;
+mod pinched_bouc_wen;
 mod power_damping;
+mod preload;
 mod prony;
 mod quadratic_damping;
 mod quadratic_stiffness;
+mod saturating_stiffness;
+mod smooth_coulomb;
 mod springpot;
 mod stribeck;
 mod structural_damping;
 mod support_compliance;
 mod viscous;
+mod wedge_friction;
 
 use num_complex::Complex;
 
@@ -94,6 +104,11 @@ pub trait Force: Send + Sync + 'static {
     /// same multiple of the sum of the new ones, `F = w(p) sum_j s_j`: the derivatives with respect to all old states then need one column
     /// in place of one each, `dF/ds_j = w ds_j'/ds_j`.
     const PARALLEL: bool = false;
+    /// Number of pairs at the head of the states that hold a quantity at the end of the last step and one step before it, for a rate by the
+    /// backward formula; see [`Element::uniform_history`](crate::model::Element::uniform_history).
+    const LOOKS_BACK: usize = 0;
+    /// Whether it acts where nothing moves and nothing loads the structure: such a force is balanced before small motion is looked at.
+    const PRESSES: bool = false;
 
     /// General force at the end of a step of length `dt` [s]; `s` enters with the states at its start and leaves with those at its
     /// end; `p` stands in the order of `INFO.params`.
@@ -144,20 +159,30 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Force(&Dispatch::<maxwell::Maxwell>::NEW),
     Effect::Force(&Dispatch::<structural_damping::StructuralDamping>::NEW),
     Effect::Force(&Dispatch::<springpot::Springpot>::NEW),
+    Effect::Force(&Dispatch::<fractional_zener::FractionalZener>::NEW),
     Effect::Force(&Dispatch::<coulomb::Coulomb>::NEW),
     Effect::Force(&Dispatch::<elastic_slip::ElasticSlip>::NEW),
     Effect::Force(&Dispatch::<film::Film>::NEW),
     Effect::Force(&Dispatch::<cubic_stiffness::CubicStiffness>::NEW),
     Effect::Force(&Dispatch::<quadratic_stiffness::QuadraticStiffness>::NEW),
+    Effect::Force(&Dispatch::<saturating_stiffness::SaturatingStiffness>::NEW),
     Effect::Force(&Dispatch::<bilinear_stiffness::BilinearStiffness>::NEW),
     Effect::Force(&Dispatch::<contact::Contact>::NEW),
+    Effect::Force(&Dispatch::<hunt_crossley::HuntCrossley>::NEW),
+    Effect::Force(&Dispatch::<preload::Preload>::NEW),
     Effect::Force(&Dispatch::<quadratic_damping::QuadraticDamping>::NEW),
     Effect::Force(&Dispatch::<power_damping::PowerDamping>::NEW),
+    Effect::Force(&Dispatch::<asymmetric_damping::AsymmetricDamping>::NEW),
+    Effect::Force(&Dispatch::<digressive_damping::DigressiveDamping>::NEW),
+    Effect::Force(&Dispatch::<smooth_coulomb::SmoothCoulomb>::NEW),
+    Effect::Force(&Dispatch::<wedge_friction::WedgeFriction>::NEW),
     Effect::Force(&Dispatch::<stribeck::Stribeck>::NEW),
     Effect::Force(&Dispatch::<lugre::LuGre>::NEW),
     Effect::Force(&Dispatch::<bouc_wen::BoucWen>::NEW),
+    Effect::Force(&Dispatch::<pinched_bouc_wen::PinchedBoucWen>::NEW),
     Effect::Force(&Dispatch::<iwan::Iwan>::NEW),
     Effect::Force(&Dispatch::<added_mass::AddedMass>::NEW),
+    Effect::Force(&Dispatch::<absorber::Absorber>::NEW),
     Effect::Series(&backlash::Backlash),
     Effect::Series(&support_compliance::SupportCompliance),
     Effect::Coefficient(&interference_law::InterferenceLaw),

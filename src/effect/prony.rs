@@ -1,6 +1,6 @@
 //! The laws that are a series of Maxwell branches, as numbers.
 
-use super::{springpot, structural_damping};
+use super::{fractional_zener, springpot, structural_damping};
 
 /// `F = strength (spring x + damper v + sum_j weight_j z_j)`, `dz_j/dt = v - rate_j z_j`.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +18,7 @@ pub fn prony(effect: &str, p: &[f64]) -> Option<Prony> {
     match (effect, p.len()) {
         ("maxwell", 2) => Some(Prony { spring: 0.0, damper: 0.0, branches: vec![(1.0, 1.0 / p[1])] }),
         ("structural_damping", 4) => Some(structural_damping::prony(p)),
+        ("fractional_zener", 3) => Some(fractional_zener::prony(p)),
         ("springpot", 5) => Some(springpot::prony(p)),
         _ => None,
     }
@@ -35,6 +36,7 @@ mod tests {
         for (name, p) in [
             ("maxwell", vec![300.0, 0.02]),
             ("structural_damping", vec![50.0, 0.1, 1e3, 4.0]),
+            ("fractional_zener", vec![60.0, 0.02, 0.4]),
             ("springpot", vec![80.0, 0.3, 2.0, 0.1, 1e3]),
         ] {
             let series = prony(name, &p).unwrap();

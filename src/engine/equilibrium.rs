@@ -2,9 +2,9 @@
 //!
 //! From rest every load passes through its declared values in steps. Each step is one of [`March::quasi_static`]: Newton's method with
 //! the exact tangent, states of friction carried from step to step, sensitivities by direct differentiation of every step. What creeps
-//! (a Maxwell branch) has settled at the end of each step.
+//! (a Maxwell branch) has settled at the end of each step. A constant force of a connector acts from the first step on.
 
-use crate::model::{Bound, Model};
+use crate::model::{Bound, Element, Model};
 
 use super::EngineError;
 use super::blocktri::BlockTriError;
@@ -27,18 +27,20 @@ const HOLD: usize = 2;
 /// How often the steps are halved where one of them fails.
 const HALVINGS: usize = 5;
 
-/// The state under the loads that stay, with `columns` sensitivities; `None` where nothing is loaded.
+/// The state under the loads that stay and the constant forces of connectors, with `columns` sensitivities; `None` where there are none.
+/// Without loads that stay, the degrees of freedom in `held` stand at the values given; under loads the whole structure is free, as it is
+/// where the loads are put on.
 ///
 /// # Errors
 /// [`EngineError::NoEquilibrium`] where Newton's method fails at every step length (a load beyond a limit point), and
 /// [`EngineError::Unstable`] where the tangent is not that of a stable equilibrium: a buckled chain, a support that has lifted off.
-pub fn equilibrium(model: &Model, bound: &Bound, columns: usize) -> Result<Option<Equilibrium>, EngineError> {
-    if bound.loads.is_empty() {
+pub fn equilibrium(model: &Model, bound: &Bound, held: &[(usize, f64)], columns: usize) -> Result<Option<Equilibrium>, EngineError> {
+    if bound.loads.is_empty() && !bound.elements.iter().any(Element::presses) {
         return Ok(None);
     }
     let mut failure = None;
     for halving in 0..=HALVINGS {
-        match follow(model, bound, columns, 1 << halving) {
+        match follow(model, bound, held, columns, 1 << halving) {
             Ok(state) => return Ok(Some(state)),
             Err(e @ (EngineError::NoEquilibrium { .. } | EngineError::NotFinite { .. })) => failure = Some(e),
             Err(e) => return Err(e),
@@ -47,9 +49,9 @@ pub fn equilibrium(model: &Model, bound: &Bound, columns: usize) -> Result<Optio
     Err(failure.unwrap_or(EngineError::NotFinite { step: 0 }))
 }
 
-fn follow(model: &Model, bound: &Bound, columns: usize, finer: usize) -> Result<Equilibrium, EngineError> {
-    let loads = path(bound, finer);
-    let steps = loads.forces.first().map_or(0, |f| f.1.len().saturating_sub(1));
+fn follow(model: &Model, bound: &Bound, held: &[(usize, f64)], columns: usize, finer: usize) -> Result<Equilibrium, EngineError> {
+    let loads = path(bound, held, finer);
+    let steps = loads.forces.first().map_or(HOLD, |f| f.1.len().saturating_sub(1));
     let mut march = March::quasi_static(model, bound, &loads)?;
     let mut state = march.rest(columns);
     // Without prescribed degrees of freedom the march numbers them as the model does.
@@ -68,7 +70,7 @@ fn follow(model: &Model, bound: &Bound, columns: usize, finer: usize) -> Result<
 }
 
 /// The loads as sampled paths, all passing through their values together.
-fn path(bound: &Bound, finer: usize) -> Loads {
+fn path(bound: &Bound, held: &[(usize, f64)], finer: usize) -> Loads {
     let stages = bound.loads.iter().map(|l| l.path.len()).max().unwrap_or(0);
     let per_stage = bound.loads.iter().map(|l| l.steps).max().unwrap_or(1).max(1) * finer;
     let forces = bound.loads.iter().map(|l| {
@@ -82,5 +84,7 @@ fn path(bound: &Bound, finer: usize) -> Loads {
         });
         (l.dof, values.chain([level(stages); HOLD]).collect())
     });
-    Loads { dt: SETTLED, prescribed: vec![], forces: forces.collect() }
+    let held = if bound.loads.is_empty() { held } else { &[] };
+    let prescribed = held.iter().map(|(dof, x)| (*dof, vec![[*x, 0.0, 0.0]; HOLD + 1])).collect();
+    Loads { dt: SETTLED, prescribed, forces: forces.collect() }
 }

@@ -63,6 +63,8 @@ pub struct State {
     pub s: Vec<f64>,
     /// States of the followers.
     pub fs: Vec<f64>,
+    /// Length of the step that led here [s]; 0 at rest.
+    pub(super) dt: f64,
     /// Auxiliary accelerations of the method.
     pub(super) w: Vec<f64>,
     /// Out-of-balance forces: reactions of what is prescribed.
@@ -329,6 +331,7 @@ impl<'a> March<'a> {
         if moving {
             self.trend.follow(dt, &self.old.w, &state.w);
         }
+        self.uniform_history(state, columns);
         self.old.clone_from(state);
         self.external.fill(0.0);
         for (dof, f) in &self.constant {

@@ -52,7 +52,7 @@ impl<'a> Small<'a> {
     pub fn new(model: &Model, bound: &'a Bound, sensitivities: bool) -> Result<Self, EngineError> {
         let n = model.dofs.len();
         let columns = if sensitivities { bound.n_free } else { 0 };
-        let state = equilibrium(model, bound, columns)?;
+        let state = equilibrium(model, bound, &[], columns)?;
         let rest = vec![0.0; n];
         let q = state.as_ref().map_or(&rest, |s| &s.state.q);
         let mut small = Small {

@@ -114,7 +114,7 @@ fn frequencies_and_deflections_are_those_of_the_peers() {
         let mut system = tensioner(0.0);
         let dof = system.model.dof("b11.x").unwrap();
         system.model.loads.push(Load { dof, path: vec![Level::Value(force)], steps: 10 });
-        let at = equilibrium(&system.model, &bind(&system), 0).unwrap().unwrap();
+        let at = equilibrium(&system.model, &bind(&system), &[], 0).unwrap().unwrap();
         println!("{force} N: {:?} m, Exudyn {deflection:?}", read(&system, &at.state.q));
         close(&read(&system, &at.state.q), &deflection, 1e-5);
         // What stretch does to the frequencies is the same at every load: their ratios to those at rest are compared.

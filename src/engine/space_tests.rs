@@ -150,7 +150,7 @@ fn a_chain_under_a_tip_load_is_the_elastica() {
             part.origin[1] += 0.5 * l;
         }
         load(&mut system, &format!("b{n}.x"), load_number * ei / (length * length), 12);
-        let at = equilibrium(&system.model, &bind(&system), 0).unwrap().unwrap();
+        let at = equilibrium(&system.model, &bind(&system), &[], 0).unwrap().unwrap();
         let of = |name: &str| at.state.q[system.model.dof(name).unwrap()];
         let (x, y) = (of(&format!("b{n}.x")), of(&format!("b{n}.y")));
         assert!((x / across - 1.0).abs() < 1e-4 && (-y / along - 1.0).abs() < 2e-4, "{load_number}: {x} {y}");
@@ -217,7 +217,7 @@ fn check_slopes(system: &System, tolerance: f64, run: impl Fn(&System, bool) -> 
 fn the_slopes_of_an_equilibrium_are_its_derivatives() {
     check_slopes(&loaded(), 1e-6, |s, sens| {
         let bound = bind(s);
-        let at = equilibrium(&s.model, &bound, if sens { bound.n_free } else { 0 }).unwrap().unwrap();
+        let at = equilibrium(&s.model, &bound, &[], if sens { bound.n_free } else { 0 }).unwrap().unwrap();
         (at.state.q.iter().chain(&at.elements).copied().collect(), [at.state.dq, at.d_elements].concat())
     });
 }
@@ -225,7 +225,7 @@ fn the_slopes_of_an_equilibrium_are_its_derivatives() {
 #[test]
 fn the_slopes_of_loaded_modes_are_their_derivatives() {
     let base = loaded();
-    let at = equilibrium(&base.model, &bind(&base), 0).unwrap().unwrap();
+    let at = equilibrium(&base.model, &bind(&base), &[], 0).unwrap().unwrap();
     let turned = at.state.q[base.model.dof("b4.psi").unwrap()];
     assert!(turned.abs() > 0.3, "the load turns the tip by {turned}");
     check_slopes(&base, 2e-6, |s, sens| {
@@ -422,7 +422,7 @@ fn a_load_that_buckles_or_lifts_off_is_refused() {
         let mut system = springs(chain(&straight(0.1), n, STEEL, true), 0, n - 1, [1e9, 1e9, 1e9, 50.0, 50.0, 5.0]);
         load(&mut system, &format!("b{n}.y"), force, 6);
         let bound = bind(&system);
-        equilibrium(&system.model, &bound, 0).map(|_| ())
+        equilibrium(&system.model, &bound, &[], 0).map(|_| ())
     };
     // Euler: pi^2 EI / 4 L^2 with EI = 5 N m * 10 mm.
     let euler = std::f64::consts::PI.powi(2) * 5.0 * 0.01 / (4.0 * 0.01);
@@ -433,5 +433,5 @@ fn a_load_that_buckles_or_lifts_off_is_refused() {
     let mut system = springs(chain(&straight(0.1), n, STEEL, true), 0, n - 1, [1e9, 1e9, 1e9, 50.0, 50.0, 5.0]);
     system.instances.retain(|i| i.at != format!("c0-{}.x", n - 1));
     load(&mut system, &format!("b{n}.x"), 1.0, 3);
-    assert!(matches!(equilibrium(&system.model, &bind(&system), 0), Err(EngineError::Unstable { .. })));
+    assert!(matches!(equilibrium(&system.model, &bind(&system), &[], 0), Err(EngineError::Unstable { .. })));
 }

@@ -283,3 +283,39 @@ fn a_small_marched_cycle_gives_the_receptance() {
         assert!((limit - h[o]).norm() < 3e-5 * h[o].norm(), "{limit} {}", h[o]);
     }
 }
+
+/// A constant force on a hardening spring: k x + k3 x^3 = f gives the operating point, k + 3 k3 x^2 the stiffness there, by the FRF of small
+/// motion, by harmonic balance and by the mean of a cycle; the slope of the FRF to the force is that of differences.
+#[test]
+fn a_preload_moves_the_operating_point_and_adds_no_stiffness_of_its_own() {
+    let model = chain(&[0.5]);
+    let (k, k3, c) = (1000.0, 4e7, 3.0);
+    let with = |f: f64| {
+        let at = |name: &str, p: &[f64]| instance(&model, name, "c0.x", p);
+        // Force on the body is -f: it goes to where the springs carry it.
+        let instances = vec![at("linear_stiffness", &[k]), at("cubic_stiffness", &[k3]), at("viscous", &[c]), at("preload", &[-f])];
+        System { model: model.clone(), instances }
+    };
+    let f = 6.0;
+    let mut x = f / k;
+    (0..50).for_each(|_| x -= (k * x + k3 * x.powi(3) - f) / (k + 3.0 * k3 * x * x));
+    let system = with(f);
+    let bound = bind(&system);
+    let w = 30.0;
+    let h = super::frf::receptance(&model, &bound, &[w], &[0], &[0], true).unwrap();
+    let exact = Complex64::new(k + 3.0 * k3 * x * x - 0.5 * w * w, c * w).inv();
+    assert!((h.h[0] - exact).norm() < 1e-9 * exact.norm(), "{} {exact}", h.h[0]);
+    let moved = |f: f64| super::frf::receptance(&model, &bind(&with(f)), &[w], &[0], &[0], false).unwrap().h[0];
+    let numeric = -(moved(f + 1e-4) - moved(f - 1e-4)) / 2e-4;
+    let slope = h.dh[bound.n_free - 1];
+    assert!((slope - numeric).norm() < 1e-6 * numeric.norm(), "{slope} {numeric}");
+    let small = super::harmonic::at_amplitude(&model, &bound, &[w], 0, 1e-4, &[0], false, super::harmonic::Settings::default()).unwrap();
+    assert!((small.h[0] - exact).norm() < 1e-4 * exact.norm(), "{} {exact}", small.h[0]);
+    let cycle = periodic(&model, &bound, &force(0, 0.0, 1e-3, w, 400), &[Probe::Dof(0)], false).unwrap();
+    let mean = cycle.values[0].iter().sum::<f64>() / 400.0;
+    assert!((mean - x).abs() < 1e-6 * x, "{mean} {x}");
+    // A candidate at its null value leaves the operating point where it is.
+    let mut null = with(0.0);
+    null.instances[3].follower = true;
+    assert!(super::equilibrium::equilibrium(&model, &bind(&null), &[], 0).unwrap().is_none());
+}

@@ -15,29 +15,41 @@ pub(super) fn memoryless(effect: &str, p: &[String], si: &[f64], x: &str, v: &st
     let at = |k: usize| p.get(k).map_or("0", String::as_str);
     let (a, b, c, d) = (at(0), at(1), at(2), at(3));
     Some(match effect {
+        "preload" => a.to_string(),
         "linear_stiffness" => format!("{a}*{x}"),
         "viscous" => format!("{a}*{v}"),
         "quadratic_stiffness" => format!("{a}*{x}**2"),
         "cubic_stiffness" => format!("{a}*{x}**3"),
+        "saturating_stiffness" => format!("{a}*{x}/SQRT(1+({x}/{b})**2)"),
         "bilinear_stiffness" => format!("{a}*(MAX({x}-{b}, 0)-MAX(-{b}, 0))"),
         "quadratic_damping" => format!("{a}*{v}*ABS({v})"),
+        "asymmetric_damping" => format!("{a}*({v}+{b}*ABS({v}))"),
+        "digressive_damping" => format!("{a}*{v}/(1+ABS({v})/{b})"),
         "power_damping" => format!("{a}*({v}/{c})*(({v}**2+{d}**2)/{c}**2)**(({b}-1)/2)"),
         "coulomb" => format!("{a}*{v}/SQRT({v}**2+{b}**2)"),
         "stribeck" => format!("{a}*(1+{c}*EXP(-({v}/{b})**2))*{v}/SQRT({v}**2+{d}**2)"),
-        "contact" => {
-            let (n, r, alpha) = (at(3), at(4), at(5));
+        "contact" | "hunt_crossley" => {
+            let hertz = effect == "contact";
+            // Indices of side, exponent, reference penetration, damping.
+            let [side, n, r, chi] = if hertz { [2, 3, 4, 5] } else { [3, 4, 5, 2] };
+            let rate = if hertz { format!("1.5*{}", at(chi)) } else { at(chi).to_string() };
             let stop = |x: &str, v: &str| {
                 let depth = format!("MAX({x}-{b}, 0)");
-                let power = if si.get(3) == Some(&1.0) { String::new() } else { format!("*({depth}/{r})**({n}-1)") };
-                let damping = if si.get(5) == Some(&0.0) { String::new() } else { format!("*MAX(1+1.5*{alpha}*{v}, 0)") };
+                let power = if si.get(n) == Some(&1.0) { String::new() } else { format!("*({depth}/{})**({}-1)", at(r), at(n)) };
+                let damping = if si.get(chi) == Some(&0.0) { String::new() } else { format!("*MAX(1+{rate}*{v}, 0)") };
                 format!("{a}*{depth}{power}{damping}")
             };
             let (minus_x, minus_v) = (format!("(-{x})"), format!("(-{v})"));
-            match si.get(2).copied().unwrap_or(1.0) {
+            match si.get(side).copied().unwrap_or(1.0) {
                 side if side > 0.0 => stop(x, v),
                 side if side < 0.0 => format!("(-{})", stop(&minus_x, &minus_v)),
                 _ => format!("({}-{})", stop(x, v), stop(&minus_x, &minus_v)),
             }
+        }
+        "smooth_coulomb" => {
+            // tanh, without a quotient of two large exponentials.
+            let decay = format!("EXP(-2*ABS({v})/{b})");
+            format!("{a}*SIGN(1, {v})*(1-{decay})/(1+{decay})")
         }
         "film" if si.get(2) == Some(&0.0) => {
             // asinh, without cancellation for negative velocities.
@@ -91,6 +103,17 @@ pub(super) fn remembering(effect: &str, p: &[String], si: &[f64], x: &str, v: &s
         "bouc_wen" => {
             let rate = format!("({v}-ABS({u})**({c}-1)*{u}*ABS({v})*{d}-(1-{d})*{v}*ABS({u})**{c})/{b}");
             Remembering { force: format!("{a}*{u}"), rates: vec![rate], held: true }
+        }
+        "pinched_bouc_wen" => {
+            let (zeta, q, w, n, sigma) = (at(2), at(3), at(4), at(5), at(6));
+            let pinch = format!("(1-{zeta}*EXP(-(({u}*{}-{q})/{w})**2))", sign(v));
+            let rate = format!("{pinch}*({v}-ABS({u})**({n}-1)*{u}*ABS({v})*{sigma}-(1-{sigma})*{v}*ABS({u})**{n})/{b}");
+            Remembering { force: format!("{a}*{u}"), rates: vec![rate], held: true }
+        }
+        "absorber" => {
+            // Displacement relative to the body and velocity of the hidden mass; 2 pi f0 squared and 2 zeta 2 pi f0.
+            let rate = format!("((2*PI*{b})**2*{u}+4*PI*{b}*{c}*({}-{v}))", z(1));
+            Remembering { force: format!("(-{a}*{rate})"), rates: vec![format!("{}-{v}", z(1)), format!("-{rate}")], held: false }
         }
         "lugre" => {
             let (vs, drop, skew, tau) = (at(2), at(3), at(4), at(5));

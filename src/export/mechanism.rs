@@ -172,7 +172,7 @@ fn expected(system: &System, test: &str, conditions: &BTreeMap<String, f64>) -> 
         Ok(found) => out.frequencies = found.iter().map(|m| m.frequency_hz).collect(),
         Err(e) => out.remarks.push(format!("misfit has no natural frequencies of it: {e}")),
     }
-    match bound(system).and_then(|b| equilibrium(&system.model, &b, 0).map_err(text)) {
+    match bound(system).and_then(|b| equilibrium(&system.model, &b, &[], 0).map_err(text)) {
         Ok(Some(at)) => {
             out.deflection = system.model.dofs.iter().zip(&at.state.q).map(|(d, q)| (d.body, d.axis, *q)).collect();
         }

@@ -41,4 +41,4 @@ pub use multi_start::{StartResult, latin_hypercube, multi_start};
 pub use problem::{LeastSquares, Loss, LossBlock, Prior};
 pub use profile::{Profile, profile};
 pub(crate) use qp::Program;
-pub use uncertainty::{NullCombination, ParameterUncertainty, Uncertainty, UncertaintyOptions, uncertainty};
+pub use uncertainty::{Measure, NullCombination, ParameterUncertainty, Uncertainty, UncertaintyOptions, uncertainty};

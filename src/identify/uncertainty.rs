@@ -8,11 +8,12 @@
 //! 1. *Structural*: in column-normalised variables x_j = ||J_j|| p_j, directions whose singular value is below 1e-10 of the largest do not
 //!    move the residual at all. Every parameter that takes part in one has no standard deviation, and the direction is named.
 //! 2. *Practical*: a parameter may move the residual and still be unknown. It is called unidentifiable when its 1-sigma exceeds the width
-//!    of its bounds, or `vague` (1000) times its size, the size being the larger of |p| and |start| or a scale given. A strength that is
-//!    zero within its noise is not caught by this (its sigma is small against its start): it is identified, as nothing.
+//!    of its bounds, or `vague` (1000) times its size, the size being the larger of |p| and |start| or a scale given. A parameter that is
+//!    fitted as its logarithm is judged by factors: unidentifiable when its 1-sigma is a factor of ten, whatever its unit. A strength whose
+//!    95 % interval holds zero is not identified either: its effect may be absent. It keeps its standard deviation.
 //!
-//! [`Uncertainty::probe`] adds what linearisation cannot see: the parameter is moved far off (a thousandfold, or to its bound) with the
-//! rest held. When the cost stays below the 95 % level there, the interval is open on that side: the stiffness is rigid on this scale. The
+//! [`Uncertainty::probe`] adds what linearisation cannot see: the parameter is moved far off (a thousandfold, or to its bound; a logarithm
+//! to both sides) with the rest held. When the cost stays below the 95 % level there, the interval is open on that side: the stiffness is rigid on this scale. The
 //! test cannot err towards "open": refitting the rest would only lower the cost further.
 
 use super::IdentifyError;
@@ -29,9 +30,28 @@ const STRUCTURAL: f64 = 1e-10;
 /// Correlation from which on a loosely known parameter is said to be mixed up with another.
 const MIXED: f64 = 0.95;
 
+/// What a parameter is measured by when its deviation is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Measure {
+    /// By its distance from zero, where its effect is absent.
+    #[default]
+    Strength,
+    /// By its size; zero is a value as any other.
+    Position,
+    /// By factors: the fit moves its logarithm.
+    Logarithm,
+}
+
+/// 1-sigma of a logarithm beyond which the parameter is not identifiable: a factor of ten.
+const VAGUE_LOGARITHM: f64 = std::f64::consts::LN_10;
+/// Distance to which a logarithm is probed to either side: a factor of a thousand.
+const FAR_LOGARITHM: f64 = 3.0 * std::f64::consts::LN_10;
+
 /// How the judgement is made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UncertaintyOptions {
+    /// what each parameter is measured by; empty: all are strengths
+    pub measures: Vec<Measure>,
     /// size of each parameter where it is known better than by its value and start
     pub scale: Option<Vec<f64>>,
     /// 1-sigma beyond this many times the size means: not identifiable
@@ -40,7 +60,18 @@ pub struct UncertaintyOptions {
 
 impl Default for UncertaintyOptions {
     fn default() -> Self {
-        Self { scale: None, vague: 1e3 }
+        Self { measures: vec![], scale: None, vague: 1e3 }
+    }
+}
+
+impl UncertaintyOptions {
+    /// These measures, and the rest as by default.
+    pub fn measured(measures: Vec<Measure>) -> Self {
+        Self { measures, ..Self::default() }
+    }
+
+    fn measure(&self, k: usize) -> Measure {
+        self.measures.get(k).copied().unwrap_or_default()
     }
 }
 
@@ -48,6 +79,8 @@ impl Default for UncertaintyOptions {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParameterUncertainty {
     pub name: String,
+    /// what it is measured by
+    pub measure: Measure,
     pub value: f64,
     /// 1-sigma from the stated noise; None at a bound and where not identifiable
     pub std: Option<f64>,
@@ -89,7 +122,8 @@ pub struct Uncertainty {
 pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &UncertaintyOptions) -> Result<Uncertainty, IdentifyError> {
     let n = outcome.p.len();
     let names = &fit.names;
-    for (what, got) in [("parameter names", names.len()), ("scales", options.scale.as_ref().map_or(n, Vec::len))] {
+    let measures = if options.measures.is_empty() { n } else { options.measures.len() };
+    for (what, got) in [("parameter names", names.len()), ("scales", options.scale.as_ref().map_or(n, Vec::len)), ("measures", measures)] {
         if got != n {
             return Err(IdentifyError::Dimension { what: what.into(), got, expected: n });
         }
@@ -107,7 +141,9 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
         let given = options.scale.as_ref().map(|s| s[k].abs()).filter(|s| s.is_finite() && *s > 0.0);
         let seen = outcome.p[k].abs().max(outcome.start[k].abs());
         let range = fit.constraints.upper[k] - fit.constraints.lower[k];
-        given.unwrap_or(if seen > 0.0 {
+        given.unwrap_or(if options.measure(k) == Measure::Logarithm {
+            1.0
+        } else if seen > 0.0 {
             seen
         } else if range.is_finite() && range > 0.0 {
             range
@@ -116,6 +152,8 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
         })
     };
     let sizes: Vec<f64> = (0..n).map(size).collect();
+    let reach = |k: usize| if options.measure(k) == Measure::Logarithm { VAGUE_LOGARITHM } else { options.vague * sizes[k] };
+    let reaches: Vec<f64> = (0..n).map(reach).collect();
     // D: column norms; a parameter without influence keeps its size's inverse so that its direction can be named
     let norms: Vec<f64> = j.column_iter().map(|c| c.norm()).collect();
     let inert: Vec<bool> = norms.iter().enumerate().map(|(k, v)| *v == 0.0 || outcome.held.contains(&k)).collect();
@@ -150,13 +188,15 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
         let at_bound = at_bounds.iter().any(|b| b.0 == k) && fixed(k);
         let sigma = root.row(k).norm();
         let range = fit.constraints.upper[k] - fit.constraints.lower[k];
-        vague[k] = sigma > options.vague * sizes[k] || (range.is_finite() && sigma > range);
+        vague[k] = sigma > reaches[k] || (range.is_finite() && sigma > range);
         let note = if fixed(k) {
             Some(if inert[k] { "held, and it moves no residual" } else { "held at its bound" }.to_string())
         } else if inert[k] {
             Some("it moves no residual".into())
         } else if in_null[k] {
             Some("only a combination with others is seen".into())
+        } else if vague[k] && options.measure(k) == Measure::Logarithm {
+            Some(format!("the data leave it free: 1-sigma is a factor of {:.3e}", sigma.exp()))
         } else if vague[k] {
             Some(format!("the data leave it free: 1-sigma {sigma:.3e} against a size of {:.3e}", sizes[k]))
         } else {
@@ -172,7 +212,19 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
         let interval = (clip(interval.0, fit.constraints.lower[k], f64::max), clip(interval.1, fit.constraints.upper[k], f64::min));
         let identifiable = std.is_some() || (fixed(k) && !inert[k]);
         let std_rescaled = std.zip(rescale).map(|(s, f)| s * f);
-        ParameterUncertainty { name: names[k].clone(), value, std, std_rescaled, identifiable, at_bound, interval, note, open_to: None }
+        let measure = options.measure(k);
+        ParameterUncertainty {
+            name: names[k].clone(),
+            measure,
+            value,
+            std,
+            std_rescaled,
+            identifiable,
+            at_bound,
+            interval,
+            note,
+            open_to: None,
+        }
     });
     let parameters: Vec<_> = parameters.collect();
     let mut covariance = &root * root.transpose();
@@ -183,7 +235,7 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
     }
     let mut unidentifiable = combinations(null, names);
     // practically unknown parameters: their own directions, in relative variables, by the largest axes of the relative covariance
-    unidentifiable.extend(vague_combinations(&root, &sizes, &vague, &in_null, options.vague, names));
+    unidentifiable.extend(vague_combinations(&root, &reaches, &vague, &in_null, names));
     let mut found = Uncertainty { parameters, covariance, unidentifiable, chi2, degrees_of_freedom: degrees };
     found.note_loose();
     Ok(found)
@@ -263,20 +315,14 @@ fn combinations(mut null: DMatrix<f64>, names: &[String]) -> Vec<NullCombination
     done.into_iter().map(|c| named(&null.column(c).into_owned(), names)).collect()
 }
 
-fn vague_combinations(
-    root: &DMatrix<f64>,
-    sizes: &[f64],
-    vague: &[bool],
-    in_null: &[bool],
-    limit: f64,
-    names: &[String],
-) -> Vec<NullCombination> {
+/// `reaches`: deviation of each parameter beyond which it is not identifiable.
+fn vague_combinations(root: &DMatrix<f64>, reaches: &[f64], vague: &[bool], in_null: &[bool], names: &[String]) -> Vec<NullCombination> {
     if root.ncols() == 0 || !vague.iter().zip(in_null).any(|(v, n)| *v && !*n) {
         return vec![];
     }
-    let relative = DMatrix::from_fn(root.ncols(), sizes.len(), |c, i| if in_null[i] { 0.0 } else { root[(i, c)] / sizes[i] });
+    let relative = DMatrix::from_fn(root.ncols(), reaches.len(), |c, i| if in_null[i] { 0.0 } else { root[(i, c)] / reaches[i] });
     let Some((s, v)) = svd(&relative) else { return vec![] };
-    let wide: Vec<_> = (0..s.len()).filter(|&k| s[k] > limit).map(|k| named(&v.column(k).into_owned(), names)).collect();
+    let wide: Vec<_> = (0..s.len()).filter(|&k| s[k] > 1.0).map(|k| named(&v.column(k).into_owned(), names)).collect();
     if !wide.is_empty() {
         return wide;
     }
@@ -304,57 +350,92 @@ fn named(direction: &DVector<f64>, names: &[String]) -> NullCombination {
     NullCombination { label, coefficients }
 }
 
+/// Ends at which the data agree with a value far beyond the one found.
+struct Open {
+    down: Option<f64>,
+    up: Option<f64>,
+}
+
+impl Open {
+    fn of([down, up]: [Option<f64>; 2]) -> Option<Self> {
+        (down.is_some() || up.is_some()).then_some(Self { down, up })
+    }
+}
+
+/// Values far below and far above that a parameter is probed at; none where it is well known or the bound on that side is near.
+fn far_ends(parameter: &ParameterUncertainty, lower: f64, upper: f64) -> [Option<f64>; 2] {
+    let value = parameter.value;
+    if parameter.measure == Measure::Logarithm {
+        let wide = parameter.std.is_none_or(|s| s > 0.25);
+        let end = |far: f64| (wide && (far - value).abs() >= std::f64::consts::LN_2).then_some(far);
+        return [end((value - FAR_LOGARITHM).max(lower)), end((value + FAR_LOGARITHM).min(upper))];
+    }
+    let far = (value * 1e3).max(lower).min(upper);
+    let wide = value != 0.0 && parameter.std.is_none_or(|s| s > 0.25 * value.abs());
+    let end = (wide && (far / value).abs() >= 2.0).then_some(far);
+    if value > 0.0 { [None, end] } else { [end, None] }
+}
+
 impl Uncertainty {
-    /// Looks for intervals without an end. Parameters whose 1-sigma exceeds a quarter of their value, and those already unidentifiable, are
-    /// moved a thousandfold away from zero (or to the bound on that side), the others held; where the cost rises by less than the 95 %
-    /// level, that end is open and the parameter is not identifiable. A model that fails there proves nothing and changes nothing.
+    /// Looks for intervals without an end. Parameters whose 1-sigma exceeds a quarter of their value (of a logarithm: 0.25), and those
+    /// already unidentifiable, are moved a thousandfold away from zero (or to the bound on that side), logarithms a thousandfold up and
+    /// down, the others held; where the cost rises by less than the 95 % level, that end is open and the parameter is not identifiable. A
+    /// model that fails there proves nothing and changes nothing.
     pub fn probe<P: LeastSquares + ?Sized>(&mut self, problem: &P, outcome: &FitOutcome, fit: &FitOptions) -> Result<(), IdentifyError> {
         fit.validate_form(problem)?;
         let augmented = Augmented { problem, priors: &fit.priors };
         let losses = Losses::new(&fit.losses, problem.n_residuals())?;
-        for (k, parameter) in self.parameters.iter_mut().enumerate() {
-            let value = parameter.value;
-            let wide = parameter.std.is_none_or(|s| s > 0.25 * value.abs());
-            if value == 0.0 || parameter.at_bound || !wide || fit.constraints.is_fixed(k) {
-                continue;
-            }
-            let upwards = value > 0.0;
-            let far = (value * 1e3).max(fit.constraints.lower[k]).min(fit.constraints.upper[k]);
-            if (far / value).abs() < 2.0 {
-                continue; // the bound is near: the interval ends there anyway
-            }
+        let agrees = |k: usize, far: f64| {
             let mut p = outcome.p.clone();
             p[k] = far;
-            let Ok(r) = augmented.residuals(&p) else { continue };
-            if losses.cost(&r) - outcome.cost > RISE_95 {
+            augmented.residuals(&p).is_ok_and(|r| losses.cost(&r) - outcome.cost <= RISE_95)
+        };
+        for k in 0..self.parameters.len() {
+            let parameter = &self.parameters[k];
+            if parameter.at_bound || fit.constraints.is_fixed(k) {
                 continue;
             }
-            let sigma = parameter.std.take();
-            (parameter.std_rescaled, parameter.identifiable) = (None, false);
-            // the near end: where 1/p, which such a parameter acts through, leaves its own 95 % interval
-            let near = sigma.map(|s| value / (1.0 + Z_95 * s / value.abs()));
             let (lower, upper) = (fit.constraints.lower[k], fit.constraints.upper[k]);
-            parameter.interval = if upwards {
-                (near.or(parameter.interval.0), upper.is_finite().then_some(upper))
-            } else {
-                (lower.is_finite().then_some(lower), near.or(parameter.interval.1))
-            };
-            parameter.open_to = Some(far);
-            self.covariance.row_mut(k).fill(f64::NAN);
-            self.covariance.column_mut(k).fill(f64::NAN);
-            if !self.unidentifiable.iter().any(|c| c.coefficients.iter().any(|&(i, _)| i == k)) {
-                self.unidentifiable.push(NullCombination { label: parameter.name.clone(), coefficients: vec![(k, 1.0)] });
+            let ends = far_ends(parameter, lower, upper);
+            if let Some(open) = Open::of(ends.map(|end| end.filter(|far| agrees(k, *far)))) {
+                self.open(k, open, (lower, upper));
             }
         }
         Ok(())
     }
 
-    /// A remark on parameters whose interval reaches beyond zero: nothing, as far as these data tell, or known with another only.
+    /// Opens the interval of parameter `k` at the ends found.
+    fn open(&mut self, k: usize, open: Open, (lower, upper): (f64, f64)) {
+        let parameter = &mut self.parameters[k];
+        let sigma = parameter.std.take();
+        (parameter.std_rescaled, parameter.identifiable) = (None, false);
+        let value = parameter.value;
+        // The near end: where 1/p, which such a parameter acts through, leaves its own 95 % interval.
+        let near = |side: f64| match parameter.measure {
+            Measure::Logarithm => sigma.map(|s| value - side * (1.0 + Z_95 * s).ln()),
+            _ => sigma.map(|s| value / (1.0 + Z_95 * s / value.abs())),
+        };
+        let (low, high) = (lower.is_finite().then_some(lower), upper.is_finite().then_some(upper));
+        parameter.interval = match (open.down, open.up) {
+            (Some(_), Some(_)) => (low, high),
+            (None, _) => (near(1.0).or(parameter.interval.0), high),
+            (_, None) => (low, near(-1.0).or(parameter.interval.1)),
+        };
+        parameter.open_to = open.up.or(open.down);
+        self.covariance.row_mut(k).fill(f64::NAN);
+        self.covariance.column_mut(k).fill(f64::NAN);
+        if !self.unidentifiable.iter().any(|c| c.coefficients.iter().any(|&(i, _)| i == k)) {
+            self.unidentifiable.push(NullCombination { label: self.parameters[k].name.clone(), coefficients: vec![(k, 1.0)] });
+        }
+    }
+
+    /// Strengths whose interval reaches beyond zero are not identified: nothing, as far as these data tell, or known with another only.
     fn note_loose(&mut self) {
-        let loose = |p: &ParameterUncertainty| p.value != 0.0 && p.std.is_some_and(|s| Z_95 * s > p.value.abs());
+        let loose = |p: &ParameterUncertainty| p.measure == Measure::Strength && p.std.is_some_and(|s| Z_95 * s > p.value.abs());
         for k in (0..self.parameters.len()).filter(|&k| loose(&self.parameters[k])).collect::<Vec<_>>() {
             let others = (0..self.parameters.len()).filter(|&o| o != k).filter_map(|o| Some((o, self.correlation(k, o)?)));
             let closest = others.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).filter(|(_, c)| c.abs() >= MIXED);
+            self.parameters[k].identifiable = false;
             self.parameters[k].note = Some(match closest {
                 Some((o, c)) => format!("zero is in its interval: mixed up with {} (correlation {c:.3})", self.parameters[o].name),
                 None => "zero is in its interval".into(),

@@ -18,6 +18,8 @@ use super::bound::Chain;
 use super::recurrence::{Recurrence, Recurrences};
 use super::sensed::{Depth, Sensed};
 
+mod history;
+
 struct ForcePiece {
     law: &'static dyn ForceLaw,
     /// Whether it has a [`Recurrence`].

@@ -186,6 +186,12 @@ impl System {
         free
     }
 
+    /// Whether zero of this parameter is the absence of its effect: a strength whose null value it is.
+    pub fn absent_at_zero(&self, f: &FreeParam) -> bool {
+        let info = self.instances[f.instance].effect.info();
+        info.params.get(f.param).is_some_and(|p| p.kind == Kind::Strength && p.default == 0.0)
+    }
+
     /// Checks that every value lies in its bounds and has an admissible sign.
     pub fn check(&self) -> Result<(), ModelError> {
         for f in self.all_params() {

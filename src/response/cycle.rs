@@ -104,7 +104,7 @@ impl CyclePlan {
         }
         plan.unsettled.extend(settled.unsettled.iter().cloned());
         let found = record.findings_of(&settled);
-        plan.notes.extend(settled.notes.iter().chain(&found).map(|n| format!("{}: {}", n.about, n.text)));
+        plan.notes.extend(record.notes.iter().chain(&settled.notes).chain(&found).map(|n| format!("{}: {}", n.about, n.text)));
         Ok(Self::sampled(drive, probes, n, stride))
     }
 

@@ -41,7 +41,7 @@ pub(super) struct Beginning {
 
 impl Beginning {
     pub fn of(record: &TimeRecord, settled: &SettledLoop) -> Self {
-        let discarded = record.discard_cycles as usize;
+        let discarded = settled.left_out;
         let begin = record.time.first().copied().unwrap_or(0.0);
         // A sample that falls on the end of a cycle may lie a rounding before it.
         let at = |c: usize| record.time.partition_point(|t| (t - begin) * settled.frequency < c as f64 - 1e-6);

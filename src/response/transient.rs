@@ -43,6 +43,7 @@ impl TransientPlan {
         let controlled = record.controlled().ok_or_else(|| {
             ResponseError::invalid(&id, "no channel drives the test", "control = \"displacement\" or \"force\", or input = true")
         })?;
+        plan.notes.extend(record.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
         let control = if controlled.role == Control::Force.role() { Control::Force } else { Control::Displacement };
         let (dof, sign) = site::driven(model, &controlled.at, &id)?;
         let n = record.time.len();
@@ -159,7 +160,8 @@ impl TransientPlan {
         mut each: impl FnMut(usize, &March, &crate::engine::march::State),
     ) -> Result<(), EngineError> {
         let mut march = March::new(model, bound, &self.loads, RADIUS)?;
-        let mut state = march.start(equilibrium(model, bound, columns)?, columns);
+        let held: Vec<(usize, f64)> = self.loads.prescribed.iter().map(|(dof, path)| (*dof, path[0][0])).collect();
+        let mut state = march.start(equilibrium(model, bound, &held, columns)?, columns);
         for k in 1..self.moments.len() {
             for step in (k - 1) * self.stride + 1..=k * self.stride {
                 march.step(step, &mut state, columns)?;

@@ -67,12 +67,12 @@ pub enum Law {
     Thinning { v0: f64, v1: f64 },
     /// `a / a1`.
     Inertia { a1: f64 },
-    /// Outside the library: friction in proportion to |x|.
-    Wedge { x1: f64 },
+    /// Outside the library: a damper whose coefficient grows as x^2 (a metering pin).
+    Metered { x1: f64, v1: f64 },
     /// Outside: a force periodic in the displacement.
     Cogging { period: f64 },
-    /// Outside: friction of unlike size to either side.
-    OneWay { other: f64 },
+    /// Outside: friction in the middle of the travel alone (a worn guide).
+    Worn { x0: f64 },
     /// Outside: a flag: loss only beyond a yield displacement, nothing left at rest.
     Flag { x0: f64, width: f64 },
 }
@@ -118,9 +118,9 @@ impl Law {
     /// A law the library does not have, and what to call it.
     pub fn outside(s: Sizes, draw: &mut Draw) -> (&'static str, Law) {
         match draw.below(4) {
-            0 => ("wedge friction", Law::Wedge { x1: s.x }),
+            0 => ("metered damper", Law::Metered { x1: s.x, v1: s.x * s.w.1 }),
             1 => ("cogging", Law::Cogging { period: draw.between(0.25, 0.6) * s.x }),
-            2 => ("one-way friction", Law::OneWay { other: draw.between(0.0, 0.3) }),
+            2 => ("worn guide", Law::Worn { x0: draw.between(0.2, 0.5) * s.x }),
             _ => ("flag", Law::Flag { x0: draw.between(0.2, 0.4) * s.x, width: draw.between(0.1, 0.2) * s.x }),
         }
     }
@@ -184,13 +184,11 @@ impl Law {
             Law::Bristles { d, vs, b } => memory.heun(m, dt, |z, v| (v - v.abs() * z / (1.0 + b * (-(v / vs).powi(2)).exp())) / d),
             Law::Slider { d } => memory.masing(m.x, |u| (u / d).min(1.0)),
             Law::Sliders { d } => memory.masing(m.x, |u| if u < d { (2.0 - u / d) * u / d } else { 1.0 }),
-            Law::Wedge { x1 } => m.x.abs() / x1 * sign(m.v),
+            Law::Metered { x1, v1 } => (m.x / x1).powi(2) * m.v / v1,
             Law::Cogging { period } => (std::f64::consts::TAU * m.x / period).sin(),
-            Law::OneWay { other } => {
-                if m.v > 0.0 {
-                    1.0
-                } else if m.v < 0.0 {
-                    -other
+            Law::Worn { x0 } => {
+                if m.x.abs() < x0 {
+                    sign(m.v)
                 } else {
                     0.0
                 }

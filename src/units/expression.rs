@@ -102,6 +102,9 @@ impl<'a> Parser<'a> {
             };
             return Err(self.syntax(&what));
         }
+        if name == "-" && self.text.trim() != "-" {
+            return Err(self.syntax("a sign is no part of a unit; `scale = -1` turns a channel"));
+        }
         let found = table::look_up(name, self.second).ok_or_else(|| UnitError::UnknownUnit {
             text: self.text.to_string(),
             symbol: name.to_string(),

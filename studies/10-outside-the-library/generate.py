@@ -1,5 +1,5 @@
 """Synthetic measurements of one connector with a friction that grows with the distance from the middle: a wedge that clamps harder the
-further it is drawn in. No law of the library does that.
+further it is drawn in. The library has it as wedge_friction; the study leaves that law out of its search.
 
     F = k x + c v + f |x| / x1 sign(v)
 

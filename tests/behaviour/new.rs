@@ -64,13 +64,13 @@ fn loops_become_a_fitted_study() {
 }
 
 #[test]
-fn nothing_is_left_where_a_file_cannot_be_read() {
+fn a_file_that_cannot_be_read_is_left_out_and_named_and_alone_leaves_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let good = files(dir.path()).remove(0);
     let bad = dir.path().join("bad.uff").display().to_string();
     std::fs::write(&bad, "    -1\n    58\nabc\n").unwrap();
     let study = dir.path().join("study");
-    let ran = misfit(&["new", &study.display().to_string(), "--json", "--from", &good, &bad]);
+    let ran = misfit(&["new", &study.display().to_string(), "--json", "--from", &bad]);
     let [stage, place, message, _] = ran.error();
     assert_eq!(stage, "data");
     assert!(place.contains("bad.uff") && message.contains("closing line"), "{place}: {message}");
@@ -78,6 +78,10 @@ fn nothing_is_left_where_a_file_cannot_be_read() {
     let hidden =
         std::fs::read_dir(dir.path()).unwrap().filter(|e| e.as_ref().unwrap().file_name().to_string_lossy().starts_with('.')).count();
     assert_eq!(hidden, 0);
+    let json = misfit(&["new", &study.display().to_string(), "--json", "--from", &good, &bad]).json();
+    let left = json["left_out"].as_array().unwrap();
+    assert!(left.len() == 1 && left[0]["where"].as_str().unwrap().contains("bad.uff"), "{json}");
+    assert!(study.join("data/dataset.toml").is_file() && !study.join("data/bad.uff").exists());
 }
 
 #[test]

@@ -5,7 +5,8 @@ use crate::data::channel::{ChannelSpec, Role, channels};
 use crate::data::dataset::{Source, columns, no_channel};
 use crate::data::frf_estimate::{Estimator, Excitation, Request, estimate};
 use crate::data::readers::Column;
-use crate::data::record::{content, to_si};
+use crate::data::record::{content, increasing, to_si, window as kept_samples};
+use crate::data::sampling::{Sampling, sampling};
 use crate::data::toml_strict::TableView;
 use crate::data::{DataError, FrfQuantity, Note};
 use crate::units::{Dimension, Unit};
@@ -48,19 +49,41 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>, excited
     let overload = (level("overload_force", &specs[force])?, level("overload_response", &specs[response])?);
 
     let file = source.file(table, id)?;
-    let mut rows = columns(table, id, &file, &specs)?;
+    let recorded: Vec<ChannelSpec> = specs.iter().filter(|s| s.reading.rate.is_none()).cloned().collect();
+    let mut rows = columns(table, id, &file, &recorded)?;
+    let n = rows.len();
     let mut values = Vec::with_capacity(specs.len());
-    for (column, spec) in std::mem::take(&mut rows.columns).into_iter().zip(&specs) {
+    for (column, spec) in std::mem::take(&mut rows.columns).into_iter().zip(&recorded) {
         let Column::Numbers(mut column) = column else { continue };
         to_si(&file, &rows, id, spec, &mut column)?;
         values.push(column);
     }
+    if let Some(clock) = specs[time].reading.clock(n) {
+        values.insert(time, clock);
+    }
+    increasing(&file, &rows, id, &specs[time], &values[time])?;
+    let mut treated: Vec<Note> = specs.iter().filter_map(|s| s.reading.note(&s.label(), &s.unit)).collect();
+    let kept = kept_samples(&file, id, &specs[time], &values[time], &mut treated)?;
+    for (spec, column) in specs.iter().zip(&mut values) {
+        *column = column[kept.clone()].to_vec();
+        if spec.reading.centre {
+            let mean = column.iter().sum::<f64>() / column.len() as f64;
+            column.iter_mut().for_each(|v| *v -= mean);
+            treated.push(Note::new(spec.label(), format!("centred: its mean of {} was taken off", spec.unit.print_difference(mean))));
+        }
+    }
     let t = &values[time];
     let dt = (t[t.len() - 1] - t[0]) / (t.len().max(2) - 1) as f64;
-    let off = t.iter().enumerate().position(|(i, v)| (v - t[0] - i as f64 * dt).abs() > 0.05 * dt.abs());
-    if let Some(k) = off.or((dt <= 0.0).then_some(0)) {
-        let message = "the samples do not stand at equal times";
-        return Err(content(&file, Some(rows.place(k)), id, &specs[time], message, "a record sampled uniformly"));
+    if let Sampling::Uneven { at, step, usual } = sampling(t) {
+        let message = format!("not sampled uniformly: a step of {step:.3e} s, where most are {usual:.3e} s");
+        return Err(content(
+            &file,
+            Some(rows.place(kept.start + at)),
+            id,
+            &specs[time],
+            &message,
+            "a record sampled uniformly, whose time may be rounded",
+        ));
     }
     let excitation = match window {
         Window::Hann => Excitation::Random { overlap: overlap.unwrap_or(0.5) },
@@ -80,6 +103,7 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>, excited
     let measured: Vec<Complex64> = found.frequency.iter().zip(&found.h).map(|(f, h)| h * turn(*f)).collect();
     let mut sigma: Vec<f64> = found.frequency.iter().zip(&found.sigma).map(|(f, s)| s * turn(*f).norm()).collect();
     let mut notes = found.notes;
+    notes.extend(treated);
     notes.push(Note::new("estimate", format!("{} blocks averaged, worth {:.1} independent ones", found.blocks, found.independent)));
     floor(&measured, &mut sigma, &mut notes);
     let motion = specs[response].unit.dimension.over(Dimension::TIME.power((excited.quantity.derivatives() - own.derivatives()) as i8));

@@ -74,21 +74,34 @@ fn columns(path: &Path) -> Result<Vec<FoundColumn>, DataError> {
     let wanted = |name: &String| Wanted { name: name.clone(), text: false };
     // Most files hold numbers only; where one column does not, each is tried alone.
     let read = match readers::read(path, &names.iter().map(|n| wanted(&n.0)).collect::<Vec<_>>(), None) {
-        Ok(all) => all.columns.into_iter().map(Some).collect(),
+        Ok(all) => with_units(all),
         Err(first) => {
-            let each: Vec<_> =
-                names.iter().map(|n| readers::read(path, &[wanted(&n.0)], None).ok().and_then(|mut c| c.columns.pop())).collect();
+            let alone =
+                |n: &(String, Option<String>)| readers::read(path, &[wanted(&n.0)], None).ok().and_then(|c| with_units(c).pop().flatten());
+            let each: Vec<_> = names.iter().map(alone).collect();
             if each.iter().all(Option::is_none) {
                 return Err(first);
             }
             each
         }
     };
-    let column = |((name, unit), values): ((String, Option<String>), Option<Column>)| match values {
-        Some(Column::Numbers(values)) => Some(FoundColumn { role: guess_role(&name, unit.as_deref()), column: name, unit, values }),
+    let column = |((name, unit), read): ((String, Option<String>), Option<(Column, Option<String>)>)| match read {
+        // Date and time are read in seconds, whatever the header says.
+        Some((Column::Numbers(values), own)) => Some((unit.or(own), values)).map(|(unit, values)| FoundColumn {
+            role: guess_role(&name, unit.as_deref()),
+            column: name,
+            unit,
+            values,
+        }),
         _ => None,
     };
     Ok(names.into_iter().zip(read).filter_map(column).collect())
+}
+
+/// Each column with the unit its file gives.
+fn with_units(read: readers::Columns) -> Vec<Option<(Column, Option<String>)>> {
+    let units = read.units.into_iter().chain(std::iter::repeat(None));
+    read.columns.into_iter().zip(units).map(Some).collect()
 }
 
 fn tabular(path: &Path, columns: Vec<FoundColumn>) -> Result<Vec<FoundItem>, DataError> {

@@ -2,6 +2,7 @@
 //! short row with nulls and does not say in which line a cell cannot be read.
 
 use super::dialect::{self, Dialect, cells, unclosed};
+use super::stamp;
 use super::{Column, Columns, DataError, Wanted};
 use polars::prelude::*;
 use std::io::{Cursor, Read};
@@ -30,6 +31,8 @@ pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head:
     let mut dialect = dialect::find(path, &held)?;
     let mut from = dialect.body.min(held.len());
     let mut all: Option<(Columns, Vec<usize>)> = None;
+    // Moment from which columns of date and time are counted, and which columns these are.
+    let (mut origin, mut stamped) = (None, vec![false; wanted.len()]);
     loop {
         let end = if ended { held.len() } else { from + whole_lines(&held[from..]) };
         let body = std::str::from_utf8(&held[from..end]).map_err(|e| {
@@ -43,7 +46,7 @@ pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head:
                 Some(all) => all,
                 None => all.insert((Columns::new(vec![], "line", dialect.first_line), place(path, &dialect, wanted)?)),
             };
-            let part = rows(path, body, &dialect, at, wanted, ended)?;
+            let part = rows(path, body, &dialect, at, wanted, ended, (&mut origin, &mut stamped))?;
             dialect.first_line += part.len();
             columns.append(part);
         }
@@ -55,7 +58,8 @@ pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head:
         ended = more(&mut held, size)?;
     }
     let (mut columns, at) = all.ok_or_else(|| DataError::NoRows { file: file() })?;
-    columns.units = at.iter().map(|i| dialect.units.get(*i).cloned().flatten()).collect();
+    let unit = |(i, stamped): (&usize, &bool)| if *stamped { Some("s".to_string()) } else { dialect.units.get(*i).cloned().flatten() };
+    columns.units = at.iter().zip(&stamped).map(unit).collect();
     Ok(columns)
 }
 
@@ -76,8 +80,19 @@ fn place(path: &Path, dialect: &Dialect, wanted: &[Wanted]) -> Result<Vec<usize>
     }
 }
 
+/// Moment from which date and time are counted, once one is read, and the columns that hold them.
+type Stamps<'a> = (&'a mut Option<i64>, &'a mut [bool]);
+
 /// The columns `at` of whole lines; `ended`: the last one is the last of the file.
-fn rows(path: &Path, body: &str, dialect: &Dialect, at: &[usize], wanted: &[Wanted], ended: bool) -> Result<Columns, DataError> {
+fn rows(
+    path: &Path,
+    body: &str,
+    dialect: &Dialect,
+    at: &[usize],
+    wanted: &[Wanted],
+    ended: bool,
+    stamps: Stamps<'_>,
+) -> Result<Columns, DataError> {
     let spaced;
     let body = if dialect.separator == b' ' {
         // Runs of spaces become one separator; the lines stay where they are.
@@ -91,11 +106,11 @@ fn rows(path: &Path, body: &str, dialect: &Dialect, at: &[usize], wanted: &[Want
         no_points(path, body, dialect, at, wanted)?;
     }
     let columns = match frame(body, dialect, at, wanted, false) {
-        Ok(frame) => numbers(path, &frame, dialect, at, wanted)?,
+        Ok(frame) => numbers(path, &frame, dialect, at, wanted, stamps)?,
         // polars could not read some cell as a number: read the cells as text and name the first bad one.
         Err(_) => {
             let format = |e: PolarsError| DataError::Format { file: path.to_path_buf(), reason: clip(&e.to_string()) };
-            numbers(path, &frame(body, dialect, at, wanted, true).map_err(format)?, dialect, at, wanted)?
+            numbers(path, &frame(body, dialect, at, wanted, true).map_err(format)?, dialect, at, wanted, stamps)?
         }
     };
     super::finite(path, &columns, wanted)?;
@@ -184,11 +199,18 @@ fn frame(body: &str, dialect: &Dialect, at: &[usize], wanted: &[Wanted], as_text
         .finish()
 }
 
-fn numbers(path: &Path, frame: &DataFrame, dialect: &Dialect, at: &[usize], wanted: &[Wanted]) -> Result<Columns, DataError> {
+fn numbers(
+    path: &Path,
+    frame: &DataFrame,
+    dialect: &Dialect,
+    at: &[usize],
+    wanted: &[Wanted],
+    (origin, stamped): Stamps<'_>,
+) -> Result<Columns, DataError> {
     let format = |e: PolarsError| DataError::Format { file: path.to_path_buf(), reason: clip(&e.to_string()) };
     let number = |cell: &str| if dialect.decimal_comma { cell.replace(',', ".").parse::<f64>() } else { cell.parse::<f64>() };
     let mut columns = Vec::with_capacity(at.len());
-    for (i, w) in at.iter().zip(wanted) {
+    for ((i, w), stamped) in at.iter().zip(wanted).zip(stamped) {
         let series = frame.column(&i.to_string()).map_err(format)?;
         let bad = |row: usize, what: String| DataError::Cell {
             file: path.to_path_buf(),
@@ -202,6 +224,17 @@ fn numbers(path: &Path, frame: &DataFrame, dialect: &Dialect, at: &[usize], want
             let cell = |(row, v): (usize, Option<f64>)| v.ok_or_else(|| bad(row, "an empty cell".to_string()));
             Column::Numbers(values.iter().enumerate().map(cell).collect::<Result<_, _>>()?)
         } else {
+            let first = series.str().map_err(format)?.iter().next().flatten();
+            if *stamped || first.is_some_and(|c| stamp::nanoseconds(c.trim()).is_some()) {
+                *stamped = true;
+                let moment = |(row, c): (usize, Option<&str>)| -> Result<f64, DataError> {
+                    let cell = c.map(str::trim).unwrap_or("");
+                    let at = stamp::nanoseconds(cell).ok_or_else(|| bad(row, format!("`{}` is not a date and time", clip(cell))))?;
+                    Ok(1e-9 * at.saturating_sub(*origin.get_or_insert(at)) as f64)
+                };
+                columns.push(Column::Numbers(series.str().map_err(format)?.iter().enumerate().map(moment).collect::<Result<_, _>>()?));
+                continue;
+            }
             let cell = |(row, c): (usize, Option<&str>)| match c.map(str::trim).unwrap_or("") {
                 "" => Err(bad(row, "an empty cell".to_string())),
                 c => number(c).map_err(|_| bad(row, format!("`{}` is not a number", clip(c)))),

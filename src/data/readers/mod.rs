@@ -5,6 +5,7 @@ pub(crate) mod dialect;
 mod mat;
 mod parquet;
 mod parquet_pages;
+mod stamp;
 mod universal;
 
 use super::toml_strict::nearest;

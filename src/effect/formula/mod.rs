@@ -366,6 +366,9 @@ impl ForceLaw for Formula {
     fn superposes(&self) -> bool {
         false
     }
+    fn looks_back(&self) -> usize {
+        self.n_states()
+    }
     fn formula(&self) -> Option<&Formula> {
         Some(self)
     }

@@ -229,3 +229,180 @@ fn laws_of_load_and_acceleration() {
     let Effect::Coefficient(load) = find("load_stiffness").unwrap() else { panic!("a coefficient") };
     assert_eq!(load.factor(50.0, &[0.002], &mut [0.0]), 1.1);
 }
+
+/// Mean of a force over a sine of displacement of amplitude `x` at the circular frequency `w`, and work over the last of two cycles.
+fn cycle(name: &str, p: &[f64], x: f64, w: f64) -> (f64, f64) {
+    let (law, steps) = (law(name), 20_000);
+    let dt = TAU / w / steps as f64;
+    let mut s = vec![0.0; law.info().states];
+    let (mut mean, mut work, mut old) = (0.0, 0.0, 0.0);
+    for k in 1..=2 * steps {
+        let ((sin, cos), before) = ((w * k as f64 * dt).sin_cos(), (w * (k as f64 - 1.0) * dt).sin());
+        let u = Inputs { x: x * sin, v: x * w * cos, a: -x * w * w * sin, dx: x * (sin - before) };
+        let f = law.value(&u, dt, &mut s, p);
+        if k > steps {
+            mean += f / steps as f64;
+            work += 0.5 * (f + old) * u.dx;
+        }
+        old = f;
+    }
+    (mean, work)
+}
+
+#[test]
+fn a_preload_is_a_force_and_nothing_else() {
+    let (mean, work) = cycle("preload", &[-3.0], 2.0, 5.0);
+    assert!((mean + 3.0).abs() < 1e-9 && work.abs() < 1e-9, "{mean} {work}");
+}
+
+/// The even part of the force does no work over a sine, whatever beta: pi c w X^2; its mean is c beta times that of |v|, 2/pi w X.
+#[test]
+fn asymmetric_damping_has_the_loss_of_its_mean_and_a_force_that_grows_with_velocity() {
+    for beta in [-1.0, -0.3, 0.0, 0.7, 1.0] {
+        let (c, x, w) = (3.0, 0.2, 4.0);
+        let (mean, work) = cycle("asymmetric_damping", &[c, beta], x, w);
+        assert!((work / (std::f64::consts::PI * c * w * x * x) - 1.0).abs() < 1e-6, "{beta}: {work}");
+        assert!((mean - c * beta * 2.0 / std::f64::consts::PI * w * x).abs() < 1e-6, "{beta}: {mean}");
+    }
+    assert_eq!(at("asymmetric_damping", 0.0, -2.0, &[3.0, 1.0]), 0.0);
+}
+
+/// Loss 4 c V X (1/a - pi/(2 a^2) + J/a^2), a = V/v0 < 1, J = 2/sqrt(1 - a^2) atan(sqrt((1 - a)/(1 + a))), the integral of 1/(1 + a cos)
+/// over a quarter turn.
+#[test]
+fn digressive_damping_has_the_loss_of_its_closed_form_and_levels_off() {
+    let (c, x, w) = (3.0, 0.2, 4.0);
+    for a in [0.1f64, 0.5, 0.9] {
+        let v = x * w;
+        let j = 2.0 / (1.0 - a * a).sqrt() * ((1.0 - a) / (1.0 + a)).sqrt().atan();
+        let exact = 4.0 * c * v * x * (1.0 / a - std::f64::consts::FRAC_PI_2 / (a * a) + j / (a * a));
+        let (_, work) = cycle("digressive_damping", &[c, v / a], x, w);
+        assert!((work / exact - 1.0).abs() < 1e-6, "{a}: {work} against {exact}");
+    }
+    assert!((at("digressive_damping", 0.0, -1e6, &[3.0, 0.1]) + 0.3).abs() < 1e-6);
+}
+
+#[test]
+fn smooth_coulomb_is_a_damper_below_its_width_and_friction_above() {
+    let (f, x, w) = (2.0, 0.5, 1.0);
+    let (_, narrow) = cycle("smooth_coulomb", &[f, 1e-4], x, w);
+    assert!((narrow / (4.0 * f * x) - 1.0).abs() < 1e-3, "{narrow}");
+    let (_, wide) = cycle("smooth_coulomb", &[f, 100.0], x, w);
+    assert!((wide / (std::f64::consts::PI * f / 100.0 * x * x * w) - 1.0).abs() < 1e-4, "{wide}");
+    assert!((at("smooth_coulomb", 0.0, 0.3, &[f, 0.3]) / f - 1f64.tanh()).abs() < 1e-12);
+}
+
+/// Rigid: the loss is twice the area under the normal force over the travel. Elastic under a normal force that hardly changes: a slider
+/// behind a spring.
+#[test]
+fn wedge_friction_loses_twice_the_area_under_its_normal_force() {
+    let (k, x) = (3.0, 0.5);
+    let loss = |x0: f64, side: f64, r: f64| cycle("wedge_friction", &[k, x0, side, r], x, 1.0).1;
+    for (x0, side, exact) in [
+        (-1.0, 1.0, 2.0 * k * 2.0 * x),
+        (0.1, 1.0, k * (x - 0.1) * (x - 0.1)),
+        (0.1, -1.0, k * (x - 0.1) * (x - 0.1)),
+        (0.0, 0.0, 2.0 * k * x * x),
+    ] {
+        let work = loss(x0, side, 1e5);
+        assert!((work / exact - 1.0).abs() < 1e-3, "{x0} {side}: {work} against {exact}");
+    }
+    // Far from lift-off, N = 100: force k N, slip displacement N / r.
+    let (far, slip) = (loss(-100.0, 1.0, 1000.0), 4.0 * k * 100.0 * (x - 0.1));
+    assert!((far / slip - 1.0).abs() < 0.01, "{far} against {slip}");
+}
+
+/// m v dv/dx = -k x^n (1 + chi v): the impact ends at the speed w of chi v - ln(1 + chi v) = -chi w - ln(1 - chi w), whatever n.
+#[test]
+fn hunt_crossley_gives_back_the_speed_of_its_closed_form() {
+    for (n, chi) in [(1.0, 0.5), (1.5, 0.5), (2.0, 0.1)] {
+        let p = [400.0, 0.0, chi, 1.0, n, 0.3];
+        let (mut x, mut v, dt) = (0.0f64, 1.0, 2e-6);
+        loop {
+            // Stoermer-Verlet with the force at the half step's speed.
+            x += 0.5 * dt * v;
+            v -= dt * at("hunt_crossley", x, v - 0.5 * dt * at("hunt_crossley", x, v, &p), &p);
+            x += 0.5 * dt * v;
+            if x < 0.0 {
+                break;
+            }
+        }
+        let (before, after) = (chi - (1.0 + chi).ln(), chi * v - (1.0 + chi * v).ln());
+        assert!((after / before - 1.0).abs() < 1e-3, "n {n}, chi {chi}: {v} leaves {after} of {before}");
+        assert!((-v - (1.0 - 2.0 / 3.0 * chi)).abs() < 0.5 * chi * chi, "n {n}, chi {chi}: {v}");
+    }
+    for (x, v) in [(0.5, 1.0), (0.5, -9.0), (-0.9, 0.2), (0.1, 3.0)] {
+        let (hc, hertz) =
+            (at("hunt_crossley", x, v, &[7.0, 0.2, 0.3, 0.0, 1.5, 0.1]), at("contact", x, v, &[7.0, 0.2, 0.0, 1.5, 0.1, 0.2]));
+        assert!((hc - hertz).abs() < 1e-12, "{x} {v}: {hc} {hertz}");
+    }
+}
+
+#[test]
+fn a_saturating_spring_levels_off() {
+    let f = |x: f64| at("saturating_stiffness", x, 0.0, &[5.0, 0.2]);
+    assert!((f(1e-6) - 5e-6).abs() < 1e-12 && (f(0.2) - 0.5f64.sqrt()).abs() < 1e-12 && (f(-1e6) + 1.0).abs() < 1e-9);
+}
+
+/// Without a waist it is Bouc-Wen; along a monotonic path with n = 1 in the pinched stretch dz/dx = h (1 - z)/d, by a fine Runge-Kutta.
+#[test]
+fn pinched_bouc_wen_is_bouc_wen_with_a_waist() {
+    let path: Vec<f64> = (1..600).map(|k| (0.05 * k as f64).sin()).collect();
+    let (plain, none) = (
+        along(law("bouc_wen"), &[1.0, 0.2, 2.0, 0.7], 1.0, &path),
+        along(law("pinched_bouc_wen"), &[1.0, 0.2, 0.0, 0.1, 0.2, 2.0, 0.7], 1.0, &path),
+    );
+    assert!(plain.iter().zip(&none).all(|(a, b)| (a - b).abs() < 2e-3));
+    let (zeta, q, w, d, end) = (0.8, 0.1, 0.2, 0.5, 0.9);
+    let rate = |z: f64| (1.0 - zeta * (-((z - q) / w).powi(2)).exp()) * (1.0 - z) / d;
+    let (mut exact, steps) = (0.0, 20_000);
+    let dx = end / steps as f64;
+    for _ in 0..steps {
+        let k1 = rate(exact);
+        let k2 = rate(exact + 0.5 * dx * k1);
+        let k3 = rate(exact + dx * (2.0 * k2 - k1));
+        exact += dx / 6.0 * (k1 + 4.0 * k2 + k3);
+    }
+    let path: Vec<f64> = (1..=60).map(|k| end * k as f64 / 60.0).collect();
+    let last = *along(law("pinched_bouc_wen"), &[1.0, d, zeta, q, w, 1.0, 0.5], 0.1, &path).last().unwrap();
+    assert!((last - exact).abs() < 1e-4, "{last} against {exact}");
+    // The waist: at the crossing of zero force the loop is softer than above it.
+    let slope = |z: f64| rate(z) * d / (1.0 - z);
+    assert!(slope(q) < 0.3 && slope(0.7) > 0.95);
+}
+
+#[test]
+fn fractional_zener_is_the_cole_cole_law_with_its_limits() {
+    for alpha in [0.2, 0.4, 0.6, 0.75] {
+        let p = [3.0, 0.1, alpha];
+        for k in -30..=30 {
+            let w = 10.0 * 10f64.powf(0.1 * k as f64);
+            let z = law("fractional_zener").stiffness(Complex64::new(0.0, w), &p).unwrap();
+            let u = Complex64::new(0.0, w * 0.1).powf(alpha);
+            let exact = u / (u + 1.0) * 3.0;
+            assert!((z - exact).norm() < 0.007 * 3.0, "order {alpha} at {w} rad/s: {z} against {exact}");
+        }
+    }
+}
+
+/// A drop of the body by a unit step of velocity: the hidden mass rings at its damped frequency, r = -exp(-zeta w t) sin(wd t)/wd.
+#[test]
+fn the_absorber_rings_as_a_mass_on_its_spring() {
+    let (f0, zeta, dt) = (2.0f64, 0.05f64, 1e-4f64);
+    let (w, wd) = (TAU * f0, TAU * f0 * (1.0 - zeta * zeta).sqrt());
+    let law = law("absorber");
+    // From rest with the velocity at hand from the start of the first step on.
+    let (mut s, mut gap) = (vec![0.0, 0.0, 1.0], 0.0f64);
+    for k in 1..=20_000 {
+        let t = k as f64 * dt;
+        let f = law.value(&Inputs { x: t, v: 1.0, a: 0.0, dx: dt }, dt, &mut s, &[3.0, f0, zeta]);
+        // y'' = -(w^2 r + 2 zeta w r').
+        let (decay, (sin, cos)) = ((-zeta * w * t).exp(), (wd * t).sin_cos());
+        let (r, dr) = (-decay * sin / wd, -decay * (cos - zeta * w / wd * sin));
+        gap = gap.max((f + 3.0 * (w * w * r + 2.0 * zeta * w * dr)).abs());
+    }
+    assert!(gap < 1e-3 * 3.0 * w, "{gap}");
+    // Slow motion feels its mass.
+    let z = law.stiffness(Complex64::new(0.0, 0.01), &[3.0, f0, zeta]).unwrap();
+    assert!((z + 3.0 * 1e-4).norm() < 1e-8, "{z}");
+}

@@ -14,6 +14,7 @@ fn sample(info: &Info) -> Vec<f64> {
         (_, _) if p.kind == Kind::Strength => 0.8,
         (_, "d") => 0.15,
         ("maxwell", "tau") => 0.7,
+        ("fractional_zener", "tau") => 0.05,
         ("structural_damping", "f_low") => 0.05,
         // A narrow band: the slowest branch (a twentieth of it) settles within the cycles that are marched, and few are so fast
         // against the step that their update is of first order only.
@@ -27,8 +28,14 @@ fn sample(info: &Info) -> Vec<f64> {
         ("bouc_wen", "sigma") => 0.7,
         ("power_damping", "n") => 1.5,
         ("iwan", "chi") => -0.3,
-        ("contact", "side") => 1.0,
-        ("contact", "n") => 1.5,
+        (_, "side") => 1.0,
+        ("contact" | "hunt_crossley", "n") => 1.5,
+        ("wedge_friction", "r") => 6.0,
+        ("pinched_bouc_wen", "n") => 2.0,
+        ("pinched_bouc_wen", "sigma") => 0.7,
+        ("pinched_bouc_wen", "q") => 0.1,
+        ("absorber", "f0") => 0.9,
+        ("absorber", "zeta") => 0.5,
         ("contact", "alpha") => 0.3,
         _ => 0.4,
     };
@@ -45,6 +52,17 @@ fn samples(info: &Info) -> Vec<Vec<f64>> {
     };
     let variants: Vec<Vec<f64>> = match info.name {
         "contact" => vec![with(&[("side", -1.0)]), with(&[("g", -0.4)]), with(&[("g", -0.4), ("side", -1.0), ("n", 1.0)])],
+        "hunt_crossley" => {
+            vec![with(&[("side", -1.0)]), with(&[("g", -0.4), ("chi", 2.0)]), with(&[("g", -0.4), ("side", -1.0), ("n", 1.0)])]
+        }
+        "preload" => vec![with(&[("f", -0.8)])],
+        "asymmetric_damping" => vec![with(&[("beta", -1.0)]), with(&[("beta", 1.0)])],
+        "digressive_damping" => vec![with(&[("v0", 0.05)])],
+        "wedge_friction" => {
+            vec![with(&[("side", -1.0), ("r", 0.5)]), with(&[("x0", -0.4)]), with(&[("x0", -0.4), ("side", -1.0), ("r", 2.0)])]
+        }
+        "pinched_bouc_wen" => vec![with(&[("n", 1.0), ("sigma", 0.5), ("zeta", 0.9), ("q", 0.3)])],
+        "fractional_zener" => vec![with(&[("alpha", 0.7)])],
         "bilinear_stiffness" => vec![with(&[("x0", -0.4)]), with(&[("k", -0.8)])],
         "quadratic_stiffness" => vec![with(&[("k2", -0.8)])],
         "power_damping" => vec![with(&[("n", 0.5)])],

@@ -53,6 +53,22 @@ impl March<'_> {
         done
     }
 
+    /// Backward formulas over unlike steps: see [`Element::uniform_history`](crate::model::Element::uniform_history).
+    pub(super) fn uniform_history(&self, state: &mut State, columns: usize) {
+        let before = std::mem::replace(&mut state.dt, self.dt);
+        if before == 0.0 || before == self.dt {
+            return;
+        }
+        for (link, element) in self.links.iter().zip(&self.bound.elements) {
+            let own = link.s0..link.s0 + element.n_states();
+            let fs = &mut state.fs[link.fs0..link.fs0 + element.n_follower_states()];
+            element.uniform_history(self.dt / before, 1, &mut state.s[own.clone()], fs);
+            if columns > 0 {
+                element.uniform_history(self.dt / before, columns, &mut state.ds[own.start * columns..own.end * columns], &mut []);
+            }
+        }
+    }
+
     /// From one part of the step to another.
     fn parts(&mut self, k: usize, (from, to): (f64, f64), state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
         self.dt = (to - from) * self.loads.dt;
@@ -88,5 +104,57 @@ mod tests {
         assert!(of(3501).goes_on(29) && !of(3501).goes_on(30));
         let mut effort = of(10);
         assert!(effort.goes_on(5) && effort.iterations == 11);
+    }
+
+    /// A ramp behind a compliance beside a damper: the opening grows at a constant rate, and the damper feels the rate that is left. A step
+    /// taken in halves, and the one after it, give the same force and the same slopes as whole steps.
+    #[test]
+    fn a_step_in_halves_leaves_the_rate_of_a_ramp_what_it_is() {
+        use crate::effect::find;
+        use crate::engine::march::Loads;
+        use crate::model::{Axis, Body, Bound, Connector, Instance, Model, ParamValue, Site, System};
+        let body = |name: &str, free: Vec<Axis>| Body { name: name.into(), mass: 0.0, inertia: 0.0, free };
+        let bodies = vec![body("ground", vec![]), body("end", vec![Axis::X])];
+        let model = Model::new(bodies, vec![Connector { name: "c1".into(), from: 0, to: 1 }]).unwrap();
+        let at = |name: &str, values: &[f64]| {
+            let effect = find(name).unwrap();
+            let params = effect.info().params.iter().zip(values).map(|(p, v)| ParamValue::free(*v, p.sign)).collect();
+            Instance::new(effect, "c1.x", Site::Places(vec![0]), params)
+        };
+        let (k, c, s, v, dt) = (50.0, 3.0, 0.02, 0.4, 0.05);
+        let instances =
+            vec![at("linear_stiffness", &[k]), at("viscous", &[c]), at("support_compliance", &[s]), at("film", &[0.3, 0.1, 0.02])];
+        let system = System { model, instances };
+        let bound = Bound::new(&system, &system.free(), "t", &Default::default()).unwrap();
+        let path = (0..=40).map(|k| [v * dt * f64::from(k), v, 0.0]).collect();
+        let loads = Loads { dt, prescribed: vec![(0, path)], forces: vec![] };
+        let run = |halved: bool| {
+            let mut march = March::new(&system.model, &bound, &loads, 1.0).unwrap();
+            let columns = bound.n_free;
+            let mut state = march.rest(columns);
+            let mut all = vec![];
+            for step in 1..=40 {
+                if halved && step == 38 {
+                    let mut force = vec![0.0; 1];
+                    march.parts(step, (0.0, 0.5), &mut state, columns, &mut force).unwrap();
+                    all.push(march.element_forces(columns));
+                    march.parts(step, (0.5, 1.0), &mut state, columns, &mut force).unwrap();
+                } else {
+                    march.step(step, &mut state, columns).unwrap();
+                }
+                all.push(march.element_forces(columns));
+            }
+            all
+        };
+        let (whole, halved) = (run(false), run(true));
+        let between = 0.5 * (whole[36].0[0] + whole[37].0[0]);
+        let size = whole[37].0[0];
+        assert!((halved[37].0[0] - between).abs() < 1e-4 * size, "{} {between}", halved[37].0[0]);
+        for (w, h) in [(37, 38), (38, 39), (39, 40)] {
+            assert!((halved[h].0[0] - whole[w].0[0]).abs() < 1e-4 * size, "{w}: {} {}", halved[h].0[0], whole[w].0[0]);
+            for (a, b) in halved[h].1.iter().zip(&whole[w].1) {
+                assert!((a - b).abs() < 1e-3 * whole[w].1.iter().fold(0.0f64, |m, x| m.max(x.abs())), "{w}: {a} {b}");
+            }
+        }
     }
 }

@@ -38,7 +38,8 @@ fn a_null_combination_is_named_and_gives_no_small_number() {
     let o = FitOptions::new(["k1", "k2", "k3", "k4"]);
     let found = fit(&problem, &[2e-3, 3e3, 1.0, 5.0], &o, &Monitor::default()).unwrap();
     assert!(found.termination.is_converged());
-    let u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
+    // What is seen, not whether it may be zero.
+    let u = uncertainty(&found, &o, &UncertaintyOptions::measured(vec![Measure::Position; 4])).unwrap();
     let identifiable: Vec<bool> = u.parameters.iter().map(|p| p.identifiable).collect();
     assert_eq!(identifiable, [false, false, true, false]);
     assert!(u.parameters[0].std.is_none() && u.parameters[1].std.is_none() && u.parameters[3].std.is_none());
@@ -60,7 +61,8 @@ fn a_loosely_known_parameter_says_what_it_is_mixed_up_with() {
     let found = fit(&linear(&rows, &[5.0, 5.01, 0.3, 40.0]), &[1.0; 4], &o, &Monitor::default()).unwrap();
     let u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
     let note = |k: usize| u.parameters[k].note.as_deref().unwrap_or_default();
-    assert!(u.parameters.iter().all(|p| p.identifiable), "{:?}", u.parameters);
+    let identifiable: Vec<bool> = u.parameters.iter().map(|p| p.identifiable).collect();
+    assert_eq!(identifiable, [false, false, false, true], "{:?}", u.parameters);
     assert!(note(0).contains("mixed up with k2 (correlation -1.000)") && note(1).contains("mixed up with k1"), "{} | {}", note(0), note(1));
     assert_eq!((note(2), note(3)), ("zero is in its interval", ""));
 }
@@ -123,8 +125,8 @@ fn a_rigid_stiffness_has_an_infinite_interval() {
 }
 
 #[test]
-fn an_absent_strength_is_identified_as_nothing() {
-    // y = a t + b t^2 with b = 0 within its noise: b is known, as small
+fn a_strength_that_may_be_absent_is_not_identified_and_a_position_at_zero_is() {
+    // y = a t + b t^2 with b = 0 within its noise: its deviation is known, and that it is there is not
     let t = |i: usize| 0.1 * i as f64;
     let rows = DMatrix::from_fn(50, 2, |i, c| [t(i), t(i).powi(2)][c] / 0.1);
     let b = DVector::from_fn(50, |i, _| 2.0 * t(i) / 0.1 + (9.0 * i as f64).sin());
@@ -134,7 +136,51 @@ fn an_absent_strength_is_identified_as_nothing() {
     let found = fit(&problem, &[1.0, 1.0], &o, &Monitor::default()).unwrap();
     let mut u = uncertainty(&found, &o, &UncertaintyOptions::default()).unwrap();
     u.probe(&problem, &found, &o).unwrap();
-    assert!(u.parameters[1].identifiable && u.parameters[1].std.is_some(), "{:?}", u.parameters[1]);
+    assert!(!u.parameters[1].identifiable && u.parameters[1].std.is_some(), "{:?}", u.parameters[1]);
+    let position = UncertaintyOptions::measured(vec![Measure::Strength, Measure::Position]);
+    let u = uncertainty(&found, &o, &position).unwrap();
+    assert!(u.parameters.iter().all(|p| p.identifiable && p.note.is_none()), "{:?}", u.parameters);
+    assert!(uncertainty(&found, &o, &UncertaintyOptions::measured(vec![Measure::Position])).is_err());
+}
+
+/// `y = ln(p)` seen with a given deviation of the logarithm: the judgement is the same in every unit of p.
+#[test]
+fn a_logarithm_is_judged_by_factors_in_every_unit() {
+    for unit in [1.0f64, 1e-3, 1e4] {
+        for (deviation, known) in [(0.06, true), (2.0, true), (6.0, false)] {
+            let problem = linear(&[&[1.0 / deviation]], &[(1.1 * unit).ln() / deviation]);
+            let o = FitOptions::new(["n"]);
+            let found = fit(&problem, &[unit.ln()], &o, &Monitor::default()).unwrap();
+            let u = uncertainty(&found, &o, &UncertaintyOptions::measured(vec![Measure::Logarithm])).unwrap();
+            let n = &u.parameters[0];
+            assert_eq!((n.identifiable, n.std.is_some()), (known, known), "{unit} {deviation}: {n:?}");
+            assert!(!known || n.note.is_none(), "{n:?}");
+        }
+    }
+}
+
+/// A relaxation time that is only known to be short, or only known to be long: the interval is open on that side, whatever the unit.
+#[test]
+fn a_logarithm_is_probed_to_both_sides() {
+    for (rising, unit) in [(true, 1.0f64), (true, 1e-6), (false, 1.0), (false, 1e-6)] {
+        // Saturates upwards or downwards, 4 sigma high.
+        let f = move |p: &[f64]| {
+            let u = (p[0] - unit.ln()) * if rising { 1.0 } else { -1.0 };
+            let level = 4.0 / (1.0 + (-u).exp());
+            let slope = level * (1.0 - level / 4.0) * if rising { 1.0 } else { -1.0 };
+            Ok((DVector::from_element(1, level - 3.0), DMatrix::from_element(1, 1, slope)))
+        };
+        let problem = With { n: 1, m: 1, f };
+        let o = FitOptions::new(["tau"]);
+        let found = fit(&problem, &[unit.ln()], &o, &Monitor::default()).unwrap();
+        let mut u = uncertainty(&found, &o, &UncertaintyOptions::measured(vec![Measure::Logarithm])).unwrap();
+        u.probe(&problem, &found, &o).unwrap();
+        let tau = &u.parameters[0];
+        let (near, open) = if rising { tau.interval } else { (tau.interval.1, tau.interval.0) };
+        assert!(!tau.identifiable && open.is_none() && near.is_some(), "{rising} {unit}: {tau:?}");
+        let far = tau.open_to.unwrap();
+        assert!((far > tau.value) == rising, "{tau:?}");
+    }
 }
 
 #[test]

@@ -28,9 +28,20 @@ control = "displacement"
 noise = "1 %"
 conditions = { i = { value = "0.3 mm", sigma = "0.01 mm" } }
 channels = [
- { role = "time", column = "t", unit = "s" },
- { role = "displacement", at = "c1.x", column = "x", unit = "mm", input = true },
- { role = "force", at = "c1.x", column = "F", unit = "N", sigma = "2 %" }]
+ { role = "time", column = "t", unit = "s", from = "0.1 s", to = "1.9 s" },
+ { role = "displacement", at = "c1.x", column = "x", unit = "mm", input = true, centre = true },
+ { role = "force", at = "c1.x", column = "F", unit = "N", sigma = "2 %", scale = -1.5, offset = "0.1 N" }]
+[[test]]
+id = "counted"
+kind = "cycle"
+file = "loop-5.csv"
+control = "displacement"
+cycles = "2-4"
+conditions = { i = "0.4 mm" }
+channels = [
+ { role = "time", rate = "500 Hz" },
+ { role = "displacement", at = "c1.x", column = "x", unit = "mm" },
+ { role = "force", at = "c1.x", column = "F", unit = "N" }]
 [[test]]
 id = "hammer"
 kind = "frf"
@@ -230,6 +241,7 @@ pub const OPTIONAL: &[&str] = &[
     "test.description",
     "test.noise",
     "test.discard_cycles",
+    "test.cycles",
     "test.excitation",
     "test.W_s_reading",
     "test.mean",
@@ -243,6 +255,11 @@ pub const OPTIONAL: &[&str] = &[
     "test.channels.sigma",
     "test.channels.sigma_column",
     "test.channels.input",
+    "test.channels.scale",
+    "test.channels.offset",
+    "test.channels.centre",
+    "test.channels.from",
+    "test.channels.to",
     "test.rows.case",
     "test.rows.frequency",
     "test.rows.W_D",
