@@ -1,6 +1,7 @@
 //! The calibrated set in the formats of other programs. One format per file, one list of all.
 
 mod adams;
+mod alone;
 mod csv;
 mod exudyn;
 mod json;
@@ -9,6 +10,8 @@ mod mechanism;
 mod parquet;
 #[cfg(test)]
 mod tests;
+
+pub use alone::stand_alone;
 
 use std::collections::BTreeMap;
 

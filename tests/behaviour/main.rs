@@ -7,6 +7,7 @@ mod distant;
 mod formula;
 mod hammer;
 mod hidden;
+mod hostile;
 mod house;
 mod missing;
 mod new;
