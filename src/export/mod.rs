@@ -163,6 +163,11 @@ impl Explain for ExportError {
     }
 }
 
+/// Text of the user in a comment of one line: no line end of any kind, no character that controls.
+fn clean(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') { ' ' } else { c }).collect()
+}
+
 #[cfg(test)]
 mod hash {
     #[test]

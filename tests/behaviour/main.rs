@@ -6,6 +6,7 @@ mod damage;
 mod distant;
 mod formula;
 mod hammer;
+mod handbook;
 mod hidden;
 mod hostile;
 mod house;

@@ -7,6 +7,8 @@
 //! `MISFIT_HOSTILE_KEEP=DIR` keeps the folders that failed, `MISFIT_HOSTILE_SEEDS=DIR` adds data files to begin with.
 
 mod formats;
+mod hands;
+mod kills;
 mod mutate;
 mod studies;
 
@@ -164,7 +166,10 @@ fn mutated_study(seeds: &[Seed], seed: u64, folder: &Path) -> Vec<Failed> {
         _ => change_numbers(text, &mut random),
     };
     std::fs::write(file, changed).unwrap();
-    let verbs = [run(folder, from.name, "check", &[], None), run(folder, from.name, "fit", &["--max-seconds", "3"], None)];
+    let time = ["--max-seconds", "3"];
+    let other = ["fit", "fit", "fit", "compare", "predict", "export", "diagnose"][random.below(7)];
+    let more = if other == "export" { vec!["--to", "json,csv,parquet,adams,exudyn,study"] } else { vec![] };
+    let verbs = [run(folder, from.name, "check", &time, None), run(folder, from.name, other, &[&time[..], &more].concat(), None)];
     verbs.into_iter().flatten().collect()
 }
 
