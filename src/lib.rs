@@ -4,6 +4,7 @@
 //! The modules stand in the order of the flow; a file imports only from modules above its own (`tests` checks it).
 
 pub mod explain;
+pub mod limits;
 pub mod units;
 pub mod parallel;
 pub mod data;

@@ -1,15 +1,56 @@
 //! Work spread over rayon's threads, results in order. One compiled loop serves them all: rayon's own adapters would be compiled anew for
 //! every closure. Unlike theirs, nothing is left out after an error: what can fail returns it with the rest.
 
-use std::sync::Mutex;
+use std::cell::RefCell;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 use rayon::prelude::*;
+
+/// When work under way is to be given up: a flag (Ctrl-C), a moment (`--max-seconds`). The default never ends.
+#[derive(Clone, Debug, Default)]
+pub struct Watch {
+    pub cancel: Option<Arc<AtomicBool>>,
+    pub deadline: Option<Instant>,
+}
+
+impl Watch {
+    pub fn ended(&self) -> bool {
+        self.cancel.as_ref().is_some_and(|c| c.load(Ordering::Relaxed)) || self.deadline.is_some_and(|d| Instant::now() >= d)
+    }
+}
+
+thread_local! {
+    static WATCH: RefCell<Watch> = RefCell::default();
+}
+
+/// Puts the earlier watch back, also when the work panics.
+struct Kept(Watch);
+
+impl Drop for Kept {
+    fn drop(&mut self) {
+        WATCH.with_borrow_mut(|w| std::mem::swap(w, &mut self.0));
+    }
+}
+
+/// `work` under a watch: what it does in this module, on whatever thread, sees [`given_up`] when the watch has ended.
+pub fn watched<T>(watch: &Watch, work: impl FnOnce() -> T) -> T {
+    let _kept = Kept(WATCH.with_borrow_mut(|w| std::mem::replace(w, watch.clone())));
+    work()
+}
+
+/// Whether the watch that this work stands under has ended. Long loops ask it at every step and return an error.
+pub fn given_up() -> bool {
+    WATCH.with_borrow(Watch::ended)
+}
 
 /// `work` at every index below `n`.
 pub fn over<T: Send>(n: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let cells: Vec<Mutex<Option<T>>> = (0..n).map(|_| Mutex::new(None)).collect();
+    let watch = WATCH.with_borrow(Watch::clone);
     each(n, &|k| {
-        let value = work(k);
+        let value = watched(&watch, || work(k));
         if let Ok(mut cell) = cells[k].lock() {
             *cell = Some(value);
         }
@@ -42,6 +83,16 @@ fn each(n: usize, work: &(dyn Fn(usize) + Sync)) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_watch_is_seen_on_every_thread_and_only_inside() {
+        let cancel = Arc::new(AtomicBool::new(false));
+        let watch = Watch { cancel: Some(cancel.clone()), deadline: None };
+        assert_eq!(watched(&watch, || over(50, |_| given_up())), vec![false; 50]);
+        cancel.store(true, Ordering::Relaxed);
+        assert_eq!(watched(&watch, || over(50, |_| over(2, |_| given_up())[1])), vec![true; 50]);
+        assert!(!given_up() && Watch { cancel: None, deadline: Some(Instant::now()) }.ended());
+    }
 
     #[test]
     fn results_come_in_the_order_of_the_items() {

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use crate::parallel;
 use serde_json::{Value, json};
 
-use crate::data::Dataset;
 use crate::data::toml_strict::{TomlError, TomlFile, TomlProblem};
+use crate::data::{Dataset, frf_doubts};
 use crate::diagnose::results::SplitName;
 use crate::diagnose::{Case, approached};
 use crate::identify::{GateReport, gate};
@@ -38,6 +38,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
                 match plan {
                     Ok(plan) => notes.extend(plan.notes.iter().map(|n| format!("{}: {n}", plan.id))),
                     Err(e) => problems.push(e.into()),
+                }
+            }
+            for doubt in frf_doubts(&study.dataset.tests) {
+                match doubt.refused {
+                    true => {
+                        let place = format!("{}, test {}", study.dataset.file.display(), doubt.test);
+                        problems.push(Failure::new("data", place, format!("test `{}`: {}", doubt.test, doubt.claim), doubt.accepted));
+                    }
+                    false => notes.push(format!("{}: {}; accepted: {}", doubt.test, doubt.claim, doubt.accepted)),
                 }
             }
             if problems.is_empty() {
@@ -120,7 +129,7 @@ fn told(problems: &[Failure], report: Option<&GateReport>, study: &Path) -> Stri
 fn all_of(first: StudyError, args: &Args) -> Vec<Failure> {
     let data = args.common.data.as_deref();
     let file = if args.common.study.is_dir() { args.common.study.join("study.toml") } else { args.common.study.clone() };
-    let Ok(text) = std::fs::read_to_string(&file) else { return vec![first.into()] };
+    let Ok(text) = crate::limits::text(&file) else { return vec![first.into()] };
     let (mut problems, dataset) = match dataset_of(&file, &text) {
         Some((path, folder)) => tests(&path, data.or(folder.as_deref())),
         None => (vec![], None),
@@ -149,7 +158,7 @@ fn dataset_of(file: &Path, text: &str) -> Option<(PathBuf, Option<PathBuf>)> {
 fn tests(path: &Path, data: Option<&Path>) -> (Vec<(String, Failure)>, Option<Dataset>) {
     let whole = || Dataset::load(path, data);
     let one = |e: Failure| (vec![(String::new(), e)], None);
-    let Ok(text) = std::fs::read_to_string(path) else { return whole().map_or_else(|e| one(e.into()), |d| (vec![], Some(d))) };
+    let Ok(text) = crate::limits::text(path) else { return whole().map_or_else(|e| one(e.into()), |d| (vec![], Some(d))) };
     let error = match whole() {
         Ok(dataset) => return (vec![], Some(dataset)),
         Err(e) => Failure::from(e),

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use crate::data::Test;
 use crate::diagnose;
-use crate::export::{CalibratedSet, EXPORTERS, Exporter, Source};
+use crate::export::{CalibratedSet, EXPORTERS, Exporter, Source, stand_alone};
 use crate::identify::uncertainty;
 use crate::model::Level;
 use crate::study::Study;
@@ -23,6 +23,8 @@ enum Format {
     Parquet,
     Adams,
     Exudyn,
+    /// A folder with study and data that stands alone
+    Study,
 }
 
 impl Format {
@@ -33,6 +35,7 @@ impl Format {
             Format::Parquet => "parquet",
             Format::Adams => "adams",
             Format::Exudyn => "exudyn",
+            Format::Study => return None,
         };
         EXPORTERS.iter().copied().find(|e| e.name() == name)
     }
@@ -80,7 +83,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
     session.progress.end();
     let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
-    let source = std::fs::read(&study.file)
+    let source = crate::limits::bytes(&study.file, crate::limits::CONFIG_BYTES)
         .map_err(|e| Failure::new("study", study.file.display().to_string(), e.to_string(), "a study.toml that can be read"))?;
     let set = CalibratedSet::new(&source, &result, &fitted, &spread.covariance);
     let folder = session.folder(&study, "export")?;
@@ -96,6 +99,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             eprintln!("{}: {note}", exporter.name());
             notes.push(format!("{}: {note}", exporter.name()));
         }
+    }
+    if args.to.iter().any(|f| matches!(f, Format::Study)) {
+        let written = stand_alone(&study, &fitted.system, &folder.path.join("study"))?;
+        files.extend(written.iter().map(|f| f.display().to_string()));
     }
     let value = fit::json(&json!({ "files": files, "notes": notes, "test": test }), &folder)?;
     folder.result(&value)?;

@@ -105,7 +105,7 @@ pub(super) fn fitted(
 /// Copies the checkpoint of an earlier run, so that its folder stays as it was.
 fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
     let file = if old.is_file() { old.to_path_buf() } else { RunFolder { path: old.to_path_buf() }.checkpoint() };
-    let bytes = std::fs::read(&file).map_err(|e| {
+    let bytes = crate::limits::bytes(&file, crate::limits::CONFIG_BYTES).map_err(|e| {
         let accepted = "the folder of a `fit` or `predict`, which keeps checkpoint.json";
         Failure::new("identify", file.display().to_string(), format!("no best state to go on from: {e}"), accepted)
     })?;
@@ -113,7 +113,7 @@ fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
     for name in scatter::KEPT {
         let kept = old.join(name);
         if kept.is_file() {
-            let bytes = std::fs::read(&kept)
+            let bytes = crate::limits::bytes(&kept, crate::limits::DATA_BYTES)
                 .map_err(|e| Failure::new("identify", kept.display().to_string(), e.to_string(), "a file that can be read"))?;
             folder.write(name, &bytes)?;
         }

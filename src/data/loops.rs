@@ -25,6 +25,8 @@ pub use settling::Unsettled;
 const MAX_POINTS: usize = 400;
 /// Points per cycle at least: fewer do not show a loop.
 const MIN_POINTS: usize = 8;
+/// Samples per cycle at least, for cycles to be counted at all (Nyquist).
+const MIN_CYCLE_SAMPLES: f64 = 2.0;
 /// Declared and measured drive frequency may differ by this much.
 const FREQUENCY_TOLERANCE: f64 = 0.02;
 /// Cycles at the beginning and the end of a record whose amplitude is below this part of the greatest are its run-up and its run-down.
@@ -204,6 +206,13 @@ fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<G
     };
     // A rough frequency serves to count cycles; the fit that is used sees neither the discarded cycles nor a run-down.
     let rough = record.frequency.map_or_else(|| fitted(0, samples), Ok)?;
+    // What follows counts cycles: their number is bounded by that of the samples.
+    if rough * dt > 1.0 / MIN_CYCLE_SAMPLES {
+        return Err(match record.frequency {
+            Some(declared) => LoopError::Frequency { channel: label.clone(), declared, measured: fitted(0, samples)? },
+            None => LoopError::Coarse { samples: 1.0 / (rough * dt) },
+        });
+    }
     let from = time.partition_point(|t| *t < time[0] + f64::from(record.discard_cycles) / rough - 0.5 * dt);
     let seconds = time.get(from).map_or(0.0, |t| time[samples - 1] - t + dt);
     let few = |cycles| LoopError::Cycles { cycles, discarded: record.discard_cycles, seconds, frequency: rough };

@@ -211,9 +211,13 @@ impl Case {
 pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case, Fitted, FitResult), DiagnoseError> {
     let started = std::time::Instant::now();
     let mut case = case.clone();
+    let began = case.system.clone();
     let nearer = approached(&case, monitor)?;
     let mut fitted = case.fit_system(nearer.as_ref().unwrap_or(&case.system), case.plans_of(SplitName::Fit), monitor)?;
-    if let Some(finer) = case.refined(&fitted.system) {
+    // Finer steps take the longest evaluations of all: none where it is time to stop.
+    if !monitor.stops()
+        && let Some(finer) = case.refined(&fitted.system)
+    {
         case = finer;
         // Finer steps move the best of several starts a little; they open no other valley.
         let single = Case { starts: 1, ..case.clone() };
@@ -239,9 +243,12 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         );
     }
     notes.extend(case.notes());
+    let away = ran_away(&fitted, &began);
+    let termination = if away.is_empty() { fitted.outcome.termination.name() } else { "failed" };
+    notes.splice(0..0, away);
     let result = FitResult {
         study: case.name.clone(),
-        termination: fitted.outcome.termination.name().into(),
+        termination: termination.into(),
         cost: fitted.outcome.cost,
         n_residuals: fitted.outcome.n_residuals,
         n_free: fitted.free.len(),
@@ -254,6 +261,29 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         notes,
     };
     Ok((case.clone(), fitted, result))
+}
+
+/// A parameter this many times its start is no value of the field any more: the data do not hold it, or they contradict the model.
+const RAN_AWAY: f64 = 1e9;
+
+/// Free parameters that have run away from where they began, each with what may be done.
+fn ran_away(fitted: &Fitted, began: &System) -> Vec<String> {
+    let value = |system: &System, f: &FreeParam| system.instances[f.instance].params[f.param].value;
+    let one = |f: &FreeParam| {
+        let (from, to) = (value(began, f), value(&fitted.system, f));
+        let (symbol, factor) = &fitted.system.instances[f.instance].params[f.param].unit;
+        let far = from != 0.0 && to.abs() > RAN_AWAY * from.abs();
+        far.then(|| {
+            format!(
+                "`{}` ran away: from {} to {} {symbol}; the fitted tests do not hold it, or contradict the model (signs, units, places: \
+                 `misfit check`); a `max` in study.toml keeps it",
+                f.name,
+                digits(from / factor, 3),
+                digits(to / factor, 3)
+            )
+        })
+    };
+    fitted.free.iter().filter_map(one).collect()
 }
 
 /// The effects of a system with their places.

@@ -82,7 +82,7 @@ pub fn projected(
     let mut augmented = system.clone();
     augmented.instances.extend(trials.iter().map(|t| t.instance.clone()));
     let own = system.free().len();
-    let failed = |e: crate::identify::EvalError| crate::identify::IdentifyError::StartFails { reason: e.reason };
+    let failed = crate::identify::IdentifyError::StartFails;
     let at = |plans: Vec<&Plan>, system: System| {
         let problem = Problem::new(plans, system);
         let p = problem.variables();
@@ -113,8 +113,8 @@ pub fn projected(
         extended[r.len() + k] = (p[*index] - mean) / sigma;
     }
     if base.iter().chain(extended.iter()).any(|v| !v.is_finite()) {
-        let reason = "a derivative of the response with respect to the model's own parameters is not finite".into();
-        return Err(crate::identify::IdentifyError::StartFails { reason }.into());
+        let reason = "a derivative of the response with respect to the model's own parameters is not finite";
+        return Err(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)).into());
     }
     let kept: Vec<usize> = (0..own).filter(|k| !at_bound[*k]).collect();
     let (q, back) = decomposed(&base.select_columns(&kept));

@@ -79,7 +79,7 @@ pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str)
     let best = best_per_candidate(&scores.list, &trials);
     let p_value = least(&scores.list);
     let visible = visible(&scores.list, &names, &trials);
-    let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails { reason });
+    let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)));
     let before = proof(case, base.clone()).map_err(failed)?;
     let left = rms(&[before.fit.as_slice(), &before.select].concat());
     let listed = Listed { names: &names, trials: &trials, before: &before, selected: &scores.selected };

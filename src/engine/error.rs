@@ -48,6 +48,9 @@ pub enum EngineError {
         /// Cycles marched.
         cycles: usize,
     },
+    /// Ctrl-C, or the time allowed was used up, while it was computed.
+    #[error("the computation was given up: the fit was stopped")]
+    GivenUp,
     /// A request that has no meaning.
     #[error("{what} is {value}")]
     Request {
@@ -91,6 +94,7 @@ impl Explain for EngineError {
             EngineError::NoEquilibrium { step, .. } | EngineError::NotFinite { step } => format!("step {step}"),
             EngineError::Unstable { step, dof, .. } => format!("step {step}, {dof}"),
             EngineError::NotPeriodic { .. } => "cycle".into(),
+            EngineError::GivenUp => "time".into(),
             EngineError::Request { what, .. } => (*what).into(),
             EngineError::NoHarmonicBalance { frequency, .. } | EngineError::NoMode { frequency, .. } => format!("{frequency} Hz"),
         }
@@ -112,6 +116,7 @@ impl Explain for EngineError {
             }
             EngineError::NoMode { .. } => "laws whose stiffness varies slowly with frequency around the mode, or a narrower band".into(),
             EngineError::NotPeriodic { .. } => "a stable structure with damping".into(),
+            EngineError::GivenUp => "more time (--max-seconds)".into(),
         }
     }
 }

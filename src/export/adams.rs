@@ -15,7 +15,7 @@ use crate::model::space::rotation::{M3, V3};
 
 use super::law;
 use super::mechanism::{Joint, Law, Load, Mechanism, Part};
-use super::{ExportError, Exported, Exporter, Source};
+use super::{ExportError, Exported, Exporter, Source, clean};
 
 pub(super) struct Adams;
 
@@ -141,11 +141,11 @@ impl File {
     fn whole(&mut self, m: &Mechanism, of: &Source) {
         let model = ".misfit";
         let header = HEADER
-            .replace("@STUDY@", &of.set.study.replace('\n', " "))
+            .replace("@STUDY@", &clean(&of.set.study))
             .replace("@HASH@", &of.set.study_hash)
             .replace("@FIT@", &of.set.termination)
             .replace("@TEST@", of.test)
-            .replace("@CONDITIONS@", if of.described.is_empty() { "none stated" } else { of.described });
+            .replace("@CONDITIONS@", &if of.described.is_empty() { "none stated".into() } else { clean(of.described) });
         // What is left out is known at the end and stands at the top.
         const LEFT_OUT: &str = "@LEFT_OUT@\n";
         self.text += &header;

@@ -168,7 +168,7 @@ fn script(m: &Mechanism, of: &Source) -> (String, Vec<String>) {
 }
 
 fn head(of: &Source, notes: &[String]) -> String {
-    let clean = |s: &str| s.replace('\\', "/").replace("\"\"\"", "'''").replace('\n', " ");
+    let clean = |s: &str| super::clean(&s.replace('\\', "/").replace("\"\"\"", "'''"));
     let left_out = if notes.is_empty() {
         "Everything the model holds is in this script.\n".to_string()
     } else {

@@ -1,6 +1,7 @@
 //! The calibrated set in the formats of other programs. One format per file, one list of all.
 
 mod adams;
+mod alone;
 mod csv;
 mod exudyn;
 mod json;
@@ -9,6 +10,8 @@ mod mechanism;
 mod parquet;
 #[cfg(test)]
 mod tests;
+
+pub use alone::stand_alone;
 
 use std::collections::BTreeMap;
 
@@ -158,6 +161,11 @@ impl Explain for ExportError {
     fn accepted(&self) -> String {
         "a calibrated set that the format can hold; json holds every set".into()
     }
+}
+
+/// Text of the user in a comment of one line: no line end of any kind, no character that controls.
+fn clean(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') { ' ' } else { c }).collect()
 }
 
 #[cfg(test)]

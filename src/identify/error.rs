@@ -10,11 +10,20 @@ use std::path::PathBuf;
 #[error("{reason}")]
 pub struct EvalError {
     pub reason: String,
+    /// test, parameter or residual it is about; empty where it is not known
+    pub place: String,
+    /// what would be accepted; empty where there is no more to say than "a start that can be computed"
+    pub accepted: String,
 }
 
 impl EvalError {
     pub fn new(reason: impl Into<String>) -> Self {
-        Self { reason: reason.into() }
+        Self { reason: reason.into(), place: String::new(), accepted: String::new() }
+    }
+
+    /// With the place, and what would be accepted there.
+    pub fn at(place: impl Into<String>, reason: impl Into<String>, accepted: impl Into<String>) -> Self {
+        Self { reason: reason.into(), place: place.into(), accepted: accepted.into() }
     }
 }
 
@@ -35,8 +44,8 @@ pub enum IdentifyError {
     OrderCycle { names: Vec<String> },
     #[error("no point satisfies all constraints; in conflict: {}", .constraints.join("; "))]
     Infeasible { constraints: Vec<String> },
-    #[error("the model cannot be evaluated at the start: {reason}")]
-    StartFails { reason: String },
+    #[error("the model cannot be evaluated at the start: {0}")]
+    StartFails(EvalError),
     #[error("checkpoint {}: {reason}", .path.display())]
     Checkpoint { path: PathBuf, reason: String },
     #[error("option {option}: {value} cannot be used")]
@@ -61,7 +70,10 @@ impl Explain for IdentifyError {
             Self::Checkpoint { path, .. } => path.display().to_string(),
             Self::Option { option, .. } => (*option).to_string(),
             Self::Dimension { what, .. } => what.clone(),
-            Self::StartFails { .. } | Self::AllStartsFailed { .. } | Self::Numerical { .. } => String::new(),
+            Self::StartFails(why) if !why.place.is_empty() => why.place.clone(),
+            Self::StartFails(_) => "the starting values".into(),
+            Self::AllStartsFailed { .. } => "fit.starts".into(),
+            Self::Numerical { while_doing } => format!("the fit, {while_doing}"),
         }
     }
 
@@ -77,7 +89,8 @@ impl Explain for IdentifyError {
             Self::StartViolates { constraint, .. } => format!("a start with {constraint}"),
             Self::OrderCycle { .. } => "an order without a circle; parameters meant to be equal are one shared parameter".into(),
             Self::Infeasible { .. } => "bounds and orders that at least one point satisfies; relax one of those named".into(),
-            Self::StartFails { .. } => "a start at which every test of the model can be computed and is finite".into(),
+            Self::StartFails(why) if !why.accepted.is_empty() => format!("other starting values, or {}", why.accepted),
+            Self::StartFails(_) => "a start at which every test of the model can be computed and is finite".into(),
             Self::Checkpoint { .. } => "a checkpoint written by the same problem (same parameters, same number of residuals)".into(),
             Self::Option { accepted, .. } => (*accepted).to_string(),
             Self::AllStartsFailed { .. } => "at least one start at which the model can be computed".into(),

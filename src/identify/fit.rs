@@ -6,8 +6,10 @@ use super::lm::{ConstrainedLm, LmState};
 use super::monitor::{Checkpoint, Monitor};
 use super::problem::{Augmented, LeastSquares, LossBlock, Losses, Prior};
 use super::{EvalError, IdentifyError};
+use crate::parallel::{self, Watch};
 use argmin::core::{Error, Executor, Jacobian, Operator, State};
 use nalgebra::{DMatrix, DVector};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// The statement of a fit beside the problem itself.
@@ -56,6 +58,14 @@ impl FitOptions {
             }
             if !(prior.sigma.is_finite() && prior.sigma > 0.0) {
                 return Err(IdentifyError::NotFinite { what: "prior sigma", name: name.clone(), value: prior.sigma });
+            }
+            // 1 / sigma stands in the sensitivities, and its square in the normal equations.
+            if !(prior.mean / prior.sigma).powi(2).is_finite() || !prior.sigma.powi(2).recip().is_finite() {
+                return Err(IdentifyError::NotFinite {
+                    what: "square of the prior mean over its sigma, or of 1 / sigma,",
+                    name: name.clone(),
+                    value: f64::INFINITY,
+                });
             }
         }
         let t = &self.tolerances;
@@ -123,14 +133,26 @@ pub(crate) struct Gait {
     pub(crate) last_drop: f64,
 }
 
-/// argmin's view of the problem.
-struct Evaluated<'a, P: LeastSquares + ?Sized>(Augmented<'a, P>);
+/// argmin's view of the problem. The first evaluation is always finished: it is the state that is kept where the fit is stopped at once.
+/// Later ones are trials, and are given up when the fit is stopped.
+struct Evaluated<'a, P: LeastSquares + ?Sized> {
+    problem: Augmented<'a, P>,
+    watch: Watch,
+    begun: AtomicBool,
+}
+
+impl<P: LeastSquares + ?Sized> Evaluated<'_, P> {
+    fn watched<T>(&self, evaluate: impl FnOnce(&Augmented<'_, P>) -> T) -> T {
+        let watch = if self.begun.swap(true, Ordering::Relaxed) { self.watch.clone() } else { Watch::default() };
+        parallel::watched(&watch, || evaluate(&self.problem))
+    }
+}
 
 impl<P: LeastSquares + ?Sized> Operator for Evaluated<'_, P> {
     type Param = DVector<f64>;
     type Output = DVector<f64>;
     fn apply(&self, p: &Self::Param) -> Result<Self::Output, Error> {
-        Ok(self.0.residuals(p.as_slice())?)
+        Ok(self.watched(|o| o.residuals(p.as_slice()))?)
     }
 }
 
@@ -138,7 +160,7 @@ impl<P: LeastSquares + ?Sized> Jacobian for Evaluated<'_, P> {
     type Param = DVector<f64>;
     type Jacobian = (DVector<f64>, DMatrix<f64>);
     fn jacobian(&self, p: &Self::Param) -> Result<Self::Jacobian, Error> {
-        Ok(self.0.jacobian(p.as_slice())?)
+        Ok(self.watched(|o| o.jacobian(p.as_slice()))?)
     }
 }
 
@@ -211,11 +233,13 @@ fn run<P: LeastSquares + ?Sized>(
     let first_iteration = solver.first_iteration;
     let limit = options.tolerances.max_iterations.saturating_sub(first_iteration);
 
+    // A fit that goes on has its first evaluation behind it.
+    let evaluated = Evaluated { problem: augmented, watch: solver.monitor.watch(), begun: AtomicBool::new(solver.known.is_some()) };
     let configure = |state: LmState| state.param(DVector::from_vec(p)).max_iters(limit).counting(true);
-    let result = Executor::new(Evaluated(augmented), solver).configure(configure).timer(false).run();
+    let result = Executor::new(evaluated, solver).configure(configure).timer(false).run();
     let mut result = result.map_err(|why| match why.downcast_ref::<EvalError>() {
-        Some(eval) => IdentifyError::StartFails { reason: eval.reason.clone() },
-        None => IdentifyError::StartFails { reason: why.to_string() },
+        Some(eval) => IdentifyError::StartFails(eval.clone()),
+        None => IdentifyError::StartFails(EvalError::new(why.to_string())),
     })?;
     let count = |name: &str| result.problem.counts.get(name).copied().unwrap_or(0);
     let evaluations = (count("residual_count"), count("jacobian_count"));

@@ -59,7 +59,7 @@ pub fn gate<P: LeastSquares + ?Sized>(
     let plain = Augmented { problem, priors: &[] };
     let full = Augmented { problem, priors: &options.priors };
     let losses = Losses::new(&options.losses, problem.n_residuals())?;
-    let r = plain.residuals(p).map_err(|why| IdentifyError::StartFails { reason: why.reason })?;
+    let r = plain.residuals(p).map_err(IdentifyError::StartFails)?;
     let cost_at = |p: &[f64]| full.residuals(p).ok().map(|r| losses.cost(&r));
     let start_cost = cost_at(p).ok_or(IdentifyError::Numerical { while_doing: "evaluating the start" })?;
     // rounding of residuals of this size, with room for models that solve to a tolerance

@@ -311,6 +311,9 @@ impl<'a> ConstrainedLm<'a> {
             self.growth = 2.0;
             return Trial::Accepted { point: Point { p, r, j, cost }, relative_step, ratio };
         }
+        if self.monitor.stop().is_some() {
+            return Trial::Ended(Termination::Interrupted);
+        }
         if let Some(why) = failure.filter(|_| !evaluated) {
             return Trial::Ended(Termination::Failed(why));
         }

@@ -1,6 +1,7 @@
 //! Watching, stopping and resuming a fit.
 
 use super::IdentifyError;
+use crate::parallel::Watch;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -104,6 +105,11 @@ impl<'a> Monitor<'a> {
         Monitor { cancel: self.cancel.clone(), deadline: self.deadline, on_iteration: None, checkpoint: None }
     }
 
+    /// Flag and deadline, for evaluations that may be given up.
+    pub(crate) fn watch(&self) -> Watch {
+        Watch { cancel: self.cancel.clone(), deadline: self.deadline }
+    }
+
     /// Whether it is time to stop.
     pub fn stops(&self) -> bool {
         self.stop().is_some()
@@ -159,7 +165,7 @@ impl Checkpoint {
     /// Reads a checkpoint and checks that it belongs to this problem.
     pub fn load(path: &Path, names: &[String], n_residuals: usize) -> Result<Self, IdentifyError> {
         let failed = |reason: String| IdentifyError::Checkpoint { path: path.to_path_buf(), reason };
-        let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
+        let text = crate::limits::text(path).map_err(|e| failed(e.to_string()))?;
         let found: Self = serde_json::from_str(&text).map_err(|e| failed(e.to_string()))?;
         if found.schema != 1 {
             return Err(failed(format!("schema {} is unknown", found.schema)));

@@ -99,8 +99,7 @@ impl<P: LeastSquares + ?Sized> Augmented<'_, P> {
     pub fn residuals(&self, p: &[f64]) -> Result<DVector<f64>, EvalError> {
         let r = self.problem.residuals(p)?;
         let r = self.with_priors(r, p)?;
-        finite(&r).then_some(()).ok_or_else(|| EvalError::new(not_finite(&r)))?;
-        Ok(r)
+        if finite(&r) { Ok(r) } else { Err(EvalError::new(not_finite(&r))) }
     }
 
     pub fn jacobian(&self, p: &[f64]) -> Result<(DVector<f64>, DMatrix<f64>), EvalError> {

@@ -73,7 +73,7 @@ impl<P: LeastSquares + ?Sized> Walk<'_, P> {
             // where the model fails, the interval certainly ends before: halve the way to it
             let (z, p) = match self.z(v, &warm) {
                 Ok(found) => found,
-                Err(IdentifyError::StartFails { .. }) => (f64::INFINITY, warm.clone()),
+                Err(IdentifyError::StartFails(_)) => (f64::INFINITY, warm.clone()),
                 Err(why) => return Err(why),
             };
             if z >= level {
@@ -99,7 +99,7 @@ impl<P: LeastSquares + ?Sized> Walk<'_, P> {
             }
             let (z, p) = match self.z(v, &warm) {
                 Ok(found) => found,
-                Err(IdentifyError::StartFails { .. }) => (f64::INFINITY, warm.clone()),
+                Err(IdentifyError::StartFails(_)) => (f64::INFINITY, warm.clone()),
                 Err(why) => return Err(why),
             };
             if (z - level).abs() <= 1e-4 * level {

@@ -1,6 +1,6 @@
 //! Bodies, connectors, degrees of freedom and places.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::ModelError;
 use super::space::Space;
@@ -163,7 +163,8 @@ impl Model {
         let declared = connectors.len();
         let mut connectors = connectors;
         if let Some(ground) = bodies.iter().position(|b| b.free.is_empty()) {
-            let bodies = bodies.iter().enumerate().filter(|(_, b)| !b.free.is_empty() && connectors.iter().all(|c| c.name != b.name));
+            let taken: HashSet<&str> = connectors.iter().map(|c| c.name.as_str()).collect();
+            let bodies = bodies.iter().enumerate().filter(|(_, b)| !b.free.is_empty() && !taken.contains(b.name.as_str()));
             let held: Vec<Connector> = bodies.map(|(to, b)| Connector { name: b.name.clone(), from: ground, to }).collect();
             connectors.extend(held);
         }
@@ -186,8 +187,12 @@ impl Model {
             return Err(ModelError::invalid("body", "no body has a free axis: nothing can move", "at least one body with free = [\"x\"]"));
         }
         let model = Model { bodies, connectors, declared, dofs, places, space: None, loads: vec![], absent: vec![], attached: vec![] };
+        let mut reached = vec![false; model.dofs.len()];
+        for place in model.places.iter().filter(|p| p.connector < declared) {
+            place.from.iter().chain(&place.to).for_each(|d| reached[*d] = true);
+        }
         for (d, dof) in model.dofs.iter().enumerate() {
-            if !model.places.iter().any(|p| p.connector < declared && (p.from == Some(d) || p.to == Some(d))) {
+            if !reached[d] {
                 let name = model.dof_name(d);
                 return Err(ModelError::invalid(
                     &name,
@@ -227,13 +232,15 @@ impl Model {
 
     /// The degree of freedom of this name (`m3.x`), if it is one.
     pub fn dof(&self, name: &str) -> Option<usize> {
-        (0..self.dofs.len()).find(|&d| self.dof_name(d) == name)
+        let (body, axis) = split(name)?;
+        (0..self.dofs.len()).find(|&d| self.dofs[d].axis == axis && self.bodies[self.dofs[d].body].name == body)
     }
 
     /// The places an `at` names: `c1.x`, or a range `c1-7.x`, whose connectors all exist.
     pub fn places_at(&self, at: &str) -> Result<Vec<usize>, ModelError> {
         let known = || (0..self.places.len()).map(|p| self.place_name(p));
-        let place = |name: &str| known().position(|k| k == name).ok_or_else(|| ModelError::no_such("place", name, known()));
+        let unknown = |name: &str| ModelError::no_such("place", name, known());
+        let place = |name: &str| self.place(name).ok_or_else(|| unknown(name));
         let (connector, axis) = at.rsplit_once('.').ok_or_else(|| {
             ModelError::invalid(
                 at,
@@ -256,8 +263,31 @@ impl Model {
         if last - first >= self.connectors.len() {
             return Err(ModelError::no_such("place", &format!("{stem}{last}.{axis}"), known()));
         }
-        (first..=last).map(|n| place(&format!("{stem}{n}.{axis}"))).collect()
+        // One pass over connectors and places for the whole range.
+        let numbered: HashMap<&str, usize> =
+            self.connectors.iter().enumerate().filter(|(_, c)| c.name.starts_with(stem)).map(|(k, c)| (c.name.as_str(), k)).collect();
+        let along = Axis::parse(axis)?;
+        let there: HashMap<usize, usize> =
+            self.places.iter().enumerate().filter(|(_, p)| p.axis == along).map(|(k, p)| (p.connector, k)).collect();
+        let one = |n: usize| {
+            let name = format!("{stem}{n}");
+            let found = numbered.get(name.as_str()).and_then(|c| there.get(c)).copied();
+            found.ok_or_else(|| unknown(&format!("{name}.{axis}")))
+        };
+        (first..=last).map(one).collect()
     }
+
+    /// The place of this name (`c1.x`), if it is one.
+    pub fn place(&self, name: &str) -> Option<usize> {
+        let (connector, axis) = split(name)?;
+        self.places.iter().position(|p| p.axis == axis && self.connectors[p.connector].name == connector)
+    }
+}
+
+/// `c1.x` as name and axis.
+fn split(name: &str) -> Option<(&str, Axis)> {
+    let (name, axis) = name.rsplit_once('.')?;
+    Some((name, Axis::ALL.into_iter().find(|a| a.name() == axis)?))
 }
 
 /// `c1-7` as (`c`, 1, 7).

@@ -26,6 +26,7 @@ mod modes_tests;
 #[cfg(test)]
 mod tests;
 
+use std::io::Write;
 use std::path::Path;
 
 use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
@@ -80,8 +81,14 @@ pub fn html_with(input: &ReportInput, tolerance: Option<&Outcome>, sweeps: &[Swe
     Ok(page.finish())
 }
 
-/// Writes the page to `file`.
+/// Writes the page to `file`, whole or not at all.
 pub fn write(input: &ReportInput, file: &Path) -> Result<(), ReportError> {
     let text = html(input)?;
-    std::fs::write(file, text).map_err(|source| ReportError::Write { file: file.to_path_buf(), source })
+    let whole = || -> std::io::Result<()> {
+        let folder = file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut temporary = tempfile::NamedTempFile::new_in(folder)?;
+        temporary.write_all(text.as_bytes())?;
+        temporary.persist(file).map(|_| ()).map_err(|e| e.error)
+    };
+    whole().map_err(|source| ReportError::Write { file: file.to_path_buf(), source })
 }

@@ -37,7 +37,7 @@ impl<'a, 'p> Approach<'a, 'p> {
     }
 
     fn filled(&self, p: &[f64], mut slopes: Option<&mut DMatrix<f64>>) -> Result<DVector<f64>, EvalError> {
-        let computed = self.problem.compute(p, slopes.is_some()).map_err(|e| EvalError::new(e.to_string()))?;
+        let computed = self.problem.compute(p, slopes.is_some()).map_err(|e| super::failed(&e))?;
         let n = self.problem.free.len();
         let mut r = DVector::zeros(self.rows);
         let mut row = 0;

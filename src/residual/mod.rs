@@ -6,6 +6,7 @@
 
 mod approach;
 
+use crate::explain::Explain;
 use crate::parallel;
 use nalgebra::{DMatrix, DVector};
 
@@ -57,15 +58,25 @@ impl<'a> Problem<'a> {
         parallel::map(&self.plans, |plan| plan.evaluate(&system, &self.free, sensitivities)).into_iter().collect()
     }
 
-    fn whitened(&self, computed: &[Computed]) -> DVector<f64> {
+    fn whitened(&self, computed: &[Computed]) -> Result<DVector<f64>, EvalError> {
         let mut r = DVector::zeros(self.n_residuals());
         let mut row = 0;
         for (plan, c) in self.plans.iter().zip(computed) {
-            r.rows_mut(row, plan.len()).copy_from(&plan.whitened(&c.values));
+            let of_test = plan.whitened(&c.values);
+            if !of_test.norm_squared().is_finite() {
+                let reason = format!("test `{}`: the sum of the squares of (computed - measured) / sigma is no number", plan.id);
+                return Err(EvalError::at(&plan.id, reason, "a sigma that is no smaller than the instruments' noise"));
+            }
+            r.rows_mut(row, plan.len()).copy_from(&of_test);
             row += plan.len();
         }
-        r
+        Ok(r)
     }
+}
+
+/// A test that cannot be computed, as the fit sees it.
+fn failed(e: &ResponseError) -> EvalError {
+    EvalError::at(e.place(), e.to_string(), e.accepted())
 }
 
 /// The fit's variable for a parameter value.
@@ -81,11 +92,11 @@ impl LeastSquares for Problem<'_> {
         self.plans.iter().map(|p| p.len()).sum()
     }
     fn residuals(&self, p: &[f64]) -> Result<DVector<f64>, EvalError> {
-        let computed = self.compute(p, false).map_err(|e| EvalError::new(e.to_string()))?;
-        Ok(self.whitened(&computed))
+        let computed = self.compute(p, false).map_err(|e| failed(&e))?;
+        self.whitened(&computed)
     }
     fn jacobian(&self, p: &[f64]) -> Result<(DVector<f64>, DMatrix<f64>), EvalError> {
-        let computed = self.compute(p, true).map_err(|e| EvalError::new(e.to_string()))?;
+        let computed = self.compute(p, true).map_err(|e| failed(&e))?;
         let n = self.free.len();
         let mut j = DMatrix::zeros(self.n_residuals(), n);
         let mut row = 0;
@@ -98,7 +109,7 @@ impl LeastSquares for Problem<'_> {
             }
             plan.whiten_shared(j.rows_mut(row - plan.len(), plan.len()));
         }
-        Ok((self.whitened(&computed), j))
+        Ok((self.whitened(&computed)?, j))
     }
 }
 

@@ -54,6 +54,7 @@ impl Explain for ResponseError {
         match self {
             ResponseError::Data(e) => e.place(),
             ResponseError::Model(e) => e.place(),
+            ResponseError::Engine { test, source } if source.place().is_empty() => test.clone(),
             ResponseError::Engine { test, source } => format!("{test}: {}", source.place()),
             ResponseError::Invalid { test, .. } => test.clone(),
         }

@@ -12,9 +12,10 @@ use super::{StudyError, TestProblem};
 pub(super) fn check(dataset: &Dataset, model: &Model) -> Result<(), StudyError> {
     let places: Vec<String> = (0..model.places.len()).map(|p| model.place_name(p)).collect();
     let bodies: Vec<String> = (0..model.dofs.len()).map(|d| model.dof_name(d)).collect();
-    let all: HashSet<&str> = places.iter().chain(&bodies).map(String::as_str).collect();
+    let at_places: HashSet<&str> = places.iter().map(String::as_str).collect();
+    let at_bodies: HashSet<&str> = bodies.iter().map(String::as_str).collect();
     let there = |test: &Test, about: String, at: &str, bodies_too: bool| -> Result<(), StudyError> {
-        if all.contains(at) && (bodies_too || places.iter().any(|p| p == at)) {
+        if at_places.contains(at) || bodies_too && at_bodies.contains(at) {
             return Ok(());
         }
         let known = places.iter().chain(bodies.iter().filter(|_| bodies_too)).cloned();

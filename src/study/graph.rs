@@ -4,13 +4,12 @@ use std::collections::HashMap;
 
 use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView, nearest};
 use crate::explain::Explain;
+use crate::limits;
 use crate::model::{Axis, Body, Connector, Level, Load, Model, ModelError};
 use crate::units::{Dimension, Quantity};
 
 use super::space;
 
-/// Greatest `count` of a body.
-pub(super) const MAX_COUNT: i64 = 10_000;
 /// The body that need not be declared.
 pub(super) const GROUND: &str = "ground";
 
@@ -142,6 +141,10 @@ fn bodies(root: &TableView<'_>, spec: &mut GraphSpec) -> Result<Model, TomlError
     for table in root.tables("body")? {
         let body = body(&table)?;
         let value = table.require("name", "a name")?;
+        if bodies.len() + body.count.unwrap_or(1) > limits::BODIES {
+            let accepted = format!("{} bodies in all, or fewer", limits::BODIES);
+            return Err(table.get("count").unwrap_or(value).refuse("the model has too many bodies", accepted));
+        }
         for name in expand(&body.name, body.count) {
             names.add("body", name.clone(), &value)?;
             tables.insert(name.clone(), table.clone());
@@ -221,7 +224,7 @@ fn body(table: &TableView<'_>) -> Result<BodySpec, TomlError> {
         }
         None => {}
     }
-    let count = table.optional("count", |v| v.integer(1, MAX_COUNT))?.map(|n| n as usize);
+    let count = table.optional("count", |v| v.integer(1, limits::COUNT))?.map(|n| n as usize);
     Ok(BodySpec { name, fixed, free, mass, inertia, count })
 }
 
@@ -309,6 +312,10 @@ fn joins(
 
 /// The `[[body]]` that declares a body of the expanded graph.
 pub(super) fn table_of<'a>(root: &TableView<'a>, spec: &GraphSpec, body: &str) -> Option<TableView<'a>> {
-    let index = spec.bodies.iter().position(|b| expand(&b.name, b.count).iter().any(|n| n == body))?;
+    let is = |b: &BodySpec| match b.count {
+        Some(count) => body.strip_prefix(&b.name).and_then(|n| n.parse().ok()).is_some_and(|n: usize| (1..=count).contains(&n)),
+        None => b.name == body,
+    };
+    let index = spec.bodies.iter().position(is)?;
     root.tables("body").ok()?.into_iter().nth(index)
 }

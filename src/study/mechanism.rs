@@ -34,13 +34,13 @@ pub(super) fn check(model: &Model, instances: &[Instance]) -> Result<(), (usize,
     }
     let ground = root(&mut group, n);
     let groups: Vec<usize> = (0..n).map(|d| root(&mut group, d)).collect();
-    let Some(first) = groups.iter().position(|g| {
-        let loose = |p: usize| {
-            !acts[p] && model.on_connector(p) && [model.places[p].from, model.places[p].to].iter().flatten().any(|d| groups[*d] == *g)
-        };
-        let mass = || (0..n).filter(|d| groups[*d] == *g).map(|d| model.dofs[d].mass).sum::<f64>();
-        *g != ground && ((0..acts.len()).any(loose) || mass() == 0.0)
-    }) else {
+    // Of every group: whether a connector without a force leaves it, and its mass.
+    let (mut loose, mut mass) = (vec![false; n + 1], vec![0.0; n + 1]);
+    (0..n).for_each(|d| mass[groups[d]] += model.dofs[d].mass);
+    for p in (0..acts.len()).filter(|p| !acts[*p] && model.on_connector(*p)) {
+        [model.places[p].from, model.places[p].to].iter().flatten().for_each(|d| loose[groups[*d]] = true);
+    }
+    let Some(first) = groups.iter().position(|g| *g != ground && (loose[*g] || mass[*g] == 0.0)) else {
         return Ok(());
     };
     let members: Vec<String> = (0..n).filter(|d| groups[*d] == groups[first]).map(|d| model.dof_name(d)).collect();

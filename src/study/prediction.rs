@@ -312,7 +312,7 @@ pub(super) fn place<'a>(value: &ValueView<'a>, system: &System) -> Result<&'a st
     let text = value.string()?;
     let model = &system.model;
     let known = || (0..model.places.len()).map(|p| model.place_name(p)).chain((0..model.dofs.len()).map(|d| model.dof_name(d)));
-    if known().any(|k| k == text) {
+    if model.place(text).is_some() || model.dof(text).is_some() {
         return Ok(text);
     }
     let e = ModelError::no_such("place", text, known());

@@ -11,7 +11,7 @@ use crate::parallel;
 use polars::prelude::{Column, DataFrame, ParquetWriter};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::data::{OUT_OF_FAMILY, out_of_family};
+use crate::data::{FrfDoubt, OUT_OF_FAMILY, frf_doubts, out_of_family};
 use crate::diagnose::results::{Finding, SplitName, TestResult};
 use crate::diagnose::{Case, DiagnoseError, Search};
 use crate::effect::formula::Motion;
@@ -70,7 +70,10 @@ fn of_data(study: &Study) -> Vec<Finding> {
         power: Normal::standard().cdf(0.1 / odd.sigma - OUT_OF_FAMILY),
         test: odd.test,
     };
-    out_of_family(&study.dataset.tests).into_iter().map(finding).collect()
+    let of_frf =
+        |doubt: FrfDoubt| Finding { test: doubt.test, claim: doubt.claim, number: doubt.number, threshold: doubt.threshold, power: 1.0 };
+    let tables = out_of_family(&study.dataset.tests).into_iter().map(finding);
+    tables.chain(frf_doubts(&study.dataset.tests).into_iter().map(of_frf)).collect()
 }
 
 /// The motion a test shows at the places of an instance; that of its drive where the model cannot be computed yet.

@@ -4,12 +4,13 @@ use std::collections::HashMap;
 
 use crate::data::toml_strict::{TableView, TomlError, ValueView};
 use crate::explain::Explain;
+use crate::limits;
 use crate::model::space::rotation::{UNIT, sub};
 use crate::model::space::{Arc, Curve, Frame, Part, Section, Space};
 use crate::model::{Axis, Body, Connector, Model};
 use crate::units::Dimension;
 
-use super::graph::{GROUND, MAX_COUNT, Names, name, unknown_body};
+use super::graph::{GROUND, Names, name, unknown_body};
 
 /// The tables of a spatial model.
 pub(super) const TABLES: [&str; 4] = ["arc", "part", "joint", "point"];
@@ -231,7 +232,7 @@ fn part(table: &TableView<'_>, curve: Option<&Curve>, made: &mut Made, names: &m
 /// `count = 22`, or `count = "modal basis"` with the modulus of the section and the highest frequency of interest.
 fn number(table: &TableView<'_>, count: &ValueView<'_>, curve: &Curve, section: Option<&Section>) -> Result<usize, TomlError> {
     if !count.is_string() {
-        return Ok(count.integer(2, MAX_COUNT)? as usize);
+        return Ok(count.integer(2, limits::COUNT)? as usize);
     }
     count.word("count", &[("modal basis", ())])?;
     let Some(section) = section else {
@@ -245,7 +246,7 @@ fn number(table: &TableView<'_>, count: &ValueView<'_>, curve: &Curve, section: 
     let modulus = of("modulus", Dimension::PRESSURE, "modulus = \"28000 N/mm2\"")?;
     let highest = of("highest", Dimension::FREQUENCY, "highest = \"2500 Hz\", the highest frequency of interest")?;
     let n = section.parts_below(curve.length(), modulus, highest);
-    if n as i64 > MAX_COUNT {
+    if n as i64 > limits::COUNT {
         return Err(count.refuse(format!("the modal-basis rule asks for {n} parts"), "a lower highest frequency, or a number"));
     }
     Ok(n)

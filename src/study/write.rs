@@ -14,7 +14,7 @@ impl Study {
     pub fn write_effect(&self, instance: &Instance) -> Result<Study, StudyError> {
         let file = self.file.canonicalize().map_err(|e| fail(&self.file, &e))?;
         // The file as it is now, not as it was loaded: the engineer may have edited it meanwhile.
-        let mut whole = std::fs::read_to_string(&file).map_err(|e| fail(&file, &e))?;
+        let mut whole = crate::limits::text(&file).map_err(|e| fail(&file, &e))?;
         let before = whole.clone();
         let block = text::effect(&self.system, &self.dataset, instance);
         let newline = if whole.contains("\r\n") { "\r\n" } else { "\n" };

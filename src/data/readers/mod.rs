@@ -10,6 +10,7 @@ mod universal;
 
 use super::toml_strict::nearest;
 use super::{DataError, FrfQuantity};
+use crate::limits;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -109,12 +110,12 @@ fn unreadable(path: &Path, why: &std::io::Error) -> DataError {
 }
 
 fn open(path: &Path) -> Result<File, DataError> {
-    File::open(path).map_err(|e| unreadable(path, &e))
+    limits::open(path).map_err(|e| unreadable(path, &e))
 }
 
 /// The whole file; an empty one is an error.
 pub fn bytes(path: &Path) -> Result<Vec<u8>, DataError> {
-    let bytes = std::fs::read(path).map_err(|e| unreadable(path, &e))?;
+    let bytes = limits::bytes(path, limits::DATA_BYTES).map_err(|e| unreadable(path, &e))?;
     if bytes.is_empty() { Err(DataError::Empty { file: path.to_path_buf() }) } else { Ok(bytes) }
 }
 

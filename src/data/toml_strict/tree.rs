@@ -84,7 +84,7 @@ impl TomlFile {
     /// Reads and parses `path`. `stage` names the stage in errors (`data`, `study`).
     pub fn read(path: &Path, stage: &'static str) -> Result<Self, TomlError> {
         let fail = |problem| TomlError { stage, file: path.to_path_buf(), line: 0, key: String::new(), problem: Box::new(problem) };
-        let bytes = std::fs::read(path).map_err(|e| fail(TomlProblem::Unreadable(e.to_string())))?;
+        let bytes = crate::limits::bytes(path, crate::limits::CONFIG_BYTES).map_err(|e| fail(TomlProblem::Unreadable(e.to_string())))?;
         let text = String::from_utf8(bytes).map_err(|e| {
             let line = 1 + e.as_bytes().iter().take(e.utf8_error().valid_up_to()).filter(|b| **b == b'\n').count();
             TomlError { line, ..fail(TomlProblem::Syntax("bytes that are not UTF-8".to_string())) }

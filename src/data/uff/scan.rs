@@ -37,7 +37,8 @@ impl Set {
 impl UffFile {
     /// Reads the file and finds its sets.
     pub fn open(path: &Path) -> Result<Self, DataError> {
-        let bytes = std::fs::read(path).map_err(|e| DataError::Unreadable { file: path.to_path_buf(), reason: e.to_string() })?;
+        let bytes = crate::limits::bytes(path, crate::limits::DATA_BYTES)
+            .map_err(|e| DataError::Unreadable { file: path.to_path_buf(), reason: e.to_string() })?;
         Self::from_bytes(path, bytes)
     }
 

@@ -3,6 +3,7 @@
 
 use super::super::EngineError;
 use super::{March, State};
+use crate::parallel;
 
 /// A step is taken in parts down to twice this.
 const LEAST_PART: f64 = 0.02;
@@ -46,6 +47,9 @@ impl Effort {
 impl March<'_> {
     /// One step, to the loads at index `k`. Where no equilibrium is found at its end, it is taken in halves.
     pub fn step(&mut self, k: usize, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        if parallel::given_up() {
+            return Err(EngineError::GivenUp);
+        }
         self.effort.steps += 1;
         let mut force = std::mem::take(&mut self.force);
         let done = self.parts(k, (0.0, 1.0), state, columns, &mut force);

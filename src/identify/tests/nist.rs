@@ -136,7 +136,7 @@ pub fn digits(value: f64, certified: f64) -> f64 {
 
 /// Runs all 54 fits with the solver's default options.
 pub fn score(options: impl Fn(&mut FitOptions)) -> Result<Vec<Score>, IdentifyError> {
-    let problems = problems().map_err(|why| IdentifyError::StartFails { reason: why.to_string() })?;
+    let problems = problems().map_err(|why| IdentifyError::StartFails(EvalError::new(why.to_string())))?;
     let mut scores = Vec::with_capacity(54);
     for problem in &problems {
         for (k, start) in problem.starts.iter().enumerate() {

@@ -1,0 +1,67 @@
+//! Bounds on what a file or a number in it may ask for, held before anything of that size is allocated.
+
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read, Result};
+use std::path::Path;
+
+/// Most bytes of a study.toml, dataset.toml or checkpoint.json: 64 MB, a hundred times the largest that a program has written for us.
+pub const CONFIG_BYTES: u64 = 64 << 20;
+/// Most bytes of a measurement file: 32 GB, an hour of a hundred channels at 10 kHz as text.
+pub const DATA_BYTES: u64 = 32 << 30;
+/// Most bodies one `[[body]]` or `[[part]]` stands for, by `count` or by its modal basis: 100 000; a frequency response of so many takes a
+/// minute.
+pub const COUNT: i64 = 100_000;
+/// Most bodies of a model, all its `[[body]]` together: 200 000, a gigabyte of names, places and matrices.
+pub const BODIES: usize = 200_000;
+/// Most samples, or time steps, of one record that is computed: 20 million, a gigabyte for six channels.
+pub const STEPS: f64 = 2e7;
+
+/// Opens a file to be read. Devices, pipes and folders are refused before they are opened: a pipe waits for a writer, a device has no end.
+pub fn open(path: &Path) -> Result<File> {
+    let regular = |data: std::fs::Metadata| match data.is_file() {
+        true => Ok(()),
+        false => Err(Error::new(ErrorKind::InvalidInput, if data.is_dir() { "it is a folder" } else { "it is no regular file" })),
+    };
+    regular(std::fs::metadata(path)?)?;
+    let file = File::open(path)?;
+    regular(file.metadata()?)?;
+    Ok(file)
+}
+
+/// The whole of a regular file of at most `most` bytes.
+pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let file = open(path)?;
+    let length = file.metadata()?.len();
+    let long = || Error::new(ErrorKind::FileTooLarge, format!("it is longer than {} MB", most >> 20));
+    if length > most {
+        return Err(long());
+    }
+    let mut bytes = Vec::new();
+    let asked = usize::try_from(length).map_err(|_| long())?;
+    bytes.try_reserve_exact(asked).map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{length} bytes do not fit into memory")))?;
+    // A file that grows meanwhile is read as far as it was.
+    file.take(length).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The text of a regular file of at most [`CONFIG_BYTES`].
+pub fn text(path: &Path) -> Result<String> {
+    String::from_utf8(bytes(path, CONFIG_BYTES)?).map_err(|_| Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_regular_files_of_bounded_size() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a");
+        std::fs::write(&file, "twelve bytes").unwrap();
+        assert_eq!(bytes(&file, 12).unwrap(), b"twelve bytes");
+        assert_eq!(bytes(&file, 11).unwrap_err().kind(), ErrorKind::FileTooLarge);
+        assert!(open(folder.path()).unwrap_err().to_string().contains("folder"));
+        #[cfg(unix)]
+        assert!(open(Path::new("/dev/zero")).unwrap_err().to_string().contains("regular"));
+    }
+}
