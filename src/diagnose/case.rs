@@ -82,17 +82,10 @@ impl Case {
         self.plans.iter().filter(|(_, s)| *s == split).map(|(p, _)| p).collect()
     }
 
-    /// The same case with instruments that may err within tolerance (`response::Correlated`): what the search for missing physics is held
-    /// against. A plain fit takes the stated sigma at its word.
-    /// `system`: the model as it stands, from which the signals are computed.
-    pub fn with_instruments(&self, system: &System) -> Case {
-        let granted = |(p, s): &(Plan, SplitName)| {
-            let computed = p.evaluate(system, &[], false).ok().filter(|c| c.values.iter().all(|v| v.is_finite()));
-            (computed.map_or_else(|| p.with_instruments(&p.measured), |c| p.with_instruments(&c.values)), *s)
-        };
-        // Held-out tests are read once, at the end: nothing of them is looked at here.
-        let plans = parallel::map(&self.plans, |p| if p.1 == SplitName::HeldOut { p.clone() } else { granted(p) });
-        Case { plans: Arc::new(plans), ..self.clone() }
+    /// Constants of the search.
+    pub fn settings(&self) -> super::Settings {
+        let default = super::Settings::default();
+        super::Settings { max_added: self.search.max_added.unwrap_or(default.max_added), ..default }
     }
 
     /// The same case with this model.
