@@ -15,7 +15,8 @@ use super::DiagnoseError;
 use super::approach::approached;
 use super::damping::{constant_damping, fitted_ratio};
 use super::factors::factors;
-use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
+use super::results::*;
+use super::weigh::Scale;
 
 /// Relative change of the cost at which a fit ends that decides between candidates, or stands above the noise.
 pub(super) const COARSE: f64 = 1e-5;
@@ -220,7 +221,11 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         );
     }
     notes.extend(case.notes());
+    let (model_error, scatter, noise) = errors(case, &fitted);
     let result = FitResult {
+        model_error,
+        scatter,
+        noise,
         study: case.name.clone(),
         termination: fitted.outcome.termination.name().into(),
         cost: fitted.outcome.cost,
@@ -235,6 +240,12 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         notes,
     };
     Ok((case.clone(), fitted, result))
+}
+
+/// What the likelihood makes of the residuals on the fitted tests: the model's error, the scatter of strengths, the scale of the noise.
+fn errors(case: &Case, fitted: &Fitted) -> (Vec<OwnError>, Vec<ScatterOf>, f64) {
+    let scale = Scale::of_fitted(case, &fitted.system, &case.settings());
+    scale.as_it_stands(fitted).map_or((vec![], vec![], 1.0), |w| (scale.model_error(&w), scale.scatter(&w), w.v.kappa.exp()))
 }
 
 /// The effects of a system with their places.

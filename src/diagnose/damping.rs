@@ -58,8 +58,6 @@ fn against_constant(measured: &[f64], model: &[f64], ratio: f64) -> Option<Const
 mod tests {
     use super::*;
 
-/// Standard errors beyond which two models differ.
-const STANDARD_ERRORS: f64 = 2.0;
 
     #[test]
     fn a_model_is_better_worse_or_tied_with_one_constant_ratio() {

@@ -355,19 +355,19 @@ fn tied_with(a: &Added) -> Vec<String> {
 
 impl Scale {
     /// The model's own error, channel by channel.
-    pub fn model_error(&self, w: &Weighed) -> Vec<ModelError> {
-        let mut list: Vec<(ModelError, f64)> = Vec::new();
+    pub fn model_error(&self, w: &Weighed) -> Vec<OwnError> {
+        let mut list: Vec<(OwnError, f64)> = Vec::new();
         let plans = self.case.plans_of(SplitName::Fit);
         for (t, (plan, record)) in plans.iter().zip(&self.evidence.records).enumerate() {
             for (channel, error) in record.channels.iter().zip(w.v.own_errors(t, &self.settings.evidence)) {
                 let kind = plan.kind.word();
                 match list.iter_mut().find(|(m, _)| m.kind == kind && m.channel == channel.label) {
                     Some((m, n)) => (m.relative, *n) = (m.relative + error * error, *n + 1.0),
-                    None => list.push((ModelError { kind: kind.into(), channel: channel.label.clone(), relative: error * error }, 1.0)),
+                    None => list.push((OwnError { kind: kind.into(), channel: channel.label.clone(), relative: error * error }, 1.0)),
                 }
             }
         }
-        list.into_iter().map(|(m, n)| ModelError { relative: (m.relative / n).sqrt(), ..m }).collect()
+        list.into_iter().map(|(m, n)| OwnError { relative: (m.relative / n).sqrt(), ..m }).collect()
     }
 
     /// How much each strength differs from test to test; none in one test.

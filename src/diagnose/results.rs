@@ -2,6 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+mod errors;
+
+pub use errors::{Correction, Instrument, OwnError, ScatterOf};
+
 use super::reason::Reason;
 use super::settings::Settings;
 use super::unexplained::Unexplained;
@@ -255,6 +259,12 @@ pub struct FitResult {
     pub unidentifiable: Vec<String>,
     /// Effects of the model.
     pub effects: Vec<EffectAt>,
+    /// The model's own error, channel by channel, on the fitted tests.
+    pub model_error: Vec<OwnError>,
+    /// How much strengths differ from test to test.
+    pub scatter: Vec<ScatterOf>,
+    /// True noise over that seen between cycles or stated; 1 where it is not estimated.
+    pub noise: f64,
     /// Notes on data and fit.
     pub notes: Vec<String>,
 }
@@ -445,52 +455,6 @@ pub struct Missing {
     pub proven: Option<bool>,
 }
 
-/// An instrument at fault.
-#[derive(Clone, Debug, Serialize)]
-pub struct Instrument {
-    /// gain, delay, offset, drift, moving_mass.
-    pub effect: String,
-    /// Channel, `test.role`.
-    pub at: String,
-    /// What the record says, in words.
-    pub why: String,
-    /// `effect at place` of the tied.
-    pub tied_with: Vec<String>,
-}
-
-/// What a study ties or fixes and the data do not.
-#[derive(Clone, Debug, Serialize)]
-pub struct Correction {
-    /// Parameter.
-    pub parameter: String,
-    /// Place.
-    pub at: String,
-    /// Deviation from what the study says, relative.
-    pub relative: f64,
-    /// Its standard deviation.
-    pub std: f64,
-}
-
-/// The model's own error in a channel.
-#[derive(Clone, Debug, Serialize)]
-pub struct ModelError {
-    /// cycle, frf, transient, energy, modal.
-    pub kind: String,
-    /// `force at c1.x`.
-    pub channel: String,
-    /// Root mean square over tests, relative to the response.
-    pub relative: f64,
-}
-
-/// How much a strength differs from test to test.
-#[derive(Clone, Debug, Serialize)]
-pub struct ScatterOf {
-    /// `at.effect.parameter`.
-    pub parameter: String,
-    /// Standard deviation, relative.
-    pub relative: f64,
-}
-
 /// Pooled error of the held-out tests.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct HeldOut {
@@ -524,7 +488,7 @@ pub struct LadderResult {
     /// Error of the last model on the held-out tests, relative to the response, beside noise and scatter; on the fitted tests where none is held out.
     pub remainder: f64,
     /// The model's own error, channel by channel.
-    pub model_error: Vec<ModelError>,
+    pub model_error: Vec<OwnError>,
     /// How much strengths differ from test to test.
     pub scatter: Vec<ScatterOf>,
     /// True noise over that seen between cycles or stated.

@@ -50,6 +50,12 @@ impl Scale {
     pub fn new(case: &Case, system: &System, settings: &Settings) -> Scale {
         let fitted = |(p, s): &(Plan, SplitName)| (p.clone(), if *s == SplitName::Select { SplitName::Fit } else { *s });
         let case = Case { plans: Arc::new(case.plans.iter().map(fitted).collect()), ..case.clone() };
+        Scale::of_fitted(&case, system, settings)
+    }
+
+    /// On the fit tests alone.
+    pub fn of_fitted(case: &Case, system: &System, settings: &Settings) -> Scale {
+        let case = case.clone();
         let evidence = Evidence::new(&case.plans_of(SplitName::Fit), system, &settings.evidence);
         Scale { counts: evidence.independent(), evidence, case, settings: settings.clone() }
     }
@@ -102,6 +108,15 @@ impl Scale {
         let fitted = last.ok_or("it was not fitted")?;
         let likelihood = self.evidence.likelihood(&seen, &self.counts, &v) - 0.5 * prior_squares(&fitted);
         Ok(Weighed { fitted, seen, v, likelihood })
+    }
+
+    /// A fitted model with its variances, not fitted again under them.
+    pub fn as_it_stands(&self, fitted: &Fitted) -> Option<Weighed> {
+        let seen = self.see(&fitted.system).ok().filter(|s| !s.is_empty())?;
+        let once = self.evidence.estimate(&seen, &self.counts, &Variances::start(&self.evidence));
+        let v = self.evidence.estimate(&seen, &self.evidence.counts(&seen, &once), &once);
+        let likelihood = self.evidence.likelihood(&seen, &self.counts, &v);
+        Some(Weighed { fitted: fitted.clone(), seen, v, likelihood })
     }
 
     /// The system weighed, the counts set by what it leaves.
