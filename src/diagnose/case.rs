@@ -33,8 +33,8 @@ pub struct Search {
     pub effects: Option<Vec<String>>,
     /// Places it is restricted to.
     pub places: Option<Vec<String>>,
-    /// Most effects it may add.
-    pub max_added: Option<usize>,
+    /// Constants, as far as the study does not state them the default ones.
+    pub settings: super::Settings,
 }
 
 /// A model with its tests.
@@ -81,12 +81,6 @@ impl Case {
     /// Plans of the given split.
     pub fn plans_of(&self, split: SplitName) -> Vec<&Plan> {
         self.plans.iter().filter(|(_, s)| *s == split).map(|(p, _)| p).collect()
-    }
-
-    /// Constants of the search.
-    pub fn settings(&self) -> super::Settings {
-        let default = super::Settings::default();
-        super::Settings { max_added: self.search.max_added.unwrap_or(default.max_added), ..default }
     }
 
     /// The same case with this model.
@@ -244,7 +238,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
 
 /// What the likelihood makes of the residuals on the fitted tests: the model's error, the scatter of strengths, the scale of the noise.
 fn errors(case: &Case, fitted: &Fitted) -> (Vec<OwnError>, Vec<ScatterOf>, f64) {
-    let scale = Scale::of_fitted(case, &fitted.system, &case.settings());
+    let scale = Scale::of_fitted(case, &fitted.system, &case.search.settings);
     scale.as_it_stands(fitted).map_or((vec![], vec![], 1.0), |w| (scale.model_error(&w), scale.scatter(&w), w.v.kappa.exp()))
 }
 

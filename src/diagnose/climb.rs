@@ -61,6 +61,8 @@ pub struct Climb<'a> {
     pub order: Vec<usize>,
     /// Candidates of a step.
     pub tried: f64,
+    /// Force channels that were turned back.
+    pub turned: Vec<super::results::Instrument>,
 }
 
 impl<'a> Climb<'a> {
@@ -71,12 +73,12 @@ impl<'a> Climb<'a> {
         monitor: &'a Monitor<'a>,
         watch: &'a (dyn Fn(&str) + Sync),
     ) -> Result<Climb<'a>, DiagnoseError> {
-        let settings = case.settings();
+        let settings = case.search.settings.clone();
         let mut scale = Scale::new(case, &fitted.system, &settings);
         let first = scale.begin(&fitted.system, monitor).map_err(failed)?;
         let base = fitted.system.instances.len();
         let (now, case) = (first.clone(), case.clone());
-        Ok(Climb { case, settings, monitor, watch, base, scale, first, now, added: vec![], order: vec![], tried: 1.0 })
+        Ok(Climb { case, settings, monitor, watch, base, scale, first, now, added: vec![], order: vec![], tried: 1.0, turned: vec![] })
     }
 
     /// Scores and weighs what may be missing from the present model, under its own counts.

@@ -13,6 +13,7 @@ use super::fault::of_channel;
 use super::findings::{findings, unsettled};
 use super::held_out::HeldOutTests;
 use super::results::*;
+use super::righted::righted;
 use super::search::Step;
 use super::unexplained::{Unexplained, unexplained};
 use super::verdict::{Grounds, Judged, judged};
@@ -131,8 +132,10 @@ impl End {
 pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderResult, System), DiagnoseError> {
     let started = std::time::Instant::now();
     watch("fitting the study as it stands");
-    let (case, fitted, _) = fit(case, &SEEN, monitor)?;
+    let (case, turned) = righted(case);
+    let (case, fitted, _) = fit(&case, &SEEN, monitor)?;
     let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
+    climb.turned = turned;
     let mut rungs = vec![climb.rung(None, vec![])?];
     let mut visible = Vec::new();
     let end = loop {
@@ -293,7 +296,7 @@ impl Climb<'_> {
             noise: self.now.v.kappa.exp(),
             settings: self.settings.clone(),
             held_out: errors,
-            unexplained_remainder: left > (self.settings.visible * grounds.floor).max(self.settings.visible_least * self.settings.evidence.model_error_least),
+            unexplained_remainder: grounds.seen(left, &self.settings),
             unexplained: formula,
             whitened_rms: (!stopped).then(|| self.scale.evidence.over_noise(&self.now.seen, &self.now.v)),
             would_have_been_seen: would,
@@ -345,7 +348,7 @@ impl Climb<'_> {
             };
             Some(Instrument { effect: a.name.effect.into(), at: a.name.at.clone(), why, tied_with: tied_with(a) })
         };
-        self.order.iter().filter(|k| self.is_fault(**k)).filter_map(of).collect()
+        self.turned.iter().cloned().chain(self.order.iter().filter(|k| self.is_fault(**k)).filter_map(of)).collect()
     }
 }
 

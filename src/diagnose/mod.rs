@@ -19,6 +19,7 @@ mod reason;
 mod refit;
 pub mod results;
 mod revise;
+mod righted;
 mod score;
 mod search;
 mod secant;
@@ -34,7 +35,7 @@ pub use case::{Case, Fitted, Search, compare, fit, unit_of};
 pub use error::DiagnoseError;
 pub use ladder::{diagnose, ladder};
 pub use reason::{Fault, Reason};
-pub use settings::Settings;
+pub use settings::{STATED, Settings, Stated};
 pub use unexplained::{Missed, Unexplained};
 
 /// What tests of whole studies look into.

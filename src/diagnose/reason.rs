@@ -82,3 +82,26 @@ impl Fault {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_reason_has_its_words_and_its_kind() {
+        let faults = [Fault::Small, Fault::BelowModelError, Fault::UnlikeOthers, Fault::FewTests];
+        let all = [
+            Reason::Gains { nats: 3.0 },
+            Reason::TooLittle { nats: -2.0 },
+            Reason::Hopeless { bound: 1.0, price: 5.0 },
+            Reason::InPair { nats: 2.0 },
+            Reason::Failed { why: "no steady cycle".into() },
+            Reason::NotTried,
+        ];
+        let of_faults = faults.map(|fault| Reason::NotInRecord { fault });
+        let words: std::collections::BTreeSet<String> = all.iter().chain(&of_faults).map(Reason::describe).collect();
+        assert_eq!(words.len(), all.len() + faults.len());
+        assert_eq!(Reason::TooLittle { nats: -2.0 }.describe(), "falls 2.0 nats short of its price");
+        assert_eq!(serde_json::to_value(&all[2]).unwrap()["kind"], "hopeless");
+    }
+}

@@ -57,6 +57,47 @@ pub struct Settings {
     pub evidence: evidence::Settings,
 }
 
+/// A constant that a study may state under `[search]`: its key, what is accepted, and where it stands.
+pub struct Stated {
+    /// Key.
+    pub key: &'static str,
+    /// Least and largest value.
+    pub range: (f64, f64),
+    /// The field.
+    pub field: fn(&mut Settings) -> &mut f64,
+}
+
+/// Every constant that a study may state.
+pub const STATED: [Stated; 16] = [
+    Stated { key: "model_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.model_error_least },
+    Stated { key: "model_error_spread", range: (1e-3, 5.0), field: |s| &mut s.evidence.model_error_spread },
+    Stated { key: "scatter_prior", range: (1e-6, 0.5), field: |s| &mut s.evidence.scatter_prior },
+    Stated { key: "scatter_most", range: (1e-6, 0.5), field: |s| &mut s.evidence.scatter_most },
+    Stated { key: "noise_spread", range: (1e-3, 5.0), field: |s| &mut s.evidence.noise_spread },
+    Stated { key: "noise_most", range: (1.0, 1e4), field: |s| &mut s.evidence.noise_most },
+    Stated { key: "facts_loop", range: (1.0, 81.0), field: |s| &mut s.evidence.facts_loop },
+    Stated { key: "facts_most", range: (1.0, 1e6), field: |s| &mut s.evidence.facts_most },
+    Stated { key: "facts_mode", range: (1.0, 1e3), field: |s| &mut s.evidence.facts_mode },
+    Stated { key: "facts_record", range: (1.0, 1e6), field: |s| &mut s.evidence.facts_record },
+    Stated { key: "tie", range: (0.0, 50.0), field: |s| &mut s.tie },
+    Stated { key: "held_out_nats", range: (0.0, 50.0), field: |s| &mut s.held_out_nats },
+    Stated { key: "held_out_fall", range: (0.0, 0.9), field: |s| &mut s.held_out_fall },
+    Stated { key: "remainder", range: (0.0, 1.0), field: |s| &mut s.remainder },
+    Stated { key: "fault_gain", range: (0.0, 1.0), field: |s| &mut s.fault_gain },
+    Stated { key: "fault_least", range: (0.0, 1.0), field: |s| &mut s.fault_least },
+];
+
+impl Settings {
+    /// What of these constants contradicts itself, and what would not.
+    pub fn contradiction(&self) -> Option<(String, String)> {
+        let e = &self.evidence;
+        (e.facts_loop > e.facts_most).then(|| {
+            let said = format!("facts_loop = {} is more than facts_most = {}", e.facts_loop, e.facts_most);
+            (said, "facts_loop of one loop up to facts_most of all".into())
+        })
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Settings {
@@ -84,5 +125,27 @@ impl Default for Settings {
             fault_tests: 3,
             evidence: evidence::Settings::default(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_default_is_accepted_and_every_key_has_a_field_of_its_own() {
+        let mut all = Settings::default();
+        assert!(all.contradiction().is_none());
+        for (k, stated) in STATED.iter().enumerate() {
+            let value = *(stated.field)(&mut all);
+            assert!(stated.range.0 <= value && value <= stated.range.1, "{}: {value}", stated.key);
+            *(stated.field)(&mut all) = 1000.0 + k as f64;
+        }
+        for (k, stated) in STATED.iter().enumerate() {
+            assert_eq!(*(stated.field)(&mut all), 1000.0 + k as f64, "{}", stated.key);
+        }
+        let mut odd = Settings::default();
+        odd.evidence.facts_loop = 20.0;
+        assert!(odd.contradiction().unwrap().0.contains("facts_most"));
     }
 }

@@ -23,6 +23,13 @@ pub struct Grounds {
     pub stopped: bool,
 }
 
+impl Grounds {
+    /// Whether a model error is seen beside the noise, and more than what no model is free of.
+    pub fn seen(&self, error: f64, s: &Settings) -> bool {
+        error > (s.visible * self.floor).max(s.visible_least * s.evidence.model_error_least)
+    }
+}
+
 /// The verdict with its reason.
 #[derive(Clone, Debug)]
 pub struct Judged {
@@ -45,7 +52,7 @@ pub fn judged(g: &Grounds, s: &Settings) -> Judged {
     let left = g.held_out.map_or(g.model_error, |(word, ..)| word.left.1);
     let changed = g.added || g.faults;
     let remainder = g.held_out.filter(|_| changed).map(|(word, ..)| word.left.1 / word.left.0);
-    let unexplained = left > (s.visible * g.floor).max(s.visible_least * s.evidence.model_error_least);
+    let unexplained = g.seen(left, s);
     let (proven, mut why) = match g.held_out {
         _ if !changed => (false, "nothing was added".to_string()),
         Some((word, before, after)) => {

@@ -83,6 +83,12 @@ impl Coefficients {
         Coefficients { blocks, count }
     }
 
+    /// Of a made-up test.
+    #[cfg(test)]
+    pub fn empty(count: usize) -> Coefficients {
+        Coefficients { blocks: vec![], count }
+    }
+
     /// The coefficients of each block.
     pub fn ranges(&self) -> impl Iterator<Item = Range<usize>> {
         self.blocks.iter().map(|b| b.1.clone())

@@ -223,6 +223,15 @@ impl Plan {
         Plan { covariance, ..self.clone() }
     }
 
+    /// The same test with the sign of its channels of this role turned.
+    pub fn turned_round(&self, role: &str) -> Plan {
+        let mut plan = self.clone();
+        for block in self.blocks.iter().filter(|b| b.role == role) {
+            plan.measured[block.range.clone()].iter_mut().for_each(|v| *v = -*v);
+        }
+        plan
+    }
+
     /// Largest reading of each block.
     pub fn peaks(&self) -> Vec<f64> {
         self.blocks.iter().map(|b| self.measured[b.range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()))).collect()
