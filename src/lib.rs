@@ -14,6 +14,7 @@ pub mod engine;
 pub mod response;
 pub mod identify;
 pub mod residual;
+pub mod evidence;
 pub mod diagnose;
 pub mod tolerance;
 pub mod study;

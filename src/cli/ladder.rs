@@ -64,9 +64,16 @@ fn told(result: &LadderResult) -> String {
     for (k, remark) in result.rungs.iter().enumerate().filter_map(|(k, r)| Some((k, r.second_opinion.remark.as_ref()?))) {
         text += &format!("Second opinion on what rung {k} misses: {remark}.\n");
     }
-    if result.unexplained_remainder && result.verdict == Verdict::Missing {
-        text += "These effects leave a misfit beyond the noise that no further effect of the library explains.\n";
+    if result.proven || !(result.missing.is_empty() && result.instruments.is_empty()) {
+        text += &format!("{}: {}.\n", if result.proven { "Proven" } else { "Not proven" }, result.why);
     }
+    for i in &result.instruments {
+        text += &format!("Instrument: {} at {}: {}.\n", i.effect, i.at, i.why);
+    }
+    if result.unexplained_remainder && result.verdict == Verdict::Missing {
+        text += &format!("They leave a model error of {} beyond the noise that nothing in the library explains.\n", percent(result.remainder));
+    }
+    text += &text::errors(&result.model_error, &result.scatter, result.noise);
     if let Some(u) = &result.unexplained {
         text += &super::diagnose::suggestion(u);
     }

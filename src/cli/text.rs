@@ -1,6 +1,6 @@
 //! Results as an engineer reads them on the terminal.
 
-use crate::diagnose::results::{FitResult, ParameterResult, SplitName, TestResult};
+use crate::diagnose::results::{FitResult, OwnError, ParameterResult, ScatterOf, SplitName, TestResult};
 
 use super::table::{percent, significant, table};
 
@@ -94,6 +94,16 @@ pub(super) fn verdict(tests: &[TestResult], study: &str) -> String {
 }
 
 /// Notes `test: what`, those of several tests together.
+/// What the likelihood makes of the residuals, in one line.
+pub(super) fn errors(model: &[OwnError], scatter: &[ScatterOf], noise: f64) -> String {
+    if model.is_empty() {
+        return String::new();
+    }
+    let each: Vec<String> = model.iter().map(|m| format!("{} of {} ({})", percent(m.relative), m.channel, m.kind)).collect();
+    let scatter = scatter.first().map_or(String::new(), |s| format!("; strengths scatter between tests by {}", percent(s.relative)));
+    format!("Model error: {}{scatter}; the noise is {} times what was seen or stated.\n", each.join(", "), significant(noise, 2))
+}
+
 pub(super) fn notes(all: &[String]) -> String {
     let mut grouped: Vec<(&str, Vec<&str>)> = Vec::new();
     for (test, what) in all.iter().map(|n| n.split_once(": ").unwrap_or(("", n))) {
@@ -123,6 +133,7 @@ pub(super) fn fit(fit: &FitResult, study: &str) -> String {
     for combination in &fit.unidentifiable {
         text += &format!("not determined by these data: {combination}\n");
     }
+    text += &errors(&fit.model_error, &fit.scatter, fit.noise);
     text += &notes(&fit.notes);
     text += "\n";
     text + &verdict(&fit.tests, study)

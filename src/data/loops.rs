@@ -8,6 +8,7 @@ mod area;
 mod energy;
 mod findings;
 mod settling;
+mod spectrum;
 
 pub use area::RecordedArea;
 pub use energy::{Estimate, LoopEnergy};
@@ -20,6 +21,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 pub use settling::Unsettled;
+pub use spectrum::{HARMONICS, harmonic_of, harmonics};
 
 /// Points per cycle at most.
 const MAX_POINTS: usize = 400;
@@ -78,6 +80,8 @@ pub struct LoopChannel {
     pub sigma_mean: f64,
     /// Correlation of the scatter between points 0, 1, 2, ... apart in phase, up to where it is lost in chance; [1] for white noise.
     pub correlation: Vec<f64>,
+    /// Variance of a coefficient of the mean cycle ([`harmonics`]), harmonic by harmonic; empty with fewer than three cycles.
+    pub scatter: Vec<f64>,
 }
 
 /// Something done to the data, or found in them, that the reader should know.
@@ -376,6 +380,7 @@ fn average(
         mean,
         sigma_sample,
         sigma_mean,
+        scatter: if scatter < floor { vec![] } else { spectrum::scatter(&folded, n) },
         correlation: if scatter < floor { vec![1.0] } else { correlation(&folded, n, rest) },
     }
 }

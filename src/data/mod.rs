@@ -35,7 +35,10 @@ pub use frequency::{SineFit, estimate as estimate_frequency};
 pub use frf::{Frf, FrfQuantity};
 pub use frf_signs::{FrfDoubt, frf_doubts};
 pub use history::{Derivatives, History, HistoryError, Motion, derivatives};
-pub use loops::{Estimate, LoopChannel, LoopEnergy, LoopError, Note, RecordedArea, SettledLoop, Unsettled, recognised_control};
+pub use loops::{
+    Estimate, HARMONICS, LoopChannel, LoopEnergy, LoopError, Note, RecordedArea, SettledLoop, Unsettled, harmonic_of, harmonics,
+    recognised_control,
+};
 pub use modal_families::{OUT_OF_FAMILY, OutOfFamily, out_of_family};
 pub use reading::Reading;
 pub use record::{Channel, Control, TimeRecord};

@@ -122,7 +122,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
             }
             Role::Channel => {
                 let Effect::Channel(law) = effect else { continue };
-                for site in channels(plans, *law) {
+                for site in channels(plans, *law).into_iter().filter(|s| info.name != "drift" || drifts(plans, s)) {
                     let at = format!("{}.{}", site.test, site.role);
                     let taken = system.instances.iter().any(|i| i.name() == info.name && i.site == Site::Channel(site.clone()));
                     if !taken && allowed(&at) {
@@ -269,6 +269,13 @@ fn channels(plans: &[&Plan], law: &dyn Channel) -> Vec<ChannelSite> {
         }
     }
     sites
+}
+
+/// Whether a channel may drift unseen: between the cycles of a loop a drift is seen and taken out, along a record it is not.
+fn drifts(plans: &[&Plan], site: &ChannelSite) -> bool {
+    let recorded = |p: &&&Plan| p.blocks.iter().any(|b| b.kind == BlockKind::Record && site.covers(&p.id, &b.role));
+    let looped = |p: &&&Plan| p.blocks.iter().any(|b| b.kind == BlockKind::Loop && site.covers(&p.id, &b.role));
+    plans.iter().filter(recorded).count() > 0 && plans.iter().filter(looped).count() == 0
 }
 
 /// All combinations of grid values of the shape and searched setting parameters; empty where a shape has no grid here.

@@ -15,7 +15,8 @@ use super::DiagnoseError;
 use super::approach::approached;
 use super::damping::{constant_damping, fitted_ratio};
 use super::factors::factors;
-use super::results::{Curve, EffectAt, Finding, FitResult, LargestDifference, ParameterResult, SplitName, TestResult, Worst};
+use super::results::*;
+use super::weigh::Scale;
 
 /// Relative change of the cost at which a fit ends that decides between candidates, or stands above the noise.
 pub(super) const COARSE: f64 = 1e-5;
@@ -32,8 +33,8 @@ pub struct Search {
     pub effects: Option<Vec<String>>,
     /// Places it is restricted to.
     pub places: Option<Vec<String>>,
-    /// Most effects it may add.
-    pub max_added: Option<usize>,
+    /// Constants, as far as the study does not state them the default ones.
+    pub settings: super::Settings,
 }
 
 /// A model with its tests.
@@ -92,19 +93,6 @@ impl Case {
     /// Plans of the given split.
     pub fn plans_of(&self, split: SplitName) -> Vec<&Plan> {
         self.plans.iter().filter(|(_, s)| *s == split).map(|(p, _)| p).collect()
-    }
-
-    /// The same case with instruments that may err within tolerance (`response::Correlated`): what the search for missing physics is held
-    /// against. A plain fit takes the stated sigma at its word.
-    /// `system`: the model as it stands, from which the signals are computed.
-    pub fn with_instruments(&self, system: &System) -> Case {
-        let granted = |(p, s): &(Plan, SplitName)| {
-            let computed = p.evaluate(system, &[], false).ok().filter(|c| c.values.iter().all(|v| v.is_finite()));
-            (computed.map_or_else(|| p.with_instruments(&p.measured), |c| p.with_instruments(&c.values)), *s)
-        };
-        // Held-out tests are read once, at the end: nothing of them is looked at here.
-        let plans = parallel::map(&self.plans, |p| if p.1 == SplitName::HeldOut { p.clone() } else { granted(p) });
-        Case { plans: Arc::new(plans), ..self.clone() }
     }
 
     /// The same case with this model.
@@ -246,7 +234,11 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let away = ran_away(&fitted, &began);
     let termination = if away.is_empty() { fitted.outcome.termination.name() } else { "failed" };
     notes.splice(0..0, away);
+    let (model_error, scatter, noise) = errors(case, &fitted);
     let result = FitResult {
+        model_error,
+        scatter,
+        noise,
         study: case.name.clone(),
         termination: termination.into(),
         cost: fitted.outcome.cost,
@@ -284,6 +276,12 @@ fn ran_away(fitted: &Fitted, began: &System) -> Vec<String> {
         })
     };
     fitted.free.iter().filter_map(one).collect()
+}
+
+/// What the likelihood makes of the residuals on the fitted tests: the model's error, the scatter of strengths, the scale of the noise.
+fn errors(case: &Case, fitted: &Fitted) -> (Vec<OwnError>, Vec<ScatterOf>, f64) {
+    let scale = Scale::of_fitted(case, &fitted.system, &case.search.settings);
+    scale.as_it_stands(fitted).map_or((vec![], vec![], 1.0), |w| (scale.model_error(&w), scale.scatter(&w), w.v.kappa.exp()))
 }
 
 /// The effects of a system with their places.

@@ -3,9 +3,11 @@
 use crate::data::TestKind;
 use crate::response::{Computed, Plan};
 
-use super::accept::STANDARD_ERRORS;
 use super::case::Case;
 use super::results::{Against, ConstantDamping, SplitName};
+
+/// Standard errors beyond which two models differ.
+const STANDARD_ERRORS: f64 = 2.0;
 
 /// The block of a modal test that holds its damping ratios, by their logarithms.
 const BLOCK: &str = "modal_damping";
@@ -55,6 +57,7 @@ fn against_constant(measured: &[f64], model: &[f64], ratio: f64) -> Option<Const
 #[cfg(test)]
 mod tests {
     use super::*;
+
 
     #[test]
     fn a_model_is_better_worse_or_tied_with_one_constant_ratio() {

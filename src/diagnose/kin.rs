@@ -3,7 +3,6 @@
 
 use crate::model::{Instance, System};
 
-use super::accept::DECISIVE;
 use super::refit::{Bench, Refit, proof};
 
 /// Parameters of one name and dimension that make two laws kin.
@@ -23,7 +22,7 @@ impl Bench<'_> {
         watch(&format!("refitting {count} from where a law of their kind stands"));
         let stands = |r: &Refit| r.result.as_ref().map(|p| p.fitted.clone()).map_err(Clone::clone);
         let mut fitted: Vec<_> = refits.iter().map(stands).collect();
-        for (k, better) in self.exchange(&mut fitted, starts, DECISIVE).into_iter().enumerate() {
+        for (k, better) in self.exchange(&mut fitted, starts, 0.0).into_iter().enumerate() {
             // A fit that the select tests cannot be computed with leaves what stands.
             if better && let Some(Ok(proof)) = fitted[k].as_ref().ok().map(|f| proof(self.case, f.clone())) {
                 let name = &self.names[refits[k].candidate];
@@ -38,7 +37,7 @@ impl Bench<'_> {
         let own = refits[k].result.as_ref().ok()?;
         let place = |r: &Refit| &self.names[r.candidate].at;
         let ahead = refits.iter().filter(|r| place(r) == place(&refits[k])).filter_map(|r| r.result.as_ref().ok());
-        let ahead = ahead.filter(|p| p.fitted.outcome.cost < (1.0 - AHEAD) * own.fitted.outcome.cost - DECISIVE);
+        let ahead = ahead.filter(|p| p.fitted.outcome.cost < (1.0 - AHEAD) * own.fitted.outcome.cost);
         let begun = ahead.filter_map(|p| {
             let (kin, others) = p.fitted.system.instances.split_last()?;
             let begun = carried(own.fitted.system.instances.last()?, kin)?;

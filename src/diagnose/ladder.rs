@@ -1,61 +1,51 @@
-//! The ladder: diagnose, add, refit, prune until nothing earns its place.
+//! The ladder: score, weigh, add, take out, exchange, until nothing gains more than it costs; then the held-out tests have the last word.
 
-use crate::effect::Dim;
-use crate::parallel;
-
+use crate::effect::{Dim, Role};
 use crate::identify::Monitor;
-use crate::model::System;
+use crate::model::{Instance, System};
+use crate::parallel;
 use crate::response::Plan;
 
-use super::accept::{at_floor, far, rms};
 use super::candidates::Name;
-use super::case::{COARSE, Case, Fitted, compare, effects, fit, parameters};
-use super::exchange::{Rivals, exchange};
+use super::case::{Case, Fitted, compare, effects, fit, parameters};
+use super::climb::{Added, Climb};
+use super::fault::of_channel;
 use super::findings::{findings, unsettled};
-use super::horizon;
-use super::refit::{Proof, cost, prove, whitened};
+use super::held_out::HeldOutTests;
 use super::results::*;
-use super::search::{LEVEL, SURE, Step};
-use super::simplify::simplify;
+use super::righted::righted;
+use super::search::Step;
 use super::unexplained::{Unexplained, unexplained};
+use super::verdict::{Grounds, Judged, judged};
+use super::weigh::{Scale, Weighed};
 use super::{DiagnoseError, trace};
 
-/// Effects added at most where the study does not say.
-const MAX_ADDED: usize = 4;
-/// Fall of the cost that an effect must be worth, per parameter, to stay.
-const WORTH_KEEPING: f64 = 4.0;
-/// Part of the first excess of squares over the noise that may be left unexplained where what was added is still what is missing.
-const REMAINDER: f64 = 0.03;
-/// Effects after which more than this part of it being left says that the library does not hold what is missing.
-const IN_VAIN: usize = 2;
-const LEFT: f64 = 0.5;
-
-/// What is looked at again once an effect was added.
-enum Turn {
-    /// The effects before it.
-    Exchange,
-    /// Laws at the edge of their shapes.
-    Simplify,
-}
-
 type Watch<'a> = &'a (dyn Fn(&str) + Sync);
+
+const SEEN: [SplitName; 2] = [SplitName::Fit, SplitName::Select];
 
 /// Fits, finds where the model fails, and weighs what could be missing.
 pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResult, Diagnosis), DiagnoseError> {
     let started = std::time::Instant::now();
-    let (case, fitted, result) = fit(case, &[SplitName::Fit, SplitName::Select], monitor)?;
-    let case = &case;
-    let (searched, step) = horizon::searched(case, &fitted, monitor, watch)?;
-    let verdict = verdict(&step, trace::stopped(monitor));
-    let missing = step.accepted.iter().map(|(n, ..)| EffectAt { effect: n.effect.into(), at: n.at.clone() }).collect();
-    let would = if verdict == Verdict::NothingMissing { detectable(case, &fitted.system, &step.visible) } else { vec![] };
-    let formula = if verdict == Verdict::Unexplained { suggestion(&searched, &step.base, monitor, watch) } else { None };
-    let tie = step.accepted.as_ref().and_then(|(name, best, _)| Tie::new(&searched, name, &best.fitted, &step.tied));
-    let (next_test, no_next_test) = next_test(tie.as_ref(), started, monitor, watch);
+    let (case, fitted, result) = fit(case, &SEEN, monitor)?;
+    let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
+    let step = climb.step()?;
+    if let Some(taken) = &step.taken {
+        climb.add(taken, &step);
+    }
+    let stopped = trace::stopped(monitor);
+    let verdict = match climb.grounds(None, stopped) {
+        _ if step.taken.is_some() => Verdict::Missing,
+        grounds => judged(&grounds, &climb.settings).verdict,
+    };
+    let missing = climb.added.iter().map(|a| EffectAt { effect: a.name.effect.into(), at: a.name.at.clone() }).collect();
+    let would = if verdict == Verdict::NothingMissing { detectable(&case, &fitted.system, &step.visible) } else { vec![] };
+    let formula = if verdict == Verdict::Unexplained { climb.suggestion(&climb.first) } else { None };
+    let (next_test, no_next_test) = climb.next_test(started);
     Ok((
         result,
         Diagnosis {
-            findings: all_findings(case, &fitted.system)?,
+            findings: all_findings(&case, &fitted.system)?,
             candidates: step.candidates,
             second_opinion: step.second_opinion,
             verdict,
@@ -95,57 +85,6 @@ fn strength_unit(case: &Case, system: &System, name: &Name) -> (String, f64) {
     }
 }
 
-/// The formula for what no candidate explains.
-fn suggestion(case: &Case, base: &Fitted, monitor: &Monitor, watch: Watch) -> Option<Unexplained> {
-    if trace::stopped(monitor) {
-        return None;
-    }
-    watch("fitting a formula to what is unexplained");
-    unexplained(case, base, monitor)
-}
-
-fn verdict(step: &Step, stopped: bool) -> Verdict {
-    if step.accepted.is_some() {
-        Verdict::Missing
-    } else if stopped {
-        Verdict::Interrupted
-    } else if step.p_value > SURE && at_floor(step.left) {
-        Verdict::NothingMissing
-    } else {
-        Verdict::Unexplained
-    }
-}
-
-/// Root mean square of the whitened residuals of a system on the fit and select tests, and their number.
-fn left_by(case: &Case, system: &System) -> (f64, usize) {
-    let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
-    let n: usize = plans.iter().map(|p| p.len()).sum();
-    whitened(&plans, system).map_or((f64::INFINITY, n), |w| rms(&w))
-}
-
-/// Mean square of whitened residuals above the noise.
-fn excess((rms, _): (f64, usize)) -> f64 {
-    (rms * rms - 1.0).max(0.0)
-}
-
-/// Whether what was added takes most of what the first model failed by.
-fn mostly(first: (f64, usize), last: (f64, usize)) -> bool {
-    excess(last) <= REMAINDER * excess(first)
-}
-
-/// Whether effects have left so much of what the first model failed by that more of them would be a list, and no answer.
-fn a_list(first: (f64, usize), last: (f64, usize)) -> bool {
-    !at_floor(last) && excess(last) > LEFT * excess(first)
-}
-
-/// Why nothing more is worth adding, where that is so.
-fn in_vain(case: &Case, system: &System, first: Option<&((f64, usize), Fitted)>, added: usize) -> Option<String> {
-    let (before, _) = first.filter(|_| added >= IN_VAIN)?;
-    let after = left_by(&case.with_instruments(system), system);
-    let part = 100.0 * excess(after) / excess(*before);
-    a_list(*before, after).then(|| format!("they leave {part:.0} % of the squared residual above the noise"))
-}
-
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
     let found = |(plan, _): &&(Plan, SplitName)| -> Result<Vec<Finding>, DiagnoseError> {
         let mut list = findings(plan, &plan.evaluate(system, &[], false)?.values);
@@ -159,328 +98,292 @@ fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseEr
     Ok(list)
 }
 
-/// The end of a ladder that was stopped: what stands so far, and no verdict on the rest.
-fn interrupted(missing: &[Missing]) -> (String, Verdict) {
-    let verdict = if missing.is_empty() { Verdict::Interrupted } else { Verdict::Missing };
-    let found = if missing.is_empty() { "before an effect was added" } else { "after these effects were added" };
-    (format!("it was interrupted {found}; more may be missing"), verdict)
-}
-
-/// How a ladder stands that ends with what it has added.
-struct Standing {
-    /// Root mean square of the whitened residuals.
-    left: f64,
-    /// Whether that is above the noise.
-    remainder: bool,
-    formula: Option<Unexplained>,
-    verdict: Verdict,
-}
-
-impl Standing {
-    /// `first`: what the first model left, and that model as the search sees it.
-    fn of(case: &Case, system: &System, first: Option<&((f64, usize), Fitted)>, monitor: &Monitor, watch: Watch) -> Standing {
-        let searched = case.with_instruments(system);
-        let after = left_by(&searched, system);
-        let stands = Standing { left: after.0, remainder: !at_floor(after), formula: None, verdict: Verdict::Missing };
-        match first {
-            Some((before, given)) if stands.remainder && !mostly(*before, after) => {
-                Standing { formula: suggestion(&searched, given, monitor, watch), verdict: Verdict::Unexplained, ..stands }
-            }
-            _ => stands,
-        }
-    }
-}
-
-/// Root mean square over tests.
+/// Root mean square over held-out tests.
 fn pooled(tests: &[TestResult], pick: impl Fn(&TestResult) -> f64) -> Option<f64> {
     let held: Vec<f64> = tests.iter().filter(|t| t.split == SplitName::HeldOut).map(pick).collect();
     (!held.is_empty()).then(|| (held.iter().map(|e| e * e).sum::<f64>() / held.len() as f64).sqrt())
 }
 
+/// Why a climb ends.
+enum End {
+    /// Nothing gains more than it costs.
+    NothingGains,
+    /// As many effects as may be added.
+    Full,
+    /// It was stopped.
+    Stopped,
+    /// The next step cannot be computed.
+    Cannot(String),
+}
+
+impl End {
+    fn describe(&self, climb: &Climb) -> String {
+        match self {
+            End::NothingGains => "no candidate gains more than its parameters and the search for it cost".into(),
+            End::Full => format!("{} effects were added, and {} is the limit", climb.added.len(), climb.settings.max_added),
+            End::Stopped if climb.added.is_empty() => "it was interrupted before an effect was added; more may be missing".into(),
+            End::Stopped => "it was interrupted after these effects were added; more may be missing".into(),
+            End::Cannot(why) => format!("what else is missing could not be looked for: {why}"),
+        }
+    }
+}
+
 /// Climbs. The held-out tests are computed once, at the end, for the first and the last model.
 pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderResult, System), DiagnoseError> {
     let started = std::time::Instant::now();
-    let seen = [SplitName::Fit, SplitName::Select];
     watch("fitting the study as it stands");
-    let (mut case, mut fitted, first) = fit(case, &seen, monitor)?;
-    let base_instances = fitted.system.instances.len();
-    let first_system = fitted.system.clone();
-    let mut rungs = vec![rung(&case, &fitted, None, vec![], vec![], first.tests)?];
-    // One for each instance that was added, in their order.
-    let mut missing: Vec<Missing> = Vec::new();
-    let limit = case.search.max_added.unwrap_or(MAX_ADDED);
-    let (mut remainder, mut formula, mut left, mut would) = (false, None, None, vec![]);
-    let mut ties_left: Vec<Tie> = Vec::new();
-    let mut rivals: Vec<Rivals> = Vec::new();
-    let mut stopped;
-    // What the first model left, and that model as the search sees it.
-    let mut first: Option<((f64, usize), Fitted)> = None;
-    let (ended, verdict) = loop {
-        let now = rungs.len();
-        stopped = trace::stopped(monitor);
-        if stopped {
-            break interrupted(&missing);
+    let (case, turned) = righted(case);
+    let (case, fitted, _) = fit(&case, &SEEN, monitor)?;
+    let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
+    climb.turned = turned;
+    let mut rungs = vec![climb.rung(None, vec![])?];
+    let mut visible = Vec::new();
+    let end = loop {
+        if trace::stopped(monitor) {
+            break End::Stopped;
         }
-        let full = missing.len() >= limit || rungs.len() > 2 * limit;
-        let why = if full { Some(format!("{limit} is the limit")) } else { in_vain(&case, &fitted.system, first.as_ref(), missing.len()) };
-        if let Some(why) = why {
-            let stands = Standing::of(&case, &fitted.system, first.as_ref(), monitor, watch);
-            (left, remainder, formula) = (Some(stands.left), stands.remainder, stands.formula);
-            break (format!("{} effects were added, and {why}", missing.len()), stands.verdict);
+        if climb.added.len() >= climb.settings.max_added || rungs.len() > 2 * climb.settings.max_added {
+            break End::Full;
         }
-        watch(&format!("rung {now}"));
-        let (searched, step) = match horizon::searched(&case, &fitted, monitor, watch) {
-            // What was found is not lost with a model in which nothing more can be looked for.
-            Err(why) if !missing.is_empty() => {
-                let stands = Standing::of(&case, &fitted.system, first.as_ref(), monitor, watch);
-                (left, remainder, formula) = (Some(stands.left), stands.remainder, stands.formula);
-                break (format!("what else is missing could not be looked for: {why}"), stands.verdict);
-            }
+        watch(&format!("rung {}", rungs.len()));
+        let step = match climb.step() {
+            Err(why) if !climb.added.is_empty() => break End::Cannot(why.to_string()),
             found => found?,
         };
         if let Some(last) = rungs.last_mut() {
-            last.candidates = step.candidates.clone();
-            last.second_opinion = step.second_opinion.clone();
-            last.effort = step.effort;
+            (last.candidates, last.second_opinion, last.effort) = (step.candidates.clone(), step.second_opinion.clone(), step.effort);
         }
-        let step_verdict = verdict(&step, trace::stopped(monitor));
-        let whole = || if step.near { left_by(&searched, &fitted.system) } else { step.left };
-        let (first_left, given) = first.get_or_insert_with(|| (whole(), step.base.clone())).clone();
-        let Some((name, proof, ties)) = step.accepted else {
-            stopped = step_verdict == Verdict::Interrupted;
-            left = Some(step.left.0);
-            if stopped {
-                break interrupted(&missing);
-            }
-            // Beyond the stated noise, but not beyond what the search grants instruments.
-            let granted = !at_floor(left_by(&case, &fitted.system));
-            let noise = if granted { "within the noise and what good instruments may err by" } else { "at the noise" };
-            let said = match step_verdict {
-                Verdict::NothingMissing if step.p_value > LEVEL => {
-                    format!("the residual is {noise} and no candidate scores beyond chance")
-                }
-                Verdict::NothingMissing => format!("the residual is {noise} and no candidate earned its place {}", judged(&case)),
-                _ if step.p_value > LEVEL => "no candidate scores beyond chance, but the residual lies above the noise".to_string(),
-                _ if at_floor(step.left) => {
-                    format!("the residual is no larger than the noise, if not random, and no candidate earned its place {}", judged(&case))
-                }
-                _ => format!("no candidate earned its place {}", judged(&case)),
-            };
-            remainder = !(missing.is_empty() || at_floor(step.left));
-            match step_verdict {
-                Verdict::Unexplained if missing.is_empty() || remainder => {
-                    // What was added is no part of the answer where it leaves most of the question.
-                    let base = if mostly(first_left, step.left) { &step.base } else { &given };
-                    formula = suggestion(&searched, base, monitor, watch);
-                }
-                Verdict::NothingMissing => would = detectable(&case, &fitted.system, &step.visible),
-                _ => {}
-            }
-            let v = match (missing.is_empty(), step_verdict) {
-                (true, v) => v,
-                (false, Verdict::Unexplained) if !mostly(first_left, step.left) => Verdict::Unexplained,
-                (false, _) => Verdict::Missing,
-            };
-            break (said, v);
+        let Some(taken) = &step.taken else {
+            visible = step.visible;
+            break if trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
         };
-        // Without it, where it has to be withdrawn.
-        let stood = missing.clone();
-        ties_left.extend(Tie::new(&searched, &name, &proof.fitted, &step.tied));
-        rivals.push(Rivals { of: EffectAt { effect: name.effect.into(), at: name.at.clone() }, list: step.rivals });
-        watch(&format!("added {} at {}", name.effect, name.at));
-        missing.push(Missing {
-            effect: name.effect.into(),
-            at: name.at.clone(),
-            of: name.of.clone(),
-            tied_with: ties.iter().map(|n| format!("{} at {}", n.effect, n.at)).collect(),
-        });
-        // A model above the noise is fitted no closer than that shows; at it the last digits count.
-        let left_of_it = rms(&proof.fit);
-        let coarse = far(left_of_it.0);
-        let as_close_as_it_shows = |case: &Case| Case { f_tol: (!at_floor(left_of_it)).then_some(COARSE), ..case.clone() };
-        let mut system = proof.fitted.system;
-        let removed = prune(&searched, &mut system, base_instances, &mut missing, monitor, watch);
-        // A new effect may ask for finer steps; what is reported takes the stated sigma at its word.
-        let finer = case.refined(&system).unwrap_or_else(|| case.clone());
-        let closer = as_close_as_it_shows(&finer).fit_system(&system, finer.plans_of(SplitName::Fit), monitor);
-        let closer = closer.and_then(|f| compare(&finer, &f.system, &seen).map(|tests| (f, tests)));
-        // Far from the noise, what improves the fit in coarse steps alone explains nothing; nor does what cannot be computed in finer ones.
-        let explains = |f: &Fitted| !coarse || step.near || !removed.is_empty() || f.outcome.cost < fitted.outcome.cost;
-        let (closer, tests) = match closer {
-            Ok((closer, tests)) if explains(&closer) || trace::stopped(monitor) => (closer, tests),
-            withdrawn => {
-                let why = match withdrawn {
-                    Ok(_) => "improves the fit in coarse time steps alone".into(),
-                    Err(why) => format!("cannot be computed in finer time steps ({why})"),
-                };
-                watch(&format!("withdrew {} at {}: it {why}", name.effect, name.at));
-                missing = stood;
-                (left, remainder) = (Some(step.left.0), !missing.is_empty());
-                let kept = mostly(first_left, step.left);
-                formula = suggestion(&searched, if kept { &step.base } else { &given }, monitor, watch);
-                let ended = format!("{} at {} {why}, and nothing else was better", name.effect, name.at);
-                break (ended, if kept && !missing.is_empty() { Verdict::Missing } else { Verdict::Unexplained });
-            }
-        };
-        (case, fitted) = (finer, closer);
-        let added = EffectAt { effect: name.effect.into(), at: name.at };
-        rungs.push(rung(&case, &fitted, Some(added), removed, vec![], tests)?);
-        for turn in [Turn::Exchange, Turn::Simplify] {
-            let swap = match turn {
-                Turn::Exchange => exchange(&searched, &mut fitted, base_instances, &mut missing, &rivals, monitor, watch),
-                Turn::Simplify => simplify(&searched, &mut fitted, base_instances, &mut missing, WORTH_KEEPING, monitor, watch),
-            };
-            let Some(swap) = swap else { continue };
-            let mut removed = vec![swap.removed];
-            if let Some(tied) = swap.tied {
-                ties_left.extend(Tie::new(&searched, &tied.name, &tied.best, &tied.rivals));
-                removed.extend(prune(&searched, &mut fitted.system, base_instances, &mut missing, monitor, watch));
-            }
-            fitted = as_close_as_it_shows(&case).fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
-            let tests = compare(&case, &fitted.system, &seen)?;
-            rungs.push(rung(&case, &fitted, Some(swap.added), removed, vec![], tests)?);
-        }
+        rungs.push(climb.taken(taken, &step)?);
     };
-    // Only what still stands is worth a test of its own, and only now is it known how long the search for it took.
-    let stands = |tie: &&Tie| missing.iter().any(|m| m.effect == tie.name.effect && m.at == tie.name.at && !m.tied_with.is_empty());
-    let (next_test, no_next_test) = next_test(ties_left.iter().find(stands), started, monitor, watch);
-    let before = compare(&case, &first_system, &[SplitName::HeldOut])?;
-    // A climb is not lost with a held-out test that the last model cannot compute: it says so, and has no error there.
-    let (after, ended) = match compare(&case, &fitted.system, &[SplitName::HeldOut]) {
-        Ok(after) => (after, ended),
-        Err(why) => (vec![], format!("{ended}; the held-out tests cannot be computed: {why}")),
-    };
-    let held_out = HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&after, |t| t.floor) };
-    if rungs.len() > 1
-        && let Some(rung) = rungs.first_mut()
+    if climb.added.len() > 1
+        && let Some((added, removed)) = climb.swap()
     {
-        rung.tests.extend(before);
+        rungs.push(climb.rung(Some(added), vec![removed])?);
     }
-    if let Some(rung) = rungs.last_mut() {
-        rung.tests.extend(after);
-    }
-    let result = LadderResult {
-        study: case.name.clone(),
-        findings: all_findings(&case, &fitted.system)?,
-        rungs,
-        verdict,
-        missing,
-        held_out,
-        unexplained_remainder: remainder,
-        unexplained: formula,
-        whitened_rms: left,
-        would_have_been_seen: would,
-        next_test,
-        no_next_test,
-        ended,
-        interrupted: stopped,
-        wall_s: started.elapsed().as_secs_f64(),
-        result_study: None,
-    };
-    Ok((result, fitted.system))
+    climb.finish(rungs, &end, visible, started)
 }
 
-/// How candidates are judged, for the sentence that says why none was accepted.
-fn judged(case: &Case) -> &'static str {
-    match (case.plans_of(SplitName::Select).len(), case.plans_of(SplitName::Fit).len()) {
-        (0, 0 | 1) => "on the one test that is fitted",
-        (0, _) => "on parts of the fitted tests, each left out in turn",
-        _ => "on the select tests",
+impl Climb<'_> {
+    /// Adds what a step has found, takes out what it has made superfluous, and says how the model then stands.
+    fn taken(&mut self, taken: &super::search::Move, step: &Step) -> Result<Rung, DiagnoseError> {
+        self.add(taken, step);
+        let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
+        for n in &taken.names {
+            (self.watch)(&format!("added {} at {}: {:.1} nats", n.effect, n.at, taken.gain));
+        }
+        let removed = self.remove();
+        self.rung(taken.names.last().map(named), removed)
     }
-}
 
-fn rung(
-    case: &Case,
-    fitted: &Fitted,
-    added: Option<EffectAt>,
-    removed: Vec<EffectAt>,
-    candidates: Vec<Candidate>,
-    tests: Vec<TestResult>,
-) -> Result<Rung, DiagnoseError> {
-    Ok(Rung {
-        added,
-        removed,
-        tests,
-        parameters: parameters(case, fitted)?.0,
-        effects: effects(&fitted.system),
-        candidates,
-        second_opinion: SecondOpinion::default(),
-        effort: Effort::default(),
-        termination: fitted.outcome.termination.name().into(),
-        cost: fitted.outcome.cost,
-    })
-}
+    fn rung(&self, added: Option<EffectAt>, removed: Vec<EffectAt>) -> Result<Rung, DiagnoseError> {
+        let fitted = &self.now.fitted;
+        Ok(Rung {
+            added,
+            removed,
+            tests: compare(&self.case, &fitted.system, &SEEN)?,
+            parameters: parameters(&self.case, fitted)?.0,
+            effects: effects(&fitted.system),
+            candidates: vec![],
+            second_opinion: SecondOpinion::default(),
+            effort: Effort::default(),
+            termination: fitted.outcome.termination.name().into(),
+            cost: fitted.outcome.cost,
+        })
+    }
 
-/// Takes away again what the added effects have made superfluous: each added effect whose removal costs less than its parameters are
-/// worth on fit and select together. `missing` names the instances from `base` on.
-fn prune(case: &Case, system: &mut System, base: usize, missing: &mut Vec<Missing>, monitor: &Monitor, watch: Watch) -> Vec<EffectAt> {
-    let mut removed = Vec::new();
-    let whole = |p: &Proof| cost(&p.fit) + cost(&p.select);
-    let mut now: Option<f64> = None;
-    // The one added last has just been judged.
-    while base + 1 < system.instances.len() {
-        let Some(before) = now.or_else(|| prove(case, system, monitor).ok().map(|p| whole(&p))) else { break };
-        let without = |at: usize| -> Option<(usize, f64, Proof)> {
-            let k = base + at;
-            let mut without = system.clone();
-            let gone = without.instances.remove(k);
-            if without.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.instances.iter().any(|i| *i >= k))) {
-                return None;
-            }
-            let params = gone.params.iter().filter(|p| p.free).count() as f64;
-            let proof = prove(case, &without, monitor).ok()?;
-            let rise = whole(&proof) - before;
-            (rise < WORTH_KEEPING * params).then_some((k, rise, proof))
+    fn instance(&self, k: usize) -> Option<&Instance> {
+        self.now.fitted.system.instances.get(self.base + k)
+    }
+
+    fn is_fault(&self, k: usize) -> bool {
+        self.instance(k).is_some_and(of_channel)
+    }
+
+    /// What the verdict rests on.
+    fn grounds(&self, held_out: Option<(super::held_out::Word, f64, f64)>, stopped: bool) -> Grounds {
+        let of = |fault: bool| (0..self.added.len()).any(|k| self.is_fault(k) == fault);
+        let tests = self.case.plans_of(SplitName::HeldOut);
+        let floors: Vec<f64> = (0..self.scale.evidence.records.len()).map(|t| self.scale.noise(t)).collect();
+        Grounds {
+            added: of(false),
+            faults: of(true),
+            held_out,
+            tests_held_out: !tests.is_empty(),
+            floor: (floors.iter().map(|f| f * f).sum::<f64>() / floors.len().max(1) as f64).sqrt(),
+            model_error: self.now.v.model_error(&self.settings.evidence),
+            stopped,
+        }
+    }
+
+    /// The formula for what no candidate explains.
+    fn suggestion(&self, base: &Weighed) -> Option<Unexplained> {
+        if trace::stopped(self.monitor) {
+            return None;
+        }
+        (self.watch)("fitting a formula to what is unexplained");
+        let case = self.scale.under(&base.seen, &base.v, &self.scale.evidence.independent());
+        unexplained(&case, &base.fitted, self.monitor)
+    }
+
+    /// The test that separates what is tied, or why there is none; the search for it takes a share of the time since `started`.
+    fn next_test(&self, started: std::time::Instant) -> (Option<NextTest>, Option<String>) {
+        let tie = self.added.iter().enumerate().find(|(k, a)| !a.tied.is_empty() && !self.is_fault(*k)).map(|(_, a)| a);
+        let Some(added) = tie.filter(|_| !trace::stopped(self.monitor)) else { return (None, None) };
+        (self.watch)("looking for the test that separates what is tied");
+        let case = self.scale.under(&self.now.seen, &self.now.v, &self.scale.evidence.independent());
+        let under = |system: &System| case.fit_system(system, case.plans_of(SplitName::Fit), &self.monitor.quiet()).ok();
+        let rivals: Vec<(Name, Fitted)> =
+            added.tied.iter().take(3).filter_map(|(n, w)| Some((n.clone(), under(&w.fitted.system)?))).collect();
+        let Some(best) = under(&self.now.fitted.system).filter(|_| !rivals.is_empty()) else { return (None, None) };
+        match super::next::separating(&case, &best, &rivals, started.elapsed(), self.monitor) {
+            Ok(test) => (Some(test), None),
+            Err(why) => (None, Some(format!("{} at {} is in a tie, and {why}", added.name.effect, added.name.at))),
+        }
+    }
+
+    /// The result of the climb.
+    fn finish(
+        &self,
+        mut rungs: Vec<Rung>,
+        end: &End,
+        visible: Vec<(Name, f64)>,
+        started: std::time::Instant,
+    ) -> Result<(LadderResult, System), DiagnoseError> {
+        let stopped = matches!(end, End::Stopped);
+        let (next_test, no_next_test) = self.next_test(started);
+        let held = HeldOutTests::new(self.case.plans_of(SplitName::HeldOut), &self.first, &self.now, &self.settings);
+        let (before, after) = (self.held_out(&self.first)?, self.held_out(&self.now));
+        let mut ended = end.describe(self);
+        let after = after.unwrap_or_else(|why| {
+            ended += &format!("; the held-out tests cannot be computed: {why}");
+            vec![]
+        });
+        let errors = HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&before, |t| t.floor) };
+        let word = held.as_ref().and_then(|h| h.word(&self.first, &self.now));
+        let grounds = self.grounds(word.zip(errors.before).zip(errors.after).map(|((w, b), a)| (w, b, a)), stopped);
+        let Judged { verdict, proven, why, remainder } = judged(&grounds, &self.settings);
+        // What was added is no part of the answer where it leaves most of the question.
+        let of = if remainder.is_some_and(|r| r > self.settings.remainder) { &self.first } else { &self.now };
+        let formula = if verdict == Verdict::Unexplained { self.suggestion(of) } else { None };
+        let system = &self.now.fitted.system;
+        let would = if verdict == Verdict::NothingMissing { detectable(&self.case, system, &visible) } else { vec![] };
+        if rungs.len() > 1
+            && let Some(rung) = rungs.first_mut()
+        {
+            rung.tests.extend(before);
+        }
+        if let Some(rung) = rungs.last_mut() {
+            rung.tests.extend(after);
+        }
+        let left = word.map_or(grounds.model_error, |w| w.left.1);
+        let result = LadderResult {
+            study: self.case.name.clone(),
+            findings: all_findings(&self.case, system)?,
+            rungs,
+            verdict,
+            proven,
+            why,
+            missing: self.missing(held.as_ref()),
+            instruments: self.instruments(),
+            corrections: vec![],
+            remainder: left,
+            model_error: self.scale.model_error(&self.now),
+            scatter: self.scale.scatter(&self.now),
+            noise: self.now.v.kappa.exp(),
+            settings: self.settings.clone(),
+            held_out: errors,
+            unexplained_remainder: grounds.seen(left, &self.settings),
+            unexplained: formula,
+            whitened_rms: (!stopped).then(|| self.scale.evidence.over_noise(&self.now.seen, &self.now.v)),
+            would_have_been_seen: would,
+            next_test,
+            no_next_test,
+            ended,
+            interrupted: stopped,
+            wall_s: started.elapsed().as_secs_f64(),
+            result_study: None,
         };
-        let superfluous = parallel::over(system.instances.len() - 1 - base, without).into_iter().flatten();
-        let Some((k, _, proof)) = superfluous.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
-        let gone = &system.instances[k];
-        let gone = EffectAt { effect: gone.name().into(), at: gone.at.clone() };
-        watch(&format!("pruned {} at {}", gone.effect, gone.at));
-        missing.remove(k - base);
-        removed.push(gone);
-        now = Some(whole(&proof));
-        *system = proof.fitted.system;
+        Ok((result, system.clone()))
     }
-    removed
-}
 
-/// A candidate that was accepted, with those that the tests do not tell from it.
-struct Tie {
-    case: Case,
-    name: Name,
-    best: Fitted,
-    rivals: Vec<(Name, Fitted)>,
-}
+    fn held_out(&self, w: &Weighed) -> Result<Vec<TestResult>, DiagnoseError> {
+        compare(&self.case, &w.fitted.system, &[SplitName::HeldOut])
+    }
 
-impl Tie {
-    fn new(case: &Case, name: &Name, best: &Fitted, rivals: &[(Name, Fitted)]) -> Option<Tie> {
-        let tie = || Tie { case: case.clone(), name: name.clone(), best: best.clone(), rivals: rivals.to_vec() };
-        (!rivals.is_empty()).then(tie)
+    /// Physics that was added, what costs most to leave out first.
+    fn missing(&self, held: Option<&HeldOutTests>) -> Vec<Missing> {
+        let whole = held.and_then(|h| h.density(&self.now));
+        let of = |k: &usize| {
+            let a = &self.added[*k];
+            let without = held.and_then(|h| h.density(a.without.as_ref()?));
+            Missing {
+                effect: a.name.effect.into(),
+                at: a.name.at.clone(),
+                of: a.name.of.clone(),
+                tied_with: tied_with(a),
+                proven: whole.zip(without).map(|(whole, without)| whole > without),
+            }
+        };
+        self.order.iter().filter(|k| !self.is_fault(**k)).map(of).collect()
+    }
+
+    /// Instruments at fault, with what the record says.
+    fn instruments(&self) -> Vec<Instrument> {
+        let of = |k: &usize| -> Option<Instrument> {
+            let (a, instance) = (&self.added[*k], self.instance(*k)?);
+            let (unit, factor) = strength_unit(&self.case, &self.now.fitted.system, &a.name);
+            let value = instance.params.first()?.value / factor;
+            let (test, role) = a.name.at.rsplit_once('.')?;
+            let who = if test == "*" { format!("the {role} channel of all tests") } else { format!("the {role} channel of {test}") };
+            let why = match a.name.effect {
+                "gain" => format!("{who} reads {value:.3} of what the model and the other tests say"),
+                "delay" => format!("{who} is late by {value:.3e} {unit}"),
+                "offset" => format!("{who} lies {value:.3e} {unit} beside the others"),
+                "moving_mass" => format!("{who} carries a mass of {value:.3e} {unit}"),
+                other => format!("{who} has a {other} of {value:.3e} {unit}"),
+            };
+            Some(Instrument { effect: a.name.effect.into(), at: a.name.at.clone(), why, tied_with: tied_with(a) })
+        };
+        self.turned.iter().cloned().chain(self.order.iter().filter(|k| self.is_fault(**k)).filter_map(of)).collect()
     }
 }
 
-/// The test that separates what is tied, or why there is none; the search for it takes a share of the time since `started`.
-fn next_test(tie: Option<&Tie>, started: std::time::Instant, monitor: &Monitor, watch: Watch) -> (Option<NextTest>, Option<String>) {
-    let Some(tie) = tie.filter(|_| !trace::stopped(monitor)) else { return (None, None) };
-    watch("looking for the test that separates what is tied");
-    match super::next::separating(&tie.case, &tie.best, &tie.rivals, started.elapsed(), monitor) {
-        Ok(test) => (Some(test), None),
-        Err(why) => (None, Some(format!("{} at {} is in a tie, and {why}", tie.name.effect, tie.name.at))),
-    }
+fn tied_with(a: &Added) -> Vec<String> {
+    a.tied.iter().map(|(n, _)| format!("{} at {}", n.effect, n.at)).collect()
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+impl Scale {
+    /// The model's own error, channel by channel.
+    pub fn model_error(&self, w: &Weighed) -> Vec<OwnError> {
+        let mut list: Vec<(OwnError, f64)> = Vec::new();
+        let plans = self.case.plans_of(SplitName::Fit);
+        for (t, (plan, record)) in plans.iter().zip(&self.evidence.records).enumerate() {
+            for (channel, error) in record.channels.iter().zip(w.v.own_errors(t, &self.settings.evidence)) {
+                let kind = plan.kind.word();
+                match list.iter_mut().find(|(m, _)| m.kind == kind && m.channel == channel.label) {
+                    Some((m, n)) => (m.relative, *n) = (m.relative + error * error, *n + 1.0),
+                    None => list.push((OwnError { kind: kind.into(), channel: channel.label.clone(), relative: error * error }, 1.0)),
+                }
+            }
+        }
+        list.into_iter().map(|(m, n)| OwnError { relative: (m.relative / n).sqrt(), ..m }).collect()
+    }
 
-    #[test]
-    fn two_effects_that_leave_half_of_the_excess_are_a_list_and_no_answer() {
-        let (first, n) = ((10.0, 400), 400);
-        // 99 above the noise; half of it is left at a root mean square of sqrt(50.5).
-        assert!(a_list(first, (7.2, n)) && !a_list(first, (7.0, n)));
-        // Three effects alike leave a third after two of them; what is at the noise is no list whatever it began with.
-        assert!(!a_list(first, (5.8, n)) && !a_list((1.1, n), (1.09, n)));
-        assert!(mostly(first, (1.9, n)) && !mostly(first, (2.2, n)));
+    /// How much each strength differs from test to test; none in one test.
+    pub fn scatter(&self, w: &Weighed) -> Vec<ScatterOf> {
+        if self.evidence.records.len() < 2 {
+            return vec![];
+        }
+        let system = &w.fitted.system;
+        let strength = |f: &&crate::model::FreeParam| {
+            let info = system.instances[f.instance].effect.info();
+            info.role == Role::Force && info.params.get(f.param).is_some_and(|p| p.kind == crate::effect::Kind::Strength)
+        };
+        let of = |f: &crate::model::FreeParam| ScatterOf { parameter: f.name.clone(), relative: w.v.omega.exp() };
+        w.fitted.free.iter().filter(strength).map(of).collect()
     }
 }

@@ -1,36 +1,41 @@
 //! From misfit to missing physics: fit a case, see where it fails, search what explains it, prove it, and climb.
 
-mod accept;
 mod approach;
 mod candidates;
 mod case;
+mod climb;
 mod damping;
 mod error;
-mod exchange;
 mod factors;
+mod fault;
 mod findings;
-mod folds;
+mod held_out;
 mod horizon;
-mod judge;
 mod kin;
 mod ladder;
 mod next;
-mod pair;
 mod picks;
+mod reason;
 mod refit;
 pub mod results;
+mod revise;
+mod righted;
 mod score;
 mod search;
 mod secant;
 mod selection;
-mod simplify;
+mod settings;
 mod trace;
 mod unexplained;
+mod verdict;
+mod weigh;
 
 pub use approach::approached;
 pub use case::{Case, Fitted, Search, compare, fit, unit_of};
 pub use error::DiagnoseError;
 pub use ladder::{diagnose, ladder};
+pub use reason::{Fault, Reason};
+pub use settings::{STATED, Settings, Stated};
 pub use unexplained::{Missed, Unexplained};
 
 /// What tests of whole studies look into.

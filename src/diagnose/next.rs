@@ -19,10 +19,9 @@ use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::identify::{Monitor, Termination};
-use crate::response::{Correlated, CycleDrive, Plan, Variation};
+use crate::response::{CycleDrive, Plan, Variation};
 
 use super::Case;
-use super::accept::DECISIVE;
 use super::candidates::Name;
 use super::case::{COARSE, Fitted};
 use super::results::{NextTest, SplitName};
@@ -39,6 +38,8 @@ const EXCITATIONS: [f64; 4] = [0.1, 0.3, 3.0, 10.0];
 const OF_FORCE: [f64; 3] = [0.03, 0.3, 1.0];
 /// Separation that is aimed at, in units of noise: among proposals beyond it the one nearest to what was tested is taken.
 const ENOUGH: f64 = 10.0;
+/// Difference of costs that breaks a tie: e^8 in odds.
+const DECISIVE: f64 = 8.0;
 /// Proposals that are simulated, and those that are weighed at a time.
 const SIMULATED: usize = 2;
 const BATCH: usize = 4;
@@ -215,8 +216,8 @@ impl Tied<'_> {
         let mut plan = p.base.varied(&p.by)?;
         let values = plan.evaluate(&self.best.system, &[], false).ok()?.values;
         plan.with_noise_of(p.base, &values);
-        plan.correlated = Some(std::sync::Arc::new(Correlated::new(&plan, &values)));
         plan.measured.clone_from(&values);
+        plan = plan.with_instruments(&values);
         values.iter().all(|v| v.is_finite()).then_some((plan, values))
     }
 
@@ -258,8 +259,8 @@ impl Tied<'_> {
         let see = |fitted: &Fitted| -> Option<Seen> {
             let c = plan.evaluate(&fitted.system, &fitted.free, true).ok()?;
             let n = fitted.free.len();
-            let mut columns = DMatrix::from_fn(plan.len(), n, |i, k| c.slopes[i * n + k] / plan.sigma[i]);
-            plan.whiten_shared(columns.as_view_mut());
+            let mut columns = DMatrix::from_fn(plan.len(), n, |i, k| c.slopes[i * n + k]);
+            plan.whiten(columns.as_view_mut());
             Some(Seen { values: plan.whitened(&c.values), columns })
         };
         let best = see(self.best)?;

@@ -9,8 +9,6 @@ use super::candidates::{Name, Trial};
 use super::refit::Refit;
 use super::score::Score;
 
-/// Candidates refitted for their scores.
-pub const REFITS: usize = 8;
 /// A candidate is refitted for its score when its predicted drop is at least this part of the best.
 const WORTH: f64 = 0.05;
 /// Part of the sparse combination from which its members are refitted, and how many.
@@ -26,9 +24,9 @@ const AT_PLACE: usize = 6;
 const RIVALS: f64 = 0.2;
 
 /// By the scores, and by the second opinion. `best`: the best score of each candidate that is beyond chance, in order.
-pub fn first(best: &[Score], selected: &[(usize, f64)], trials: &[Trial]) -> Vec<Score> {
+pub fn first(best: &[Score], selected: &[(usize, f64)], trials: &[Trial], refits: usize) -> Vec<Score> {
     let top = best.first().map_or(0.0, |s| s.drop);
-    let mut picked: Vec<Score> = best.iter().filter(|s| s.drop >= WORTH * top).take(REFITS).copied().collect();
+    let mut picked: Vec<Score> = best.iter().filter(|s| s.drop >= WORTH * top).take(refits).copied().collect();
     for (candidate, _) in selected.iter().filter(|s| s.1 >= CARRIES).take(OF_OPINION) {
         let of = |s: &&Score| trials[s.trial].candidate == *candidate;
         if !picked.iter().any(|s| of(&s)) {

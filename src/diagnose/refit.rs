@@ -9,7 +9,6 @@ use crate::residual::test_error;
 use crate::response::Plan;
 
 use super::DiagnoseError;
-use super::accept::at_floor;
 use super::candidates::{Name, Trial};
 use super::case::{COARSE, Case, Fitted};
 use super::results::SplitName;
@@ -41,8 +40,10 @@ const FLAT: f64 = 1e-3;
 const OFF: [f64; 4] = [-1.4, -0.6, 0.6, 1.4];
 const UNMOVED: f64 = 1e-6;
 
-/// Fall of the cost that a setting must be worth to be fitted.
-pub const WORTH_FREEING: f64 = 4.0;
+/// Part of the cost that a setting must take away to be fitted.
+pub const WORTH_FREEING: f64 = 0.1;
+/// Part of the cost without a candidate below which a refit has explained all that the race under that model's variances can tell.
+const EXPLAINED: f64 = 0.01;
 
 /// Residuals of one test, whitened.
 pub type Whitened = Vec<Vec<f64>>;
@@ -63,9 +64,7 @@ pub struct Proof {
     pub fitted: Fitted,
     /// Whitened residuals on the fit tests.
     pub fit: Whitened,
-    /// Whitened residuals on the select tests.
-    pub select: Whitened,
-    /// Pooled relative error on the select tests; on the fit tests where there are none.
+    /// Pooled relative error on the fit tests.
     pub error: f64,
 }
 
@@ -134,7 +133,7 @@ impl Bench<'_> {
         // Which is worth it shows in coarser steps as well.
         let rough = self.case.coarser();
         let look = Bench { case: rough.as_ref().unwrap_or(self.case), ..*self };
-        let unexplained = whitened(&look.case.plans_of(SplitName::Fit), self.base).map_or(f64::INFINITY, |w| cost(&w));
+        let unexplained = look.unexplained();
         let secants = parallel::map(picked, |best| look.secants(best, unexplained));
         let first = secants.iter().enumerate().flat_map(|(k, s)| s.iter().flatten().map(move |s| (k, &s.system)));
         let first: Vec<(usize, &System)> = first.collect();
@@ -228,7 +227,7 @@ impl Bench<'_> {
         })
     }
 
-    /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than `worth`. A fit that after a first
+    /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than this part. A fit that after a first
     /// look has farther to go to where its candidate stands than it has come is left there. Which were replaced.
     pub fn exchange(&self, fitted: &mut [Result<Fitted, String>], starts: Vec<Vec<System>>, worth: f64) -> Vec<bool> {
         let mut better = vec![false; fitted.len()];
@@ -240,12 +239,17 @@ impl Bench<'_> {
             if o.cost - stands[*k] < o.start_cost - o.cost { self.go_on(look, REFIT_ITERATIONS) } else { Ok(look) }
         });
         for ((k, _), moved) in starts.iter().zip(moved) {
-            if cost_of(&moved) < cost_of(&fitted[*k]) - worth {
+            if cost_of(&moved) < (1.0 - worth) * cost_of(&fitted[*k]) {
                 fitted[*k] = moved;
                 better[*k] = true;
             }
         }
         better
+    }
+
+    /// Cost of the model without a candidate.
+    pub fn unexplained(&self) -> f64 {
+        whitened(&self.case.plans_of(SplitName::Fit), self.base).map_or(f64::INFINITY, |w| cost(&w))
     }
 
     /// A fit in full from here.
@@ -350,13 +354,12 @@ fn follows(cost: f64, leader: Option<Leader>, unexplained: f64) -> bool {
 struct Look {
     cost: f64,
     n_free: usize,
-    n_residuals: usize,
 }
 
 impl Look {
     fn of(fitted: &Result<Fitted, String>) -> Option<Look> {
         let f = fitted.as_ref().ok()?;
-        Some(Look { cost: f.outcome.cost, n_free: f.free.len(), n_residuals: f.outcome.n_residuals })
+        Some(Look { cost: f.outcome.cost, n_free: f.free.len() })
     }
 }
 
@@ -367,8 +370,7 @@ fn hopeful(looks: &[Option<Look>], unexplained: f64, leader: Option<Leader>) -> 
     let mut order: Vec<&Look> = looks.iter().flatten().collect();
     order.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(best) = order.first() else { return vec![false; looks.len()] };
-    let n = best.n_residuals;
-    let explained = at_floor(((2.0 * best.cost / n.max(1) as f64).sqrt(), n));
+    let explained = best.cost < EXPLAINED * unexplained;
     let third = order.get(2).or(order.last()).map_or(0.0, |f| f.cost);
     let fallen = |f: &Look| {
         let fall = (unexplained - f.cost) / (unexplained - best.cost);
@@ -402,22 +404,15 @@ fn ended(fitted: Result<Fitted, DiagnoseError>) -> Result<Fitted, String> {
     }
 }
 
-/// The first iterations of a fit.
-pub fn looked(case: &Case, system: &System, monitor: &Monitor) -> Option<Fitted> {
-    fit_some(case, system, CHOICE + FIRST_LOOK, monitor).ok()
-}
-
-/// Fits a system and holds it against the select tests.
+/// Fits a system in full.
 pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, String> {
     proof(case, fit_some(case, system, REFIT_ITERATIONS, monitor)?)
 }
 
-/// A fitted system held against the fit and select tests.
+/// A fitted system held against the fit tests.
 pub fn proof(case: &Case, fitted: Fitted) -> Result<Proof, String> {
-    let (fit, fit_error) = against(&case.plans_of(SplitName::Fit), &fitted.system)?;
-    let selects = case.plans_of(SplitName::Select);
-    let (select, select_error) = against(&selects, &fitted.system)?;
-    Ok(Proof { fitted, fit, select, error: if selects.is_empty() { fit_error } else { select_error } })
+    let (fit, error) = against(&case.plans_of(SplitName::Fit), &fitted.system)?;
+    Ok(Proof { fitted, fit, error })
 }
 
 /// Half the sum of squares.
@@ -442,7 +437,7 @@ mod tests {
 
     #[test]
     fn what_has_not_gained_a_quarter_of_the_best_is_not_refitted() {
-        let look = |cost: f64| Some(Look { cost, n_free: 5, n_residuals: 20 });
+        let look = |cost: f64| Some(Look { cost, n_free: 5 });
         let list = |costs: &[f64]| costs.iter().map(|c| look(*c)).collect::<Vec<_>>();
         // The best falls by 900 of 1000: a quarter of it is 225.
         let far = list(&[100.0, 700.0, 780.0, 774.0, 776.0]);
@@ -450,7 +445,7 @@ mod tests {
         // The best three are refitted whatever they gained, a failed one is not.
         assert_eq!(hopeful(&[look(100.0), look(990.0), None, look(995.0), look(996.0)], 1000.0, None), [true, true, false, true, false]);
         // At the noise only what is within the factor, or simpler.
-        let (near, simple) = (look(9.0), Look { cost: 300.0, n_free: 4, n_residuals: 20 });
+        let (near, simple) = (look(9.0), Look { cost: 300.0, n_free: 4 });
         assert_eq!(hopeful(&[near, look(80.0), look(300.0)], 1000.0, None), [true, true, false]);
         assert_eq!(hopeful(&[near, look(80.0), Some(simple)], 1000.0, None), [true, true, true]);
         // What leads sets the measure.

@@ -2,6 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
+mod errors;
+
+pub use errors::{Correction, Instrument, OwnError, ScatterOf};
+
+use super::reason::Reason;
+use super::settings::Settings;
 use super::unexplained::Unexplained;
 
 /// Which use a test serves.
@@ -253,6 +259,12 @@ pub struct FitResult {
     pub unidentifiable: Vec<String>,
     /// Effects of the model.
     pub effects: Vec<EffectAt>,
+    /// The model's own error, channel by channel, on the fitted tests.
+    pub model_error: Vec<OwnError>,
+    /// How much strengths differ from test to test.
+    pub scatter: Vec<ScatterOf>,
+    /// True noise over that seen between cycles or stated; 1 where it is not estimated.
+    pub noise: f64,
     /// Notes on data and fit.
     pub notes: Vec<String>,
 }
@@ -286,7 +298,7 @@ pub struct Candidate {
     pub predicted_drop: f64,
     /// Pooled error before.
     pub error_before: f64,
-    /// Pooled error on the select tests after the refit; none where it was not refitted.
+    /// The same after the refit; none where it was not refitted.
     pub error_after: Option<f64>,
     /// Whether it earned its place.
     pub accepted: bool,
@@ -296,7 +308,11 @@ pub struct Candidate {
     pub p_value: f64,
     /// The second opinion: the part it has in a sparse nonnegative combination of all candidates' columns; none where it is not in it.
     pub selected: Option<f64>,
-    /// Why it was not accepted or failed, in words.
+    /// Nats that it gains beyond its price; none where it was not weighed.
+    pub nats: Option<f64>,
+    /// What was decided of it.
+    pub reason: Reason,
+    /// The same in words.
     pub remark: String,
 }
 
@@ -435,6 +451,8 @@ pub struct Missing {
     pub of: Option<String>,
     /// `effect at place` of the tied.
     pub tied_with: Vec<String>,
+    /// Whether the density of the held-out tests falls where it is left out; none where there are none.
+    pub proven: Option<bool>,
 }
 
 /// Pooled error of the held-out tests.
@@ -457,14 +475,31 @@ pub struct LadderResult {
     pub rungs: Vec<Rung>,
     /// Verdict.
     pub verdict: Verdict,
-    /// Effects added that stayed.
+    /// Whether the held-out tests bear out what was added: their density rises and their error falls.
+    pub proven: bool,
+    /// Why, in words.
+    pub why: String,
+    /// Physics added that stayed, what costs most to leave out first.
     pub missing: Vec<Missing>,
-    /// Whether these effects leave a misfit beyond the noise that no further candidate explains.
+    /// Instruments at fault.
+    pub instruments: Vec<Instrument>,
+    /// What the study ties or fixes and the data do not.
+    pub corrections: Vec<Correction>,
+    /// Error of the last model on the held-out tests, relative to the response, beside noise and scatter; on the fitted tests where none is held out.
+    pub remainder: f64,
+    /// The model's own error, channel by channel.
+    pub model_error: Vec<OwnError>,
+    /// How much strengths differ from test to test.
+    pub scatter: Vec<ScatterOf>,
+    /// True noise over that seen between cycles or stated.
+    pub noise: f64,
+    /// Constants of the search.
+    pub settings: Settings,
+    /// Whether a model error is left that is seen beside the noise.
     pub unexplained_remainder: bool,
     /// Where something is unexplained: the force that would explain it, and a formula fitted to it.
     pub unexplained: Option<Unexplained>,
-    /// Root mean square of the whitened residuals on the fit and select tests at the end, where instruments may err within their tolerance; none
-    /// where the search was stopped.
+    /// Root mean square of the whitened residuals on the fit and select tests at the end, under the noise alone; none where the search was stopped.
     pub whitened_rms: Option<f64>,
     /// Strength of each candidate that would have been seen, where nothing more is missing: name and value with unit.
     pub would_have_been_seen: Vec<String>,

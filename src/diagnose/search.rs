@@ -1,233 +1,339 @@
-//! One step of the search: score everything, refit the best, say what earned its place.
+//! One step of the search: score everything, refit the best, weigh them, take what gains most.
 
+use crate::effect::{Role, find};
 use crate::identify::{Monitor, Termination};
-use crate::model::Instance;
+use crate::model::System;
+use crate::parallel;
 
-use super::accept::{DECISIVE, at_floor, improved, rms, tied, verdict_cost};
 use super::candidates::{Name, Scene, Trial, candidates};
-use super::case::{COARSE, Case, Fitted};
-use super::exchange::RIVALS;
-use super::judge::Judge;
-use super::picks::{self, REFITS};
-use super::refit::{Bench, Leader, Proof, Refit, best_per_candidate, cost, proof};
+use super::case::Case;
+use super::picks;
+use super::reason::Reason;
+use super::refit::{Bench, Leader, Refit, best_per_candidate};
 use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
-use super::score::{Score, score};
+use super::score::{Score, Scores, score};
+use super::weigh::{Scale, Weighed};
 use super::{DiagnoseError, trace};
 
-/// Candidates tied with the best that are named at most.
-const TIES: usize = 3;
-/// Level of the score test at which candidates are refitted.
-pub const LEVEL: f64 = 0.01;
+/// Part of the cost before it that a refit leaves where it explains all that matters.
+const EXPLAINED: f64 = 0.01;
 
-/// Level below which something is missing even where no candidate earned its place.
-pub const SURE: f64 = 1e-3;
-/// Times a decisive difference of cost by which a candidate takes the place of one that has earned it.
-const SURELY: f64 = 2.0;
+/// A candidate that was weighed.
+pub struct Stood {
+    /// Its name.
+    pub name: Name,
+    /// The model with it.
+    pub weighed: Weighed,
+    /// Nats that it gains beyond its price.
+    pub gain: f64,
+    /// Whether it may be taken.
+    pub admissible: bool,
+}
+
+/// What is added.
+pub struct Move {
+    /// One effect or two.
+    pub names: Vec<Name>,
+    /// The model with them.
+    pub weighed: Weighed,
+    /// Nats beyond their price.
+    pub gain: f64,
+}
 
 /// What one step found.
 pub struct Step {
-    /// Every candidate that was weighed, best first.
+    /// Every candidate, best first.
     pub candidates: Vec<Candidate>,
     /// What all candidates at once say.
     pub second_opinion: SecondOpinion,
-    /// The accepted one with its proof, and what it is tied with.
-    pub accepted: Option<(Name, Proof, Vec<Name>)>,
-    /// The tied candidates refitted, for the next test.
-    pub tied: Vec<(Name, Fitted)>,
-    /// What came closest to the accepted one, as it was fitted, the cheapest first.
-    pub rivals: Vec<(Name, Instance)>,
-    /// p-value of the best score.
-    pub p_value: f64,
-    /// Root mean square of the whitened residuals on the fit and select tests before the step, and their number.
-    pub left: (f64, usize),
-    /// The model before the step, fitted under the covariance that the candidates are.
-    pub base: Fitted,
+    /// Those that were weighed, the most worth first.
+    pub stood: Vec<Stood>,
+    /// What gains most, if anything does.
+    pub taken: Option<Move>,
     /// What it took.
     pub effort: Effort,
-    /// Whether the model was out of step with a record, and no more than its first cycles were looked at.
-    pub near: bool,
     /// Name and visible strength of each candidate.
     pub visible: Vec<(Name, f64)>,
 }
 
-/// Scores, refits, compares. `base` is the fitted case without the candidate. `case` should grant its instruments their tolerance
-/// ([`Case::with_instruments`]).
-pub fn step(case: &Case, base: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str) + Sync)) -> Result<Step, DiagnoseError> {
-    let plans = case.plans_of(SplitName::Fit);
-    let judged_on_select = !case.plans_of(SplitName::Select).is_empty();
-    // The same model under the covariance that the candidates are fitted with.
-    let single = Case { starts: 1, f_tol: Some(COARSE), ..case.clone() };
-    let base = &single.fit_system(&base.system, plans.clone(), &monitor.quiet())?;
-    let scene = Scene::new(&plans, &base.system);
-    let (names, trials) = candidates(case, &base.system, &plans, &scene);
+/// What a step weighs against.
+pub struct Against<'a> {
+    /// The tests and what they count as.
+    pub scale: &'a Scale,
+    /// The model without a candidate.
+    pub base: &'a Weighed,
+    /// Nats that a candidate must gain on that to be of interest, where that is not its price: what stands in its place gains so much.
+    pub need: Option<f64>,
+    /// Watch over the fits.
+    pub monitor: &'a Monitor<'a>,
+    /// Lines of progress.
+    pub watch: &'a (dyn Fn(&str) + Sync),
+}
+
+/// Scores, refits, weighs.
+pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
+    let (scale, base, watch) = (a.scale, a.base, a.watch);
+    let system = &base.fitted.system;
+    // Refits race under the variances of the model without them, every coefficient a datum.
+    let race = scale.under(&base.seen, &base.v, &scale.evidence.independent());
+    let plans = race.plans_of(SplitName::Fit);
+    let (names, trials) = candidates(&race, system, &plans, &Scene::new(&plans, system));
     watch(&format!("scoring {} effects at places, {} shapes", names.len(), trials.len()));
-    let bound = base.options.constraints.at_bound(&base.outcome.p);
-    let at_bound: Vec<bool> = (0..base.free.len()).map(|k| bound.iter().any(|(i, _)| *i == k)).collect();
-    let priors: Vec<_> = base.options.priors.iter().map(|p| (p.index, p.mean, p.sigma)).collect();
     let started = std::time::Instant::now();
-    let mut scores = score(&plans, &base.system, &trials, &at_bound, &priors, case.seed)?;
-    let least = |list: &[Score]| list.iter().filter(|s| s.drop > 0.0).map(|s| s.p_value).fold(1.0, f64::min);
-    if least(&scores.list) > LEVEL && judged_on_select {
-        // What the fit tests do not show the select tests may, where they reach further.
-        let both = [plans.clone(), case.plans_of(SplitName::Select)].concat();
-        let wider = score(&both, &base.system, &trials, &at_bound, &priors, case.seed)?;
-        if least(&wider.list) <= SURE {
-            scores = wider;
-        }
-    }
+    let scores = scored(&race, base, &trials)?;
     let mut effort = Effort { trials: trials.len(), score_s: started.elapsed().as_secs_f64(), ..Effort::default() };
     let best = best_per_candidate(&scores.list, &trials);
-    let p_value = least(&scores.list);
-    let visible = visible(&scores.list, &names, &trials);
-    let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)));
-    let before = proof(case, base.clone()).map_err(failed)?;
-    let left = rms(&[before.fit.as_slice(), &before.select].concat());
-    let listed = Listed { names: &names, trials: &trials, before: &before, selected: &scores.selected };
-    if p_value > LEVEL || trace::stopped(monitor) {
-        let remark = |s: &Score| if s.p_value > LEVEL { "within what chance gives" } else { "not refitted: the search was stopped" };
-        let list = best.iter().take(REFITS).map(|s| listed.blank(s, remark(s))).collect();
-        let second_opinion = listed.second_opinion(best.first().map(|s| trials[s.trial].candidate), &[]);
-        return Ok(Step {
-            candidates: list,
-            second_opinion,
-            accepted: None,
-            tied: vec![],
-            rivals: vec![],
-            p_value,
-            left,
-            base: base.clone(),
-            effort,
-            near: false,
-            visible,
-        });
-    }
-    let beyond: Vec<Score> = best.iter().filter(|s| s.p_value <= LEVEL).copied().collect();
-    let picked = picks::first(&beyond, &scores.selected, &trials);
-    watch(&format!("refitting the best {}", picked.len()));
-    let bench = Bench { case, base: &base.system, names: &names, trials: &trials, scores: &scores, monitor };
+    let price = Price::new(a, &names);
+    let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
+    let picked = if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &scores.selected, &trials, scale.settings.refits) };
+    let bench = Bench { case: &race, base: system, names: &names, trials: &trials, scores: &scores, monitor: a.monitor };
     let started = std::time::Instant::now();
-    let mut refits = bench.refit_all(&picked, None, watch);
+    let cost = bench.unexplained();
+    let refits = refitted(&bench, &hopeful, &picked, cost, watch);
+    (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
+    watch(&format!("weighing {} refits", refits.len()));
+    let (stood, mut reasons) = weighed(a, &refits, &names, &price, cost);
+    let mut taken = stood.iter().filter(|s| s.admissible && s.gain > 0.0).max_by(|a, b| a.gain.total_cmp(&b.gain)).map(|s| Move {
+        names: vec![s.name.clone()],
+        weighed: s.weighed.clone(),
+        gain: s.gain,
+    });
+    if taken.is_none() && a.need.is_none() {
+        taken = in_pairs(a, &stood, &bench, picks::pair(&hopeful, &scores.selected, &names, &trials));
+        if let Some(pair) = &taken {
+            let of = |r: &Refit| pair.names.contains(&names[r.candidate]);
+            refits.iter().zip(&mut reasons).filter(|(r, _)| of(r)).for_each(|(_, w)| *w = Reason::InPair { nats: pair.gain });
+        }
+    }
+    let listed = Listed { names: &names, trials: &trials, selected: &scores.selected, error: error_of(scale, base) };
+    let tie = |s: &Stood| taken.as_ref().is_some_and(|t| t.names.len() == 1 && t.names[0] != s.name && t.gain - s.gain <= scale.settings.tie);
+    let tied: Vec<&Name> = stood.iter().filter(|s| s.admissible && tie(s)).map(|s| &s.name).collect();
+    let mut list: Vec<Candidate> =
+        refits.iter().zip(&reasons).map(|(r, reason)| listed.weighed(r, reason, &stood, taken.as_ref(), &tied)).collect();
+    let rest = best.iter().filter(|s| !refits.iter().any(|r| r.candidate == trials[s.trial].candidate)).take(scale.settings.refits);
+    list.extend(rest.map(|s| listed.blank(s, &price.left_out(trials[s.trial].candidate, s.drop))));
+    let first = taken.as_ref().and_then(|t| names.iter().position(|n| *n == t.names[0]));
+    let positions: Vec<usize> = tied.iter().filter_map(|t| names.iter().position(|n| n == *t)).collect();
+    let second_opinion = listed.second_opinion(first.or(best.first().map(|s| trials[s.trial].candidate)), &positions);
+    let visible = visible(&scores.list, &names, &trials);
+    Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible })
+}
+
+fn scored(race: &Case, base: &Weighed, trials: &[Trial]) -> Result<Scores, DiagnoseError> {
+    let f = &base.fitted;
+    let bound = f.options.constraints.at_bound(&f.outcome.p);
+    let at_bound: Vec<bool> = (0..f.free.len()).map(|k| bound.iter().any(|(i, _)| *i == k)).collect();
+    let priors: Vec<_> = f.options.priors.iter().map(|p| (p.index, p.mean, p.sigma)).collect();
+    score(&race.plans_of(SplitName::Fit), &f.system, trials, &at_bound, &priors, race.seed)
+}
+
+/// What a candidate has to gain, and what it promises.
+struct Price<'a> {
+    against: &'a Against<'a>,
+    names: &'a [Name],
+    physics: f64,
+    all: f64,
+}
+
+impl<'a> Price<'a> {
+    fn new(against: &'a Against, names: &'a [Name]) -> Self {
+        let channel = |n: &&Name| role(n) == Some(Role::Channel);
+        let physics = names.iter().filter(|n| !channel(n)).count();
+        Price { against, names, physics: physics.max(1) as f64, all: names.len().max(1) as f64 }
+    }
+
+    /// What was tried where this candidate was.
+    fn tried(&self, candidate: usize) -> f64 {
+        if role(&self.names[candidate]) == Some(Role::Channel) { self.all } else { self.physics }
+    }
+
+    fn price(&self, candidate: usize) -> f64 {
+        self.against.need.unwrap_or(0.5 * self.against.scale.counts.n.ln() + self.tried(candidate).ln())
+    }
+
+    /// A bound on the gain of what takes this part of the cost away: with the variances as they are, or with a model error that falls with the
+    /// residual.
+    fn bound(&self, candidate: usize, drop: f64) -> f64 {
+        let s = &self.against.scale.settings;
+        let factor = if role(&self.names[candidate]) == Some(Role::Series) { s.promise_series } else { s.promise };
+        let q = 2.0 * self.against.base.fitted.outcome.cost;
+        factor * promised(q, drop)
+    }
+
+    fn promises(&self, candidate: usize, drop: f64) -> bool {
+        self.bound(candidate, drop) >= self.price(candidate) - self.against.scale.settings.tie
+    }
+
+    fn left_out(&self, candidate: usize, drop: f64) -> Reason {
+        if self.promises(candidate, drop) {
+            return Reason::NotTried;
+        }
+        Reason::Hopeless { bound: self.bound(candidate, drop), price: self.price(candidate) }
+    }
+}
+
+/// Nats that the fall of a sum of squares `q` by this part is worth at most.
+fn promised(q: f64, drop: f64) -> f64 {
+    let drop = drop.clamp(0.0, 1.0 - 1e-9);
+    0.5 * q * drop.max(-(1.0 - drop).ln())
+}
+
+fn role(name: &Name) -> Option<Role> {
+    find(name.effect).ok().map(|e| e.info().role)
+}
+
+/// Refits of what was picked, of what these suggest, and from where laws of their kind stand; the cheapest first.
+fn refitted(bench: &Bench, hopeful: &[Score], picked: &[Score], cost: f64, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
+    if picked.is_empty() {
+        return vec![];
+    }
+    watch(&format!("refitting the best {}", picked.len()));
+    let mut refits = bench.refit_all(picked, None, watch);
     sort(&mut refits);
-    let leads = refits.first().and_then(|r| r.result.as_ref().ok());
-    let explained = leads.is_some_and(|p| at_floor(rms(&p.fit)));
-    let leader = leads.map(|p| Leader { cost: p.fitted.outcome.cost, drop: refits[0].score.drop });
-    let further = picks::second(&beyond, &refits, explained, cost(&before.fit), &names, &trials);
-    if !(further.is_empty() || trace::stopped(monitor)) {
+    let leads = refits.first().and_then(|r| r.result.as_ref().ok()).map(|p| p.fitted.outcome.cost);
+    let leader = leads.map(|cost| Leader { cost, drop: refits[0].score.drop });
+    let explained = leads.is_some_and(|c| c < EXPLAINED * cost);
+    let further = picks::second(hopeful, &refits, explained, cost, bench.names, bench.trials);
+    if !(further.is_empty() || trace::stopped(bench.monitor)) {
         watch(&format!("refitting {} more", further.len()));
         refits.extend(bench.refit_all(&further, leader, watch));
         sort(&mut refits);
     }
     bench.begin_at_kin(&mut refits, watch);
     sort(&mut refits);
-    let pair = bench.pair(&before, &refits, picks::pair(&beyond, &scores.selected, &names, &trials));
-    (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
-    let rest: Vec<Score> =
-        best.iter().filter(|s| !refits.iter().any(|r| r.candidate == trials[s.trial].candidate)).take(REFITS).copied().collect();
-    watch(&format!("judging {} refits", refits.len()));
-    let Chosen { winner, ties, weighed } = choose(&refits, pair, &Judge::new(case, &before, monitor));
-    let mut list: Vec<Candidate> = (0..refits.len()).map(|k| listed.weighed(k, &refits, winner, &ties, &weighed[k])).collect();
-    list.extend(rest.iter().map(|s| listed.blank(s, "not refitted: its predicted drop is far below the best")));
-    let taken = winner.map(|w| refits[w].candidate).or(best.first().map(|s| trials[s.trial].candidate));
-    let second_opinion = listed.second_opinion(taken, &ties.iter().map(|t| refits[*t].candidate).collect::<Vec<_>>());
-    let tied_names: Vec<Name> = ties.iter().map(|k| names[refits[*k].candidate].clone()).collect();
-    let tied = ties.iter().filter_map(|k| Some((names[refits[*k].candidate].clone(), refits[*k].result.as_ref().ok()?.fitted.clone())));
-    let tied = tied.collect();
-    let close = refits.iter().enumerate().filter(|(k, _)| winner != Some(*k)).filter_map(|(_, r)| {
-        let added = r.result.as_ref().ok()?.fitted.system.instances.last()?;
-        added.target.is_none().then(|| (names[r.candidate].clone(), added.clone()))
-    });
-    let rivals = close.take(RIVALS).collect();
-    let accepted = winner.and_then(|w| {
-        let r = refits.swap_remove(w);
-        Some((names[r.candidate].clone(), r.result.ok()?, tied_names))
-    });
-    Ok(Step { candidates: list, second_opinion, accepted, tied, rivals, p_value, left, base: base.clone(), effort, near: false, visible })
+    refits
 }
 
-/// Best first by what it costs on fit and select; failures last.
+/// Best first by its cost; failures last.
 fn sort(refits: &mut [Refit]) {
-    refits.sort_by(|a, b| {
-        let key = |r: &Refit| r.result.as_ref().map_or(f64::INFINITY, verdict_cost);
-        key(a).total_cmp(&key(b)).then(b.score.drop.total_cmp(&a.score.drop))
-    });
+    let key = |r: &Refit| r.result.as_ref().map_or(f64::INFINITY, |p| p.fitted.outcome.cost);
+    refits.sort_by(|a, b| key(a).total_cmp(&key(b)).then(b.score.drop.total_cmp(&a.score.drop)));
 }
 
-/// What is taken of the refitted candidates.
-struct Chosen {
-    winner: Option<usize>,
-    ties: Vec<usize>,
-    /// What was weighed of each, in words.
-    weighed: Vec<String>,
-}
-
-/// The first of a pair that has earned its place, alone or together; else what has in the order of their costs, and of what cannot be
-/// told from it, the one with the fewest parameters.
-fn choose(refits: &[Refit], pair: Option<([usize; 2], Proof)>, judge: &Judge) -> Chosen {
-    let mut weighed = vec![String::new(); refits.len()];
-    let earned = |k: usize, weighed: &mut [String]| {
-        let Ok(proof) = &refits[k].result else { return false };
-        let (earned, text) = judge.earned(proof);
-        weighed[k] = text;
-        earned
+/// The refits that may gain, each weighed with variances of its own, and what was decided of every refit.
+fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f64) -> (Vec<Stood>, Vec<Reason>) {
+    let scale = a.scale;
+    let fall = |r: &Refit| r.result.as_ref().map_or(0.0, |p| 1.0 - p.fitted.outcome.cost / cost.max(f64::MIN_POSITIVE));
+    let mut left = scale.settings.weighed;
+    let of = |r: &Refit| -> Option<Reason> {
+        match &r.result {
+            Err(why) => Some(Reason::Failed { why: why.clone() }),
+            Ok(_) if !price.promises(r.candidate, fall(r)) => {
+                Some(Reason::Hopeless { bound: price.bound(r.candidate, fall(r)), price: price.price(r.candidate) })
+            }
+            Ok(_) if left == 0 => Some(Reason::NotTried),
+            Ok(_) => {
+                left -= 1;
+                None
+            }
+        }
     };
-    let of_pair = pair.and_then(|(pair, both)| {
-        let alone = pair.into_iter().find(|k| earned(*k, &mut weighed));
-        alone.or_else(|| {
-            let together = judge.earned(&both).0.then_some(pair[0])?;
-            weighed[together] += "; with the other of its pair it earns its place, and brings the fitted tests to the noise";
-            Some(together)
-        })
-    });
-    let mut winner = of_pair.or_else(|| (0..refits.len()).find(|k| earned(*k, &mut weighed)));
-    // What costs decisively less and improves the tests that decide by no less is the better reason for what the winner has proved.
-    let proof = |k: usize| refits[k].result.as_ref().ok();
-    if let Some(w) = winner.filter(|_| of_pair.is_none())
-        && let Some(best) = proof(w)
-    {
-        let better =
-            |p: &Proof| verdict_cost(p) < verdict_cost(best) - SURELY * DECISIVE && judge.gain(p) >= judge.gain(best).or(Some(0.0));
-        if let Some(k) = (0..w).find(|k| proof(*k).is_some_and(better)) {
-            weighed[k] += "; decisively cheaper than what has proved itself, and no worse there";
-            winner = Some(k);
+    let mut reasons: Vec<Option<Reason>> = refits.iter().map(of).collect();
+    let open: Vec<usize> = (0..refits.len()).filter(|k| reasons[*k].is_none()).collect();
+    let weigh = |k: &usize| {
+        let Ok(proof) = &refits[*k].result else { return Err("it was not fitted".into()) };
+        let mut start = a.base.v.clone();
+        start.tau += 0.5 * (1.0 - fall(&refits[*k])).max(1e-9).ln();
+        let w = scale.weigh(&proof.fitted.system, &start, a.monitor)?;
+        let contradicted = scale.contradicted(&w);
+        Ok((w, contradicted))
+    };
+    let found: Vec<Result<_, String>> = parallel::map(&open, weigh);
+    let mut stood = Vec::new();
+    for (k, found) in open.into_iter().zip(found) {
+        let c = refits[k].candidate;
+        reasons[k] = Some(match found {
+            Err(why) => Reason::Failed { why },
+            Ok((weighed, contradicted)) => {
+                let gain = scale.gain(&weighed, a.base, price.tried(c));
+                stood.push(Stood { name: names[c].clone(), weighed, gain, admissible: contradicted.is_none() });
+                match contradicted {
+                    Some(fault) => Reason::NotInRecord { fault },
+                    None if gain > 0.0 => Reason::Gains { nats: gain },
+                    None => Reason::TooLittle { nats: gain },
+                }
+            }
+        });
+    }
+    stood.sort_by(|a, b| scale.worth(&b.weighed).total_cmp(&scale.worth(&a.weighed)));
+    (stood, reasons.into_iter().map(|r| r.unwrap_or(Reason::NotTried)).collect())
+}
+
+/// The pair that gains most, of those that stood best alone and of those that a sparse combination needs together.
+fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, sparse: Option<[Score; 2]>) -> Option<Move> {
+    let (scale, s) = (a.scale, &a.scale.settings);
+    if a.base.v.model_error(&s.evidence) < s.pairs_from * s.evidence.model_error_least {
+        return None;
+    }
+    let acts = |n: &Name| matches!(role(n), Some(Role::Force | Role::Series)) && n.of.is_none();
+    let alone: Vec<&Stood> = stood.iter().filter(|q| acts(&q.name)).take(s.pair_of).collect();
+    let mut pairs: Vec<([Name; 2], System)> = Vec::new();
+    for (k, first) in alone.iter().enumerate() {
+        for second in &alone[k + 1..] {
+            pairs.extend(together(first, second).map(|system| ([first.name.clone(), second.name.clone()], system)));
         }
     }
-    let mut ties = vec![];
-    if let Some((w, best)) = winner.and_then(|w| Some((w, refits[w].result.as_ref().ok()?))) {
-        ties = (0..refits.len()).filter(|k| *k != w && refits[*k].result.as_ref().is_ok_and(|p| tied(best, p))).take(TIES).collect();
-        let size = |k: usize| refits[k].result.as_ref().map_or(usize::MAX, |p| p.fitted.free.len());
-        let simpler = |t: &usize| size(ties[*t]) < size(w);
-        // What stands for one of a pair alone need not stand for it beside the other.
-        if let Some(t) = (0..ties.len()).filter(|t| of_pair.is_none() && simpler(t)).find(|t| earned(ties[*t], &mut weighed)) {
-            winner = Some(std::mem::replace(&mut ties[t], w));
-        }
+    let named = |s: &Score| bench.names[bench.trials[s.trial].candidate].clone();
+    if let Some(both) = sparse.filter(|both| both.iter().all(|s| acts(&named(s)))) {
+        let names = [named(&both[0]), named(&both[1])];
+        pairs.extend(bench.together(&both).ok().map(|secant| (names, secant.system)));
     }
-    Chosen { winner, ties, weighed }
+    if pairs.is_empty() || trace::stopped(a.monitor) {
+        return None;
+    }
+    (a.watch)(&format!("weighing {} pairs", pairs.len()));
+    let count = bench.names.len().max(2) as f64;
+    let weigh = |(names, system): &([Name; 2], System)| {
+        let weighed = scale.weigh(system, &a.base.v, a.monitor).ok()?;
+        let gain = scale.gain(&weighed, a.base, 0.5 * count * count);
+        Some(Move { names: names.to_vec(), weighed, gain })
+    };
+    let found = parallel::map(&pairs, weigh);
+    found.into_iter().flatten().filter(|m| m.gain > 0.0).max_by(|a, b| a.gain.total_cmp(&b.gain))
+}
+
+/// The first as it was fitted with the second beside it, each at half its strength.
+fn together(first: &Stood, second: &Stood) -> Option<System> {
+    let mut system = first.weighed.fitted.system.clone();
+    system.instances.push(second.weighed.fitted.system.instances.last()?.clone());
+    let from = system.instances.len() - 2;
+    system.instances[from..].iter_mut().for_each(|i| i.params[0].value *= 0.5);
+    Some(system)
+}
+
+/// Pooled relative error of a model on the fitted tests.
+pub fn error_of(scale: &Scale, w: &Weighed) -> f64 {
+    let all: Vec<f64> = w.seen.iter().enumerate().map(|(t, s)| scale.error(t, s)).collect();
+    (all.iter().map(|e| e * e).sum::<f64>() / all.len().max(1) as f64).sqrt()
 }
 
 /// Candidates as they are told.
 struct Listed<'a> {
     names: &'a [Name],
     trials: &'a [Trial],
-    before: &'a Proof,
     /// The second opinion.
     selected: &'a [(usize, f64)],
+    /// Pooled error before.
+    error: f64,
 }
 
 impl Listed<'_> {
-    fn blank(&self, s: &Score, remark: &str) -> Candidate {
+    fn blank(&self, s: &Score, reason: &Reason) -> Candidate {
         let name = &self.names[self.trials[s.trial].candidate];
         Candidate {
             effect: name.effect.into(),
             at: name.at.clone(),
             of: name.of.clone(),
             predicted_drop: s.drop,
-            error_before: self.before.error,
+            error_before: self.error,
             error_after: None,
             accepted: false,
             tied_with: vec![],
             p_value: s.p_value,
             selected: self.selected.iter().find(|c| c.0 == self.trials[s.trial].candidate).map(|c| c.1),
-            remark: remark.into(),
+            nats: None,
+            reason: reason.clone(),
+            remark: reason.describe(),
         }
     }
 
@@ -251,29 +357,23 @@ impl Listed<'_> {
         SecondOpinion { needs, agrees, remark }
     }
 
-    fn weighed(&self, k: usize, refits: &[Refit], winner: Option<usize>, ties: &[usize], weighed: &str) -> Candidate {
-        let mut c = self.blank(&refits[k].score, "");
-        let label = |k: usize| {
-            let name = &self.names[refits[k].candidate];
-            format!("{} at {}", name.effect, name.at)
-        };
-        match &refits[k].result {
-            Ok(proof) => {
-                c.error_after = Some(proof.error);
-                c.accepted = winner == Some(k);
-                let (mean, error) = improved(self.before, proof);
-                c.remark = format!(
-                    "improves the mean squared residual by {mean:.3} +- {error:.3}{weighed}, cost {:.5e}{}",
-                    verdict_cost(proof),
-                    if proof.fitted.outcome.termination == Termination::MaxIterations { ", not converged" } else { "" }
-                );
-                if winner == Some(k) {
-                    c.tied_with = ties.iter().map(|t| label(*t)).collect();
-                } else if let Some(w) = winner.filter(|_| ties.contains(&k)) {
-                    c.tied_with = vec![label(w)];
-                }
+    fn weighed(&self, refit: &Refit, reason: &Reason, stood: &[Stood], taken: Option<&Move>, tied: &[&Name]) -> Candidate {
+        let mut c = self.blank(&refit.score, reason);
+        let name = &self.names[refit.candidate];
+        let label = |n: &Name| format!("{} at {}", n.effect, n.at);
+        c.error_after = refit.result.as_ref().ok().map(|p| p.error);
+        if let Some(own) = stood.iter().find(|s| s.name == *name) {
+            c.nats = Some(own.gain);
+            if own.weighed.fitted.outcome.termination == Termination::MaxIterations {
+                c.remark += ", not converged";
             }
-            Err(reason) => c.remark = format!("the refit failed: {reason}"),
+        }
+        let Some(taken) = taken else { return c };
+        c.accepted = taken.names.contains(name);
+        if c.accepted && taken.names.len() == 1 {
+            c.tied_with = tied.iter().map(|t| label(t)).collect();
+        } else if tied.contains(&name) {
+            c.tied_with = vec![label(&taken.names[0])];
         }
         c
     }
@@ -287,4 +387,17 @@ fn visible(scores: &[Score], names: &[Name], trials: &[Trial]) -> Vec<(Name, f64
         *slot = Some(slot.map_or(s.visible, |v: f64| v.min(s.visible)));
     }
     names.iter().zip(best).filter_map(|(n, v)| Some((n.clone(), v?))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_promise_is_the_larger_of_the_fall_and_of_a_falling_variance() {
+        // 16 facts of which 43 % fall: 8 ln(1 / 0.57).
+        approx::assert_relative_eq!(promised(16.0, 0.43), -8.0 * 0.57f64.ln(), max_relative = 1e-12);
+        assert_eq!(promised(16.0, 0.0), 0.0);
+        assert!(promised(16.0, 1.0).is_finite());
+    }
 }

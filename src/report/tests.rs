@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::diagnose::results::*;
-use crate::diagnose::{Missed, Unexplained};
+use crate::diagnose::{Missed, Reason, Settings, Unexplained};
 use crate::response::BlockKind;
 use crate::study::Study;
 
@@ -208,6 +208,8 @@ fn candidate(effect: &str, place: &str, drop: f64, accepted: bool) -> Candidate 
         accepted,
         tied_with: if accepted { vec!["elastic_slip at c1.x".into()] } else { vec![] },
         p_value: if accepted { 2e-5 } else { 0.34 },
+        nats: Some(if accepted { 21.0 } else { -3.0 }),
+        reason: if accepted { Reason::Gains { nats: 21.0 } } else { Reason::TooLittle { nats: -3.0 } },
         remark: if accepted { String::new() } else { "no better on the select tests".into() },
     }
 }
@@ -225,6 +227,9 @@ fn fit(tests: Vec<TestResult>) -> FitResult {
         parameters: parameters(),
         unidentifiable: vec!["c2.x.linear_stiffness.k <rigid>".into()],
         effects: vec![at("linear_stiffness", "c1.x")],
+        model_error: vec![],
+        scatter: vec![],
+        noise: 1.0,
         notes: vec!["loop-1Hz: scatter of 4 cycles".into()],
     }
 }
@@ -267,7 +272,16 @@ fn ladder(n: usize) -> LadderResult {
         study: "rod".into(),
         rungs: vec![rung(None, tests(n, 0.0, 0.1, true), 81234.0, vec![]), second, third],
         verdict: Verdict::Missing,
-        missing: vec![Missing { effect: "coulomb".into(), at: "c3<.x".into(), of: None, tied_with: vec!["elastic_slip at c3<.x".into()] }],
+        missing: vec![Missing { effect: "coulomb".into(), at: "c3<.x".into(), of: None, tied_with: vec!["elastic_slip at c3<.x".into()], proven: Some(true) }],
+        proven: true,
+        why: "the error of the held-out tests fell".into(),
+        instruments: vec![],
+        corrections: vec![],
+        remainder: 0.003,
+        model_error: vec![],
+        scatter: vec![],
+        noise: 1.0,
+        settings: Settings::default(),
         held_out: HeldOut { before: Some(0.31), after: Some(0.0183), floor: Some(0.017) },
         findings: vec![finding()],
         next_test: Some(NextTest {

@@ -101,13 +101,13 @@ impl LeastSquares for Problem<'_> {
         let mut j = DMatrix::zeros(self.n_residuals(), n);
         let mut row = 0;
         for (plan, c) in self.plans.iter().zip(&computed) {
-            for (i, sigma) in plan.sigma.iter().enumerate() {
+            for i in 0..plan.len() {
                 for k in 0..n {
-                    j[(row, k)] = c.slopes[i * n + k] / sigma;
+                    j[(row, k)] = c.slopes[i * n + k];
                 }
                 row += 1;
             }
-            plan.whiten_shared(j.rows_mut(row - plan.len(), plan.len()));
+            plan.whiten(j.rows_mut(row - plan.len(), plan.len()));
         }
         Ok((self.whitened(&computed)?, j))
     }

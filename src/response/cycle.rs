@@ -12,7 +12,7 @@ use crate::units::Unit;
 
 use super::settling::Beginning;
 use super::variation::{CycleDrive, Variation};
-use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel, site};
+use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, Scatter, channel, site};
 
 /// Steps per cycle at least, before [`Plan::refined`] looks whether they are enough.
 const STEPS: usize = 200;
@@ -101,6 +101,7 @@ impl CyclePlan {
                 v: at_points(1),
             };
             plan.add_block(block, c.mean.clone(), vec![c.sigma_mean; n]);
+            plan.scatter.push(Scatter { variance: c.scatter.clone(), cycles: settled.cycles });
         }
         plan.unsettled.extend(settled.unsettled.iter().cloned());
         let found = record.findings_of(&settled);

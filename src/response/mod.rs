@@ -4,7 +4,7 @@
 //! the engine for the present parameters.
 
 mod channel;
-mod correlated;
+mod covariance;
 mod cycle;
 mod energy;
 mod error;
@@ -19,13 +19,13 @@ mod variation;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::{DMatrixViewMut, DVector};
+use nalgebra::{DMatrix, DMatrixViewMut, DVector};
 
 use crate::data::{Record, Test, TestKind, Unsettled};
 use crate::model::{Bound, FreeParam, Model, System};
 use crate::units::Unit;
 
-pub use correlated::{CALIBRATION, Correlated, DELAY, GAIN, OFFSET};
+pub use covariance::{Coefficients, Covariance, Scatter, Tolerances, instruments};
 pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
@@ -101,8 +101,10 @@ pub struct Plan {
     pub left_out: Vec<usize>,
     /// Channels of a cycle test whose kept cycles still change.
     pub unsettled: Vec<Unsettled>,
-    /// What the errors of instruments within tolerance add to the covariance; none: sigma is all there is.
-    pub correlated: Option<Arc<Correlated>>,
+    /// Scatter of each block between cycles; empty for other kinds of tests.
+    pub scatter: Vec<Scatter>,
+    /// The covariance that the test is held against; none: sigma is all there is.
+    pub covariance: Option<Arc<Covariance>>,
     work: Work,
 }
 
@@ -159,7 +161,8 @@ impl Plan {
             notes: vec![],
             left_out: vec![],
             unsettled: vec![],
-            correlated: None,
+            scatter: vec![],
+            covariance: None,
             work: Work::Energy(EnergyPlan::default()),
         };
         plan.work = match &test.record {
@@ -206,31 +209,57 @@ impl Plan {
         self.measured.is_empty()
     }
 
-    /// The same test, whose channels may have a gain, an offset and a delay within the tolerance of good instruments, and whose jumps lie
-    /// anywhere between two samples. `signal`: what they read, computed.
+    /// The same test, whose channels may err within tolerance, and whose jumps lie anywhere between two samples. `signal`: what they read,
+    /// computed.
     pub fn with_instruments(&self, signal: &[f64]) -> Plan {
+        let coefficients = Coefficients::of(self);
+        let shared = instruments(self, &coefficients, signal, &self.peaks(), &Tolerances::GOOD);
+        let noise = coefficients.noise(self);
+        Plan { covariance: Some(Arc::new(Covariance::new(coefficients, &noise, &shared))), ..self.clone() }
+    }
+
+    /// The same test held against this covariance; against its sigma where there is none.
+    pub fn under(&self, covariance: Option<Arc<Covariance>>) -> Plan {
+        Plan { covariance, ..self.clone() }
+    }
+
+    /// The same test with the sign of its channels of this role turned.
+    pub fn turned_round(&self, role: &str) -> Plan {
         let mut plan = self.clone();
-        for block in plan.blocks.iter().filter(|b| b.kind == BlockKind::Loop) {
-            let wider = correlated::sampled(&self.measured[block.range.clone()], &self.sigma[block.range.clone()]);
-            plan.sigma[block.range.clone()].copy_from_slice(&wider);
+        for block in self.blocks.iter().filter(|b| b.role == role) {
+            plan.measured[block.range.clone()].iter_mut().for_each(|v| *v = -*v);
         }
-        plan.correlated = Some(Arc::new(Correlated::new(&plan, signal)));
         plan
+    }
+
+    /// Largest reading of each block.
+    pub fn peaks(&self) -> Vec<f64> {
+        self.blocks.iter().map(|b| self.measured[b.range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()))).collect()
     }
 
     /// Whitened residuals, computed minus measured.
     pub fn whitened(&self, computed: &[f64]) -> DVector<f64> {
-        let rows = computed.iter().zip(&self.measured).zip(&self.sigma).map(|((y, m), s)| (y - m) / s);
+        let rows = computed.iter().zip(&self.measured).map(|(y, m)| y - m);
         let mut r = DVector::from_iterator(self.len(), rows);
-        self.whiten_shared(DMatrixViewMut::from_slice(r.as_mut_slice(), self.len(), 1));
+        self.whiten(DMatrixViewMut::from_slice(r.as_mut_slice(), self.len(), 1));
         r
     }
 
-    /// Takes what the channels' errors may do out of rows that are whitened by sigma.
-    pub fn whiten_shared(&self, rows: DMatrixViewMut<f64>) {
-        if let Some(correlated) = &self.correlated {
-            correlated.whiten(rows);
+    /// Whitens rows of the test, one column or many.
+    pub fn whiten(&self, mut rows: DMatrixViewMut<f64>) {
+        match &self.covariance {
+            Some(covariance) => covariance.whiten(rows),
+            None => rows.row_iter_mut().zip(&self.sigma).for_each(|(mut row, s)| row /= *s),
         }
+    }
+
+    /// Rows as coefficients, with the residual in front: `[computed - measured, slopes]`.
+    pub fn turned(&self, coefficients: &Coefficients, computed: &Computed, columns: usize) -> DMatrix<f64> {
+        let entry = |i: usize, k: usize| match k {
+            0 => computed.values[i] - self.measured[i],
+            k => computed.slopes[i * columns + k - 1],
+        };
+        coefficients.turned(&DMatrix::from_fn(self.len(), columns + 1, entry))
     }
 
     fn add_block(&mut self, block: Block, measured: Vec<f64>, sigma: Vec<f64>) {
@@ -350,7 +379,7 @@ impl Plan {
         let Some(part) = (n.div_ceil(points.max(1))..=n).find(|part| n.is_multiple_of(*part)).filter(|part| *part > 1) else {
             return self.clone();
         };
-        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], work: Work::Cycle(cycle.thinned(part)), ..self.clone() };
+        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], scatter: vec![], work: Work::Cycle(cycle.thinned(part)), ..self.clone() };
         for block in &self.blocks {
             let every = |values: &[f64]| values.iter().step_by(part).copied().collect::<Vec<f64>>();
             let (measured, sigma) = (every(&self.measured[block.range.clone()]), every(&self.sigma[block.range.clone()]));
@@ -368,7 +397,7 @@ impl Plan {
         let Work::Transient(record) = &self.work else { return None };
         let n = record.opening(self, doublings)?;
         let work = Work::Transient(record.begun(n));
-        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], correlated: None, work, ..self.clone() };
+        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], scatter: vec![], covariance: None, work, ..self.clone() };
         for block in &self.blocks {
             let of = |values: &[f64]| values.iter().take(n).copied().collect::<Vec<f64>>();
             let (measured, sigma) = (of(&self.measured[block.range.clone()]), of(&self.sigma[block.range.clone()]));

@@ -13,7 +13,7 @@
 //! | `split = { select = [...], held_out = [...] }` | test ids; every other test is fitted |
 //! | `[[leave_out]]` | `test`, `quantity` (natural_frequency, modal_damping), `mode`, `why`: a row that is computed and compared with nothing |
 //! | `fit = { loss, width, max_iterations, starts, points, frf_tolerance }` | loss: squares, huber, soft_l1, cauchy; width in units of the noise; points of a loop that are compared; part of \|H\| that the model of an FRF may be off by itself, beside the noise |
-//! | `search = { effects, places, max_added }` | what the search for missing effects may try |
+//! | `search = { effects, places, max_added }` | what the search for missing effects may try; beside these its constants, by the names of [`crate::diagnose::Settings`], such as `model_error_least`, `scatter_most`, `facts_most` |
 //! | `[[body]]` | `name`, `fixed = true` or `free = ["x", ...]`, `mass`, `inertia`, `count` (then `name1` ... ) |
 //! | `[[connector]]` | `name`, and `from`, `to` or `chain = "body with count"`; `ground` need not be declared |
 //! | `[[load]]` | a load that stays: `at` (`m8.x`), `force`, or `condition = "load"` and `factor` (a test that does not state it is not loaded), `via = ["138.3 N"]` values passed through before, `steps` from one to the next |

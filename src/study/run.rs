@@ -54,7 +54,7 @@ impl Case {
             search: Search {
                 effects: study.search.effects.clone(),
                 places: study.search.places.clone(),
-                max_added: study.search.max_added,
+                settings: study.search.constants.clone(),
             },
             f_tol: None,
         })

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView, nearest};
 use crate::data::{Dataset, Record};
+use crate::diagnose::{STATED, Settings};
 use crate::effect::{self, Effect};
 use crate::identify::Loss;
 use crate::model::Model;
@@ -61,8 +62,10 @@ pub struct SearchSettings {
     pub effects: Option<Vec<String>>,
     /// Places and channels as written in `at`; none: all.
     pub places: Option<Vec<String>>,
-    /// Effects added at most.
+    /// Effects added at most; none: as many as by default.
     pub max_added: Option<usize>,
+    /// Constants of the search, those that are not stated as by default.
+    pub constants: Settings,
 }
 
 /// Rows of modal tables that are computed and compared with nothing.
@@ -181,7 +184,8 @@ pub(super) fn fit(root: &TableView<'_>) -> Result<FitSettings, TomlError> {
 pub(super) fn search(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Result<SearchSettings, TomlError> {
     let Some(value) = root.get("search") else { return Ok(SearchSettings::default()) };
     let table = value.table()?;
-    table.only(&["effects", "places", "max_added"])?;
+    let keys: Vec<&str> = ["effects", "places", "max_added"].into_iter().chain(STATED.iter().map(|s| s.key)).collect();
+    table.only(&keys)?;
     let list = |key: &str, check: &dyn Fn(&ValueView<'_>) -> Result<(), TomlError>| {
         table.optional(key, |v| {
             v.list()?.iter().map(|v| check(v).and_then(|()| v.string().map(str::to_string))).collect::<Result<Vec<_>, _>>()
@@ -200,11 +204,31 @@ pub(super) fn search(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> 
         }
         force.map_err(|e| at(v, &e))
     };
+    let max_added = table.optional("max_added", |v| v.integer(0, 1_000))?.map(|n| n as usize);
     Ok(SearchSettings {
         effects: list("effects", &known)?,
         places: list("places", &there)?,
-        max_added: table.optional("max_added", |v| v.integer(0, 1_000))?.map(|n| n as usize),
+        max_added,
+        constants: constants(&table, max_added)?,
     })
+}
+
+/// The constants that `[search]` states.
+fn constants(table: &TableView<'_>, max_added: Option<usize>) -> Result<Settings, TomlError> {
+    let mut settings = Settings::default();
+    settings.max_added = max_added.unwrap_or(settings.max_added);
+    for stated in &STATED {
+        let (low, high) = stated.range;
+        let value = table.optional(stated.key, |v| {
+            let value = v.number()?;
+            let accepted = format!("a number from {low} to {high}");
+            if (low..=high).contains(&value) { Ok(value) } else { Err(v.refuse(format!("{} = {value} is out of range", stated.key), accepted)) }
+        })?;
+        if let Some(value) = value {
+            *(stated.field)(&mut settings) = value;
+        }
+    }
+    settings.contradiction().map_or(Ok(settings), |(said, accepted)| Err(table.refuse(said, accepted)))
 }
 
 /// The effect a value names.

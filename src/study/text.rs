@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};
 
 use crate::data::{Conditions, Control, Dataset, StoredEnergy};
+use crate::diagnose::{STATED, Settings};
 use crate::effect::{Effect, Kind};
 use crate::identify::Loss;
 use crate::model::{Instance, System};
@@ -190,7 +191,10 @@ impl Study {
             let _ = writeln!(text, "frf_tolerance = {part:?}");
         }
         let search = &self.search;
-        if search.effects.is_some() || search.places.is_some() || search.max_added.is_some() {
+        let (mut own, mut default) = (search.constants.clone(), Settings::default());
+        let stated = STATED.iter().map(|s| (s.key, *(s.field)(&mut own), *(s.field)(&mut default)));
+        let stated: Vec<(&str, f64)> = stated.filter(|(_, own, default)| own != default).map(|(key, own, _)| (key, own)).collect();
+        if search.effects.is_some() || search.places.is_some() || search.max_added.is_some() || !stated.is_empty() {
             text.push_str("\n[search]\n");
             for (key, names) in [("effects", &search.effects), ("places", &search.places)] {
                 if let Some(names) = names {
@@ -199,6 +203,9 @@ impl Study {
             }
             if let Some(n) = search.max_added {
                 let _ = writeln!(text, "max_added = {n}");
+            }
+            for (key, value) in stated {
+                let _ = writeln!(text, "{key} = {value:?}");
             }
         }
     }

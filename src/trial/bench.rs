@@ -2,10 +2,15 @@
 
 use num_complex::Complex64;
 
-use crate::response::{CALIBRATION, DELAY, GAIN, OFFSET};
-
 use super::law::Law;
 use super::{chain, connector};
+
+/// What the instruments of the bench may err by, standard deviations: gain of a loop or a record, of an FRF's sensors, offset in parts of half the
+/// range, delay in parts of the period.
+const GAIN: f64 = 1e-3;
+const CALIBRATION: f64 = 0.005;
+const OFFSET: f64 = 0.005;
+const DELAY: f64 = 3e-4;
 
 /// Samples per cycle of a loop.
 pub const SAMPLES: usize = 128;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnose::DiagnoseError;
-use crate::diagnose::results::{Candidate, LadderResult, Missing, NextTest, Verdict};
+use crate::diagnose::results::{Candidate, LadderResult, NextTest, Verdict};
 use crate::effect::{Role, find};
 
 use super::Kind;
@@ -142,14 +142,15 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
     r.ended = ladder.ended.clone();
     // What is hidden counts as such, also where a nuisance of the same name lies on all tests or is named in a tie with it.
     let hidden = r.truth.clone();
-    let is_nuisance = |m: &Missing| made.nuisances.iter().any(|f| is_there(f, &m.effect, &m.at));
-    let is_hidden = |m: &Missing| hidden.iter().any(|h| *h == format!("{} at {}", m.effect, m.at) || m.tied_with.contains(h));
-    let named = ladder.missing.iter().filter(|m| is_hidden(m) || !is_nuisance(m));
+    let all = said_by(ladder);
+    let is_nuisance = |m: &Named| made.nuisances.iter().any(|f| is_there(f, m.effect, m.at));
+    let is_hidden = |m: &Named| hidden.iter().any(|h| *h == format!("{} at {}", m.effect, m.at) || m.tied_with.contains(h));
+    let named = all.iter().filter(|m| is_hidden(m) || !is_nuisance(m));
     for m in named.clone() {
         r.said.push(format!("{} at {}", m.effect, m.at));
-        r.tied.push(m.tied_with.clone());
+        r.tied.push(m.tied_with.to_vec());
     }
-    let physics: Vec<bool> = named.map(|m| !is_instrument(&m.effect)).collect();
+    let physics: Vec<bool> = named.map(|m| !is_instrument(m.effect)).collect();
     r.whitened_rms = ladder.whitened_rms;
     r.held_out = ladder.held_out.after.zip(ladder.held_out.floor).map(|(a, f)| a / f);
     let same = |k: usize, truth: &str| r.said.get(k).is_some_and(|s| s == truth);
@@ -199,6 +200,19 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
         r.evidence = evidence(ladder, &r.truth);
     }
     r
+}
+
+/// An effect or an instrument that a ladder names.
+struct Named<'a> {
+    effect: &'a str,
+    at: &'a str,
+    tied_with: &'a [String],
+}
+
+/// What a ladder names, physics first.
+fn said_by(ladder: &LadderResult) -> Vec<Named<'_>> {
+    let physics = ladder.missing.iter().map(|m| Named { effect: &m.effect, at: &m.at, tied_with: &m.tied_with });
+    physics.chain(ladder.instruments.iter().map(|i| Named { effect: &i.effect, at: &i.at, tied_with: &i.tied_with })).collect()
 }
 
 /// Whether everything hidden was refitted on some rung.

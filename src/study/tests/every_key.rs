@@ -131,6 +131,22 @@ frf_tolerance = 0.03
 effects = ["film"]
 places = ["c1.x"]
 max_added = 2
+model_error_least = 0.002
+model_error_spread = 0.5
+scatter_prior = 0.01
+scatter_most = 0.03
+noise_spread = 0.2
+noise_most = 3
+facts_loop = 5
+facts_most = 20
+facts_mode = 4
+facts_record = 10
+tie = 2
+held_out_nats = 2
+held_out_fall = 0.05
+remainder = 0.5
+fault_gain = 0.05
+fault_least = 0.02
 [[body]]
 name = "ground"
 fixed = true
@@ -294,6 +310,22 @@ pub const OPTIONAL: &[&str] = &[
     "search.effects",
     "search.places",
     "search.max_added",
+    "search.model_error_least",
+    "search.model_error_spread",
+    "search.scatter_prior",
+    "search.scatter_most",
+    "search.noise_spread",
+    "search.noise_most",
+    "search.facts_loop",
+    "search.facts_most",
+    "search.facts_mode",
+    "search.facts_record",
+    "search.tie",
+    "search.held_out_nats",
+    "search.held_out_fall",
+    "search.remainder",
+    "search.fault_gain",
+    "search.fault_least",
     "body.mass",
     "body.inertia",
     "effect.k.min",

@@ -4,6 +4,7 @@ use crate::diagnose::results::SplitName;
 use crate::diagnose::testing::{Bench, Scene, Score, candidates, cost, score, whitened};
 use crate::diagnose::{Case, fit};
 use crate::identify::Monitor;
+use crate::response::Plan;
 use crate::study::Study;
 
 /// 01 fitted without its slider: at the strength the score expects, a spring that stands still leaves the model farther off than one
@@ -14,7 +15,8 @@ fn a_slider_takes_from_the_spring_beside_it() {
     let case = Case::from_study(&study, 1).unwrap();
     let monitor = Monitor::default();
     let (case, fitted, _) = fit(&case, &[], &monitor).unwrap();
-    let case = case.with_instruments(&fitted.system);
+    let covered = |(p, s): &(Plan, SplitName)| (p.with_instruments(&p.evaluate(&fitted.system, &[], false).unwrap().values), *s);
+    let case = Case { plans: std::sync::Arc::new(case.plans.iter().map(covered).collect()), ..case.clone() };
     let plans = case.plans_of(SplitName::Fit);
     let (names, trials) = candidates(&case, &fitted.system, &plans, &Scene::new(&plans, &fitted.system));
     let scores = score(&plans, &fitted.system, &trials, &vec![false; fitted.free.len()], &[], 1).unwrap();

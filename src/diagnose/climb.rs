@@ -1,0 +1,145 @@
+//! The state of a ladder: the model as it stands, what was added to it, and how it is weighed.
+
+use crate::identify::Monitor;
+use crate::model::Instance;
+
+use super::approach::in_step;
+use super::candidates::Name;
+use super::case::{Case, Fitted};
+use super::fault::of_channel;
+use super::horizon;
+use super::search::{Against, Move, Step, step};
+use super::settings::Settings;
+use super::weigh::{Scale, Weighed};
+use super::{DiagnoseError, trace};
+
+/// Candidates that came closest to an addition and are held against it again at the end.
+const RIVALS: usize = 3;
+
+/// An effect that was added.
+pub struct Added {
+    /// Its name.
+    pub name: Name,
+    /// What it cannot be told from.
+    pub tied: Vec<(Name, Weighed)>,
+    /// What came closest to it at other places, as it was fitted there.
+    pub rivals: Vec<(Name, Instance)>,
+    /// The model without it, once that was weighed.
+    pub without: Option<Weighed>,
+    /// Squared error of that.
+    pub loss: f64,
+}
+
+impl Added {
+    /// Nothing else is known of it.
+    pub fn new(name: Name) -> Added {
+        Added { name, tied: vec![], rivals: vec![], without: None, loss: 0.0 }
+    }
+}
+
+/// A climb.
+pub struct Climb<'a> {
+    /// The case as it was given, in as many time steps as the present model needs.
+    pub case: Case,
+    /// Constants.
+    pub settings: Settings,
+    /// Watch over the fits.
+    pub monitor: &'a Monitor<'a>,
+    /// Lines of progress.
+    pub watch: &'a (dyn Fn(&str) + Sync),
+    /// Instances of the study's own model.
+    pub base: usize,
+    /// What models are weighed on, under the counts of the model before the last addition.
+    pub scale: Scale,
+    /// The study's own model.
+    pub first: Weighed,
+    /// The present one.
+    pub now: Weighed,
+    /// Its additions, in the order of its instances.
+    pub added: Vec<Added>,
+    /// The order in which they are named.
+    pub order: Vec<usize>,
+    /// Candidates of a step.
+    pub tried: f64,
+    /// Force channels that were turned back.
+    pub turned: Vec<super::results::Instrument>,
+}
+
+impl<'a> Climb<'a> {
+    /// At the foot: the study's own model, fitted.
+    pub fn new(
+        case: &Case,
+        fitted: &Fitted,
+        monitor: &'a Monitor<'a>,
+        watch: &'a (dyn Fn(&str) + Sync),
+    ) -> Result<Climb<'a>, DiagnoseError> {
+        let settings = case.search.settings.clone();
+        let mut scale = Scale::new(case, &fitted.system, &settings);
+        let first = scale.begin(&fitted.system, monitor).map_err(failed)?;
+        let base = fitted.system.instances.len();
+        let (now, case) = (first.clone(), case.clone());
+        Ok(Climb { case, settings, monitor, watch, base, scale, first, now, added: vec![], order: vec![], tried: 1.0, turned: vec![] })
+    }
+
+    /// Scores and weighs what may be missing from the present model, under its own counts.
+    pub fn step(&mut self) -> Result<Step, DiagnoseError> {
+        let system = self.now.fitted.system.clone();
+        if !self.added.is_empty() {
+            let mut scale = Scale::new(&self.case, &system, &self.settings);
+            scale.counts = self.scale.counts.clone();
+            self.now = scale.tempered(&self.now, self.monitor).map_err(failed)?;
+            self.scale = scale;
+        }
+        let (monitor, watch) = (self.monitor, self.watch);
+        let near = in_step(&self.scale.case.at(&self.now.fitted.system), monitor)?;
+        let found = match near {
+            Some(near) => horizon::near(&self.scale, &near, &self.now, monitor, watch)?,
+            None => step(&Against { scale: &self.scale, base: &self.now, need: None, monitor, watch })?,
+        };
+        self.tried = found.candidates.len().max(found.visible.len()).max(1) as f64;
+        Ok(found)
+    }
+
+    /// Takes what a step found, with what came close to it.
+    pub fn add(&mut self, taken: &Move, step: &Step) {
+        self.forget();
+        for name in &taken.names {
+            let mut added = Added::new(name.clone());
+            if let [_] = taken.names.as_slice() {
+                let others = || step.stood.iter().filter(|s| s.admissible && s.name != *name);
+                let close = others().filter(|s| taken.gain - s.gain <= self.settings.tie).take(self.settings.ties);
+                added.tied = close.map(|s| (s.name.clone(), s.weighed.clone())).collect();
+                let elsewhere = others().filter(|s| s.name.at != name.at).filter_map(|s| {
+                    let instance = s.weighed.fitted.system.instances.last()?;
+                    (!of_channel(instance) && instance.target.is_none()).then(|| (s.name.clone(), instance.clone()))
+                });
+                added.rivals = elsewhere.take(RIVALS).collect();
+                added.without = Some(self.now.clone());
+            }
+            self.added.push(added);
+        }
+        self.now = taken.weighed.clone();
+        self.order = (0..self.added.len()).collect();
+        // A new effect may ask for finer steps.
+        if let Some(finer) = self.case.refined(&self.now.fitted.system).filter(|_| !trace::stopped(self.monitor)) {
+            let counts = self.scale.counts.clone();
+            self.case = finer;
+            self.scale = Scale { counts, ..Scale::new(&self.case, &self.now.fitted.system, &self.settings) };
+            if let Ok(again) = self.scale.weigh(&self.now.fitted.system, &self.now.v, self.monitor) {
+                self.now = again;
+            }
+        }
+    }
+
+    /// What was weighed before the model changed no longer holds.
+    pub fn forget(&mut self) {
+        for added in &mut self.added {
+            (added.tied, added.without) = (vec![], None);
+        }
+        self.order = (0..self.added.len()).collect();
+    }
+}
+
+fn failed(reason: String) -> DiagnoseError {
+    crate::identify::IdentifyError::StartFails { reason }.into()
+}

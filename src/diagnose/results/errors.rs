@@ -1,0 +1,49 @@
+//! What is not missing physics: instruments at fault, corrections of what a study fixes, the errors that are left.
+
+use serde::Serialize;
+
+/// An instrument at fault.
+#[derive(Clone, Debug, Serialize)]
+pub struct Instrument {
+    /// gain, delay, offset, drift, moving_mass.
+    pub effect: String,
+    /// Channel, `test.role`.
+    pub at: String,
+    /// What the record says, in words.
+    pub why: String,
+    /// `effect at place` of the tied.
+    pub tied_with: Vec<String>,
+}
+
+/// What a study ties or fixes and the data do not.
+#[derive(Clone, Debug, Serialize)]
+pub struct Correction {
+    /// Parameter.
+    pub parameter: String,
+    /// Place.
+    pub at: String,
+    /// Deviation from what the study says, relative.
+    pub relative: f64,
+    /// Its standard deviation.
+    pub std: f64,
+}
+
+/// The model's own error in a channel.
+#[derive(Clone, Debug, Serialize)]
+pub struct OwnError {
+    /// cycle, frf, transient, energy, modal.
+    pub kind: String,
+    /// `force at c1.x`.
+    pub channel: String,
+    /// Root mean square over tests, relative to the response.
+    pub relative: f64,
+}
+
+/// How much a strength differs from test to test.
+#[derive(Clone, Debug, Serialize)]
+pub struct ScatterOf {
+    /// `at.effect.parameter`.
+    pub parameter: String,
+    /// Standard deviation, relative.
+    pub relative: f64,
+}

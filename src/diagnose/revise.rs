@@ -1,0 +1,143 @@
+//! What stands is looked at again: taken out, or exchanged for what does its work better.
+
+use crate::effect::Role;
+use crate::model::System;
+use crate::parallel;
+
+use super::candidates::Name;
+use super::climb::{Added, Climb};
+use super::fault::of_channel;
+use super::results::EffectAt;
+use super::search::{Against, Step, step};
+use super::trace;
+use super::weigh::{Scale, Weighed};
+
+/// What could stand in the place of an addition.
+struct Alternatives {
+    /// The addition.
+    of: usize,
+    /// Tied with it.
+    tied: Vec<(Name, Weighed)>,
+    /// What is better than it, by so many nats.
+    better: Option<(f64, Name, Weighed)>,
+    /// The model without it.
+    without: Weighed,
+}
+
+impl Climb<'_> {
+    /// The system without the `k`-th addition; none where another acts on it or stands behind one that does.
+    fn without(&self, k: usize) -> Option<System> {
+        let at = self.base + k;
+        let mut system = self.now.fitted.system.clone();
+        let targets = |i: &crate::model::Instance| i.target.as_ref().is_some_and(|t| t.instances.iter().any(|i| *i >= at));
+        if system.instances.iter().any(targets) {
+            return None;
+        }
+        system.instances.remove(at);
+        Some(system)
+    }
+
+    /// The model without an addition and the present one, both under the counts of the smaller.
+    fn beside_smaller(&self, k: usize) -> Option<(Scale, Weighed, Weighed)> {
+        let mut scale = self.scale.again();
+        let small = scale.weigh(&self.without(k)?, &self.now.v, self.monitor).ok()?;
+        let small = scale.tempered(&small, self.monitor).ok()?;
+        let whole = scale.weigh(&self.now.fitted.system, &self.now.v, self.monitor).ok()?;
+        Some((scale, small, whole))
+    }
+
+    /// Takes out what would not be added again to what else is there, the worst first, and what has fallen to zero; the effects that are gone.
+    pub fn remove(&mut self) -> Vec<EffectAt> {
+        let mut removed = Vec::new();
+        while self.added.len() > 1 && !trace::stopped(self.monitor) {
+            let weigh = |k: usize| -> Option<(f64, Weighed)> {
+                let (scale, small, whole) = self.beside_smaller(k)?;
+                Some((scale.gain(&whole, &small, self.tried), small))
+            };
+            let found = parallel::over(self.added.len(), weigh);
+            let worst = found.into_iter().enumerate().filter_map(|(k, f)| Some((k, f?)));
+            let worst = worst.filter(|(_, (gain, _))| *gain <= -self.settings.tie).min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+            let Some((k, (gain, small))) = worst else { break };
+            let gone = self.added.remove(k);
+            (self.watch)(&format!("removed {} at {}: it would gain {gain:.1} nats", gone.name.effect, gone.name.at));
+            removed.push(EffectAt { effect: gone.name.effect.into(), at: gone.name.at });
+            self.now = small;
+            self.forget();
+        }
+        removed
+    }
+
+    /// Lists what every addition is tied with, and exchanges the one for which something is better by [`super::settings::Settings::swap`], once;
+    /// what was exchanged for what.
+    pub fn swap(&mut self) -> Option<(EffectAt, EffectAt)> {
+        let mut found = self.alternatives();
+        let best = found.iter_mut().filter_map(|a| Some((a.of, a.better.take()?))).max_by(|a, b| a.1.0.total_cmp(&b.1.0));
+        let Some((k, (nats, name, weighed))) = best else {
+            self.tie(found);
+            return None;
+        };
+        let gone = self.added.remove(k);
+        (self.watch)(&format!("{} at {} takes the place of {} at {}: {nats:.1} nats", name.effect, name.at, gone.name.effect, gone.name.at));
+        let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
+        let exchanged = (named(&name), named(&gone.name));
+        self.added.push(Added::new(name));
+        self.now = weighed;
+        self.forget();
+        if let Ok(again) = self.scale.weigh(&self.now.fitted.system, &self.now.v, self.monitor) {
+            self.now = again;
+        }
+        let found = self.alternatives();
+        self.tie(found);
+        Some(exchanged)
+    }
+
+    fn tie(&mut self, found: Vec<Alternatives>) {
+        for a in found {
+            let loss = super::search::error_of(&self.scale, &a.without).powi(2);
+            let added = &mut self.added[a.of];
+            (added.tied, added.without, added.loss) = (a.tied, Some(a.without), loss);
+        }
+        // What costs most to leave out comes first; instances follow.
+        if !self.now.fitted.system.instances.iter().any(|i| i.target.is_some()) {
+            let mut order: Vec<usize> = (0..self.added.len()).collect();
+            order.sort_by(|a, b| self.added[*b].loss.total_cmp(&self.added[*a].loss));
+            self.order = order;
+        }
+    }
+
+    /// For every law that was added, what else could stand in its place.
+    fn alternatives(&self) -> Vec<Alternatives> {
+        let of = |k: usize| -> Option<Alternatives> {
+            let instance = self.now.fitted.system.instances.get(self.base + k)?;
+            if of_channel(instance) || trace::stopped(self.monitor) {
+                return None;
+            }
+            let (mut scale, small, whole) = self.beside_smaller(k)?;
+            let stands = scale.worth(&whole);
+            if instance.effect.info().role != Role::Coefficient {
+                scale.case.search.places = Some(vec![instance.at.clone()]);
+            }
+            let need = stands - scale.worth(&small) - self.settings.tie;
+            let quiet = |_: &str| {};
+            let against = Against { scale: &scale, base: &small, need: Some(need), monitor: self.monitor, watch: &quiet };
+            let Step { stood, .. } = step(&against).ok()?;
+            let own = &self.added[k].name;
+            let mut others: Vec<(f64, Name, Weighed)> = stood
+                .into_iter()
+                .filter(|s| s.admissible && s.name != *own && s.weighed.fitted.system.instances.last().is_some_and(|i| !of_channel(i)))
+                .map(|s| (scale.worth(&s.weighed) - stands, s.name, s.weighed))
+                .collect();
+            others.extend(self.added[k].rivals.iter().filter_map(|(name, instance)| {
+                let mut system = small.fitted.system.clone();
+                system.instances.push(instance.clone());
+                let weighed = scale.weigh(&system, &self.now.v, self.monitor).ok()?;
+                Some((scale.worth(&weighed) - stands, name.clone(), weighed))
+            }));
+            others.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let better = others.first().filter(|o| o.0 > self.settings.swap).cloned();
+            let tied = others.into_iter().filter(|o| o.0 > -self.settings.tie).take(self.settings.ties).map(|(_, n, w)| (n, w)).collect();
+            Some(Alternatives { of: k, tied, better, without: small })
+        };
+        parallel::over(self.added.len(), of).into_iter().flatten().collect()
+    }
+}

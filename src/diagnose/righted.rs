@@ -1,0 +1,52 @@
+//! Force channels that are turned round: a loop that gives energy where a device can only take it.
+
+use std::sync::Arc;
+
+use crate::response::{BlockKind, Plan};
+
+use super::case::Case;
+use super::results::{Instrument, SplitName};
+
+/// Sine of the loss angle below which a loop gives energy beyond any delay of a channel.
+const GIVES: f64 = -0.02;
+/// Correlation of force and displacement above which it is no turned spring: a late channel turns the loss, and leaves the stiffness.
+const STANDS: f64 = 0.3;
+
+/// Whether a test's force channel is turned round; none for tests without a driven loop of a force.
+fn turned(plan: &Plan) -> Option<bool> {
+    let block = plan.blocks.iter().find(|b| b.kind == BlockKind::Loop && b.role == "force" && !b.x.is_empty() && !b.v.is_empty())?;
+    let force = &plan.measured[block.range.clone()];
+    let along = |u: &[f64]| {
+        let n = u.len().max(1) as f64;
+        let (mf, mu) = (force.iter().sum::<f64>() / n, u.iter().sum::<f64>() / n);
+        let dot: f64 = force.iter().zip(u).map(|(f, u)| (f - mf) * (u - mu)).sum();
+        let size = |v: &[f64], m: f64| v.iter().map(|v| (v - m).powi(2)).sum::<f64>().sqrt();
+        dot / (size(force, mf) * size(u, mu)).max(f64::MIN_POSITIVE)
+    };
+    Some(along(&block.v) < GIVES && along(&block.x) < STANDS)
+}
+
+/// The case with turned force channels put right, and what was turned: all of them, or those of single tests where others take energy. Of the
+/// held-out tests only the sign is looked at.
+pub fn righted(case: &Case) -> (Case, Vec<Instrument>) {
+    let loops: Vec<(usize, bool)> = case.plans.iter().enumerate().filter_map(|(k, (p, _))| Some((k, turned(p)?))).collect();
+    let (odd, count) = (loops.iter().filter(|l| l.1).count(), loops.len());
+    if odd == 0 || (odd < count && 2 * odd >= count) {
+        return (case.clone(), vec![]);
+    }
+    let named = |at: String, why: String| Instrument { effect: "gain".into(), at, why, tied_with: vec![] };
+    let found = if odd == count {
+        vec![named("*.force".into(), "every loop gives energy: the force channel is turned round, and was turned back".into())]
+    } else {
+        let one = |k: usize| {
+            let id = &case.plans[k].0.id;
+            named(format!("{id}.force"), format!("the force of {id} gives energy where that of the others takes it: it is turned round, and was turned back"))
+        };
+        loops.iter().filter(|l| l.1).map(|l| one(l.0)).collect()
+    };
+    let right = |(k, (p, s)): (usize, &(Plan, SplitName))| {
+        let turn = loops.iter().any(|l| l.0 == k && l.1);
+        (if turn { p.turned_round("force") } else { p.clone() }, *s)
+    };
+    (Case { plans: Arc::new(case.plans.iter().enumerate().map(right).collect()), ..case.clone() }, found)
+}

@@ -1,0 +1,151 @@
+//! Constants of the search: meaning, unit, why. Those of the likelihood stand in [`crate::evidence::Settings`].
+
+use serde::Serialize;
+
+use crate::evidence;
+
+/// How missing physics is searched for, and when it is believed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Settings {
+    /// Effects added at most.
+    pub max_added: usize,
+    /// Candidates refitted for their scores: what is not refitted is not found.
+    pub refits: usize,
+    /// Refitted candidates that are weighed with variances of their own.
+    pub weighed: usize,
+    /// Factor on the gain that a score or a refit under the base's variances promises, below which a candidate is not looked at further: once
+    /// it is there, the error it leaves has a smaller variance.
+    pub promise: f64,
+    /// The same of an effect in series, whose score at opening zero says little.
+    pub promise_series: f64,
+    /// Fits and estimates of variances in turn.
+    pub rounds: usize,
+    /// Iterations of each of these fits.
+    pub iterations: u64,
+    /// Candidates that stood best alone and are tried in pairs where none alone gains.
+    pub pair_of: usize,
+    /// Model error, in parts of the least, from which pairs are tried.
+    pub pairs_from: f64,
+    /// Nats within which two laws cannot be told apart; what stands is taken out only below minus this.
+    pub tie: f64,
+    /// Nats by which an alternative must be better to take the place of what stands.
+    pub swap: f64,
+    /// Ties named at most.
+    pub ties: usize,
+    /// Nats by which the density of the held-out tests must rise for an effect to be proven.
+    pub held_out_nats: f64,
+    /// Part by which their error must fall beside that.
+    pub held_out_fall: f64,
+    /// Part of the first model error left on the held-out tests above which the verdict stays `unexplained`...
+    pub remainder: f64,
+    /// ...where it is more than this many times the noise...
+    pub visible: f64,
+    /// ...and this many times the least model error.
+    pub visible_least: f64,
+    /// Part of a channel's rms that a gain of one test must move: less is scatter between tests.
+    pub fault_gain: f64,
+    /// The same of other faults of a channel.
+    pub fault_least: f64,
+    /// Times the model's own error in a test that a fault must move it: physics first.
+    pub fault_over: f64,
+    /// Error that a test may have once its fault is taken out, over the median of the others.
+    pub like_others: f64,
+    /// Tests from which a fault of one of them can be told from physics.
+    pub fault_tests: usize,
+    /// What the likelihood assumes.
+    #[serde(flatten)]
+    pub evidence: evidence::Settings,
+}
+
+/// A constant that a study may state under `[search]`: its key, what is accepted, and where it stands.
+pub struct Stated {
+    /// Key.
+    pub key: &'static str,
+    /// Least and largest value.
+    pub range: (f64, f64),
+    /// The field.
+    pub field: fn(&mut Settings) -> &mut f64,
+}
+
+/// Every constant that a study may state.
+pub const STATED: [Stated; 16] = [
+    Stated { key: "model_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.model_error_least },
+    Stated { key: "model_error_spread", range: (1e-3, 5.0), field: |s| &mut s.evidence.model_error_spread },
+    Stated { key: "scatter_prior", range: (1e-6, 0.5), field: |s| &mut s.evidence.scatter_prior },
+    Stated { key: "scatter_most", range: (1e-6, 0.5), field: |s| &mut s.evidence.scatter_most },
+    Stated { key: "noise_spread", range: (1e-3, 5.0), field: |s| &mut s.evidence.noise_spread },
+    Stated { key: "noise_most", range: (1.0, 1e4), field: |s| &mut s.evidence.noise_most },
+    Stated { key: "facts_loop", range: (1.0, 81.0), field: |s| &mut s.evidence.facts_loop },
+    Stated { key: "facts_most", range: (1.0, 1e6), field: |s| &mut s.evidence.facts_most },
+    Stated { key: "facts_mode", range: (1.0, 1e3), field: |s| &mut s.evidence.facts_mode },
+    Stated { key: "facts_record", range: (1.0, 1e6), field: |s| &mut s.evidence.facts_record },
+    Stated { key: "tie", range: (0.0, 50.0), field: |s| &mut s.tie },
+    Stated { key: "held_out_nats", range: (0.0, 50.0), field: |s| &mut s.held_out_nats },
+    Stated { key: "held_out_fall", range: (0.0, 0.9), field: |s| &mut s.held_out_fall },
+    Stated { key: "remainder", range: (0.0, 1.0), field: |s| &mut s.remainder },
+    Stated { key: "fault_gain", range: (0.0, 1.0), field: |s| &mut s.fault_gain },
+    Stated { key: "fault_least", range: (0.0, 1.0), field: |s| &mut s.fault_least },
+];
+
+impl Settings {
+    /// What of these constants contradicts itself, and what would not.
+    pub fn contradiction(&self) -> Option<(String, String)> {
+        let e = &self.evidence;
+        (e.facts_loop > e.facts_most).then(|| {
+            let said = format!("facts_loop = {} is more than facts_most = {}", e.facts_loop, e.facts_most);
+            (said, "facts_loop of one loop up to facts_most of all".into())
+        })
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            max_added: 4,
+            refits: 8,
+            weighed: 8,
+            promise: 2.0,
+            promise_series: 5.0,
+            rounds: 2,
+            iterations: 12,
+            pair_of: 4,
+            pairs_from: 2.0,
+            tie: 1.5,
+            swap: 0.5,
+            ties: 5,
+            held_out_nats: 1.0,
+            held_out_fall: 0.03,
+            remainder: 1.0 / 3.0,
+            visible: 2.0,
+            visible_least: 3.0,
+            fault_gain: 0.03,
+            fault_least: 0.01,
+            fault_over: 3.0,
+            like_others: 2.5,
+            fault_tests: 3,
+            evidence: evidence::Settings::default(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_default_is_accepted_and_every_key_has_a_field_of_its_own() {
+        let mut all = Settings::default();
+        assert!(all.contradiction().is_none());
+        for (k, stated) in STATED.iter().enumerate() {
+            let value = *(stated.field)(&mut all);
+            assert!(stated.range.0 <= value && value <= stated.range.1, "{}: {value}", stated.key);
+            *(stated.field)(&mut all) = 1000.0 + k as f64;
+        }
+        for (k, stated) in STATED.iter().enumerate() {
+            assert_eq!(*(stated.field)(&mut all), 1000.0 + k as f64, "{}", stated.key);
+        }
+        let mut odd = Settings::default();
+        odd.evidence.facts_loop = 20.0;
+        assert!(odd.contradiction().unwrap().0.contains("facts_most"));
+    }
+}

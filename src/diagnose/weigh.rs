@@ -1,0 +1,155 @@
+//! A model weighed: fitted under a covariance whose variances are estimated for it, with its likelihood.
+
+use std::sync::Arc;
+
+use crate::evidence::{Counts, Evidence, Seen, Variances};
+use crate::identify::{Monitor, Termination};
+use crate::model::System;
+use crate::parallel;
+use crate::response::Plan;
+
+use super::case::{Case, Fitted};
+use super::refit::some;
+use super::results::SplitName;
+use super::settings::Settings;
+
+/// A model with its variances.
+#[derive(Clone)]
+pub struct Weighed {
+    /// The model, fitted under them.
+    pub fitted: Fitted,
+    /// What it leaves in every test.
+    pub seen: Vec<Seen>,
+    /// Its variances.
+    pub v: Variances,
+    /// Its likelihood under the counts it was weighed with, the priors of its parameters and variances with it.
+    pub likelihood: f64,
+}
+
+impl Weighed {
+    /// Free parameters.
+    pub fn size(&self) -> usize {
+        self.fitted.free.len()
+    }
+}
+
+/// What models are weighed on: the fitted tests, and what a coefficient of them counts as.
+pub struct Scale {
+    /// The case, its fit and select tests as those that are fitted.
+    pub case: Case,
+    /// The tests.
+    pub evidence: Evidence,
+    /// The counts.
+    pub counts: Counts,
+    /// Constants.
+    pub settings: Settings,
+}
+
+impl Scale {
+    /// On the fit and select tests of a case. `system`: from which the signals are computed that instruments may misread.
+    pub fn new(case: &Case, system: &System, settings: &Settings) -> Scale {
+        let fitted = |(p, s): &(Plan, SplitName)| (p.clone(), if *s == SplitName::Select { SplitName::Fit } else { *s });
+        let case = Case { plans: Arc::new(case.plans.iter().map(fitted).collect()), ..case.clone() };
+        Scale::of_fitted(&case, system, settings)
+    }
+
+    /// On the fit tests alone.
+    pub fn of_fitted(case: &Case, system: &System, settings: &Settings) -> Scale {
+        let case = case.clone();
+        let evidence = Evidence::new(&case.plans_of(SplitName::Fit), system, &settings.evidence);
+        Scale { counts: evidence.independent(), evidence, case, settings: settings.clone() }
+    }
+
+    /// The same once more, for counts of its own.
+    pub fn again(&self) -> Scale {
+        Scale { case: self.case.clone(), evidence: self.evidence.clone(), counts: self.counts.clone(), settings: self.settings.clone() }
+    }
+
+    /// The case under the covariance that a weighed model has.
+    pub fn under(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Case {
+        let mut covariances = self.evidence.covariances(seen, v, counts).into_iter();
+        let covered = |(p, s): &(Plan, SplitName)| {
+            let covariance = if *s == SplitName::Fit { covariances.next().map(Arc::new) } else { None };
+            (p.under(covariance), *s)
+        };
+        Case { plans: Arc::new(self.case.plans.iter().map(covered).collect()), ..self.case.clone() }
+    }
+
+    /// A system in the fitted tests.
+    pub fn see(&self, system: &System) -> Result<Vec<Seen>, String> {
+        let (plans, free) = (self.case.plans_of(SplitName::Fit), system.free());
+        let of = |t: usize| {
+            let computed = plans[t].evaluate(system, &free, true).map_err(|e| e.to_string())?;
+            let finite = computed.values.iter().chain(&computed.slopes).all(|v| v.is_finite());
+            if finite { Ok(self.evidence.records[t].see(plans[t], &computed, system, &free)) } else { Err("its response is not finite".into()) }
+        };
+        parallel::over(plans.len(), of).into_iter().collect()
+    }
+
+    /// Fits the system and estimates its variances in turn, from these variances on.
+    pub fn weigh(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
+        let (mut system, mut v, mut last) = (system.clone(), start.clone(), None);
+        let mut seen = self.see(&system)?;
+        for round in 0..self.settings.rounds.max(1) {
+            if round > 0 && super::trace::stopped(monitor) {
+                break;
+            }
+            let case = self.under(&seen, &v, &self.counts);
+            let fit = some(&case, self.settings.iterations);
+            let fitted = fit.fit_system(&system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
+            if let Termination::Failed(reason) = &fitted.outcome.termination {
+                return Err(reason.clone());
+            }
+            system = fitted.system.clone();
+            seen = self.see(&system)?;
+            v = self.evidence.estimate(&seen, &self.counts, &v);
+            last = Some(fitted);
+        }
+        let fitted = last.ok_or("it was not fitted")?;
+        let likelihood = self.evidence.likelihood(&seen, &self.counts, &v) - 0.5 * prior_squares(&fitted);
+        Ok(Weighed { fitted, seen, v, likelihood })
+    }
+
+    /// A fitted model with its variances, not fitted again under them.
+    pub fn as_it_stands(&self, fitted: &Fitted) -> Option<Weighed> {
+        let seen = self.see(&fitted.system).ok().filter(|s| !s.is_empty())?;
+        let once = self.evidence.estimate(&seen, &self.counts, &Variances::start(&self.evidence));
+        let v = self.evidence.estimate(&seen, &self.evidence.counts(&seen, &once), &once);
+        let likelihood = self.evidence.likelihood(&seen, &self.counts, &v);
+        Some(Weighed { fitted: fitted.clone(), seen, v, likelihood })
+    }
+
+    /// The system weighed, the counts set by what it leaves.
+    pub fn begin(&mut self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
+        self.counts = self.evidence.independent();
+        let mut now = self.weigh(system, &Variances::start(&self.evidence), monitor)?;
+        for _ in 0..2 {
+            now = self.tempered(&now, monitor)?;
+        }
+        Ok(now)
+    }
+
+    /// Sets the counts by what this model leaves, and weighs it under them.
+    pub fn tempered(&mut self, now: &Weighed, monitor: &Monitor) -> Result<Weighed, String> {
+        self.counts = self.evidence.counts(&now.seen, &now.v);
+        self.weigh(&now.fitted.system, &now.v, monitor)
+    }
+
+    /// **The criterion**: by how many nats a model is better than a smaller one under whose counts both were weighed, less half the logarithm of
+    /// the facts for every parameter (Schwarz, Ann. Statist. 6, 1978) and the logarithm of what was tried.
+    pub fn gain(&self, larger: &Weighed, smaller: &Weighed, tried: f64) -> f64 {
+        let more = larger.size() as f64 - smaller.size() as f64;
+        let price = 0.5 * more * self.counts.n.ln() + if more > 0.0 { tried.max(1.0).ln() } else { 0.0 };
+        larger.likelihood - smaller.likelihood - price
+    }
+
+    /// What a model is worth beside others of unlike size.
+    pub fn worth(&self, w: &Weighed) -> f64 {
+        w.likelihood - 0.5 * w.size() as f64 * self.counts.n.ln()
+    }
+}
+
+/// Sum of squares of the priors' rows.
+fn prior_squares(fitted: &Fitted) -> f64 {
+    fitted.options.priors.iter().map(|p| ((fitted.outcome.p[p.index] - p.mean) / p.sigma).powi(2)).sum()
+}

@@ -1,0 +1,113 @@
+//! The likelihood of a model's residuals, and the restricted one by which variances are estimated.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{Counts, Evidence, Record, Seen, Variances, beside};
+
+/// Ridge on the information of the parameters, of which the tests may not know all.
+const RIDGE: f64 = 1e-9;
+
+/// A test with its columns `X = [r, J / ||J||]` and `B`, and for channels in which all coefficients have one variance their inner products.
+pub struct Gram {
+    x: DMatrix<f64>,
+    b: DMatrix<f64>,
+}
+
+/// `(X'V^-1X, ln|V|)` of a test of variances `d`, counted `z` times.
+fn information(gram: &Gram, b: &DMatrix<f64>, d: &[f64], z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
+    let (mut ld, mut w) = (0.0, DVector::zeros(d.len()));
+    for (i, d) in d.iter().enumerate() {
+        if d.is_finite() && z[i] > 0.0 {
+            ld += z[i] * d.ln();
+            w[i] = z[i] / d;
+        }
+    }
+    let weighed = |m: &DMatrix<f64>| {
+        let mut m = m.clone();
+        m.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
+        m
+    };
+    let (xw, bw) = (weighed(&gram.x), weighed(b));
+    let mut inner = bw.transpose() * b;
+    (0..inner.nrows()).for_each(|k| inner[(k, k)] += 1.0);
+    let factor = inner.cholesky()?;
+    let u = factor.l().solve_lower_triangular(&(bw.transpose() * &gram.x))?;
+    ld += 2.0 * factor.l().diagonal().iter().map(|v| v.ln()).sum::<f64>();
+    let whole = xw.transpose() * &gram.x - u.transpose() * u;
+    Some((whole, ld)).filter(|(m, ld)| ld.is_finite() && m.iter().all(|v| v.is_finite()))
+}
+
+impl Evidence {
+    pub(super) fn grams(&self, seen: &[Seen]) -> Vec<Gram> {
+        let parameters = seen.first().map_or(0, |s| s.j.ncols());
+        // Parameters in units in which they all matter alike.
+        let size: Vec<f64> = (0..parameters)
+            .map(|k| seen.iter().zip(&self.records).map(|(s, r)| s.j.column(k).norm_squared() / r.size.iter().sum::<f64>()).sum::<f64>())
+            .map(|s| if s > 0.0 && s.is_finite() { s.sqrt() } else { 1.0 })
+            .collect();
+        let of = |(record, s): (&Record, &Seen)| {
+            let mut j = s.j.clone();
+            j.column_iter_mut().zip(&size).for_each(|(mut c, size)| c /= *size);
+            let r = DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice());
+            Gram { x: beside(&r, &j), b: beside(&record.instruments, &s.strengths) }
+        };
+        self.records.iter().zip(seen).map(of).collect()
+    }
+
+    /// `l_z` of the residuals, the prior of the variances with it.
+    pub fn likelihood(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> f64 {
+        let mut sum = v.prior(&self.settings);
+        for (t, (record, s)) in self.records.iter().zip(seen).enumerate() {
+            let d = record.variance(v.kappa, &v.own_errors(t, &self.settings));
+            let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
+            let Some((inner, ld)) = information(&gram, &record.shared(s, v.omega), &d, &counts.z[t]) else { return f64::NEG_INFINITY };
+            sum -= 0.5 * (ld + inner[(0, 0)]);
+        }
+        sum
+    }
+}
+
+impl Evidence {
+    /// Root mean square of the residuals in units of their noise, instruments within tolerance and strengths that scatter granted.
+    pub fn over_noise(&self, seen: &[Seen], v: &Variances) -> f64 {
+        let counts = self.independent();
+        let of = |t: usize| {
+            let (record, s) = (&self.records[t], &seen[t]);
+            let d = record.variance(v.kappa.max(0.0), &vec![0.0; record.channels.len()]);
+            let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
+            information(&gram, &record.shared(s, v.omega), &d, &counts.z[t]).map_or(f64::INFINITY, |(inner, _)| inner[(0, 0)])
+        };
+        ((0..self.records.len()).map(of).sum::<f64>() / counts.n.max(1.0)).sqrt()
+    }
+}
+
+/// The restricted likelihood: the parameters integrated out to first order.
+pub(super) fn restricted(e: &Evidence, grams: &[Gram], seen: &[Seen], counts: &Counts, v: &Variances) -> Option<f64> {
+    let p = grams.first()?.x.ncols();
+    let (mut whole, mut ld) = (DMatrix::zeros(p, p), 0.0);
+    for (t, (record, gram)) in e.records.iter().zip(grams).enumerate() {
+        let d = record.variance(v.kappa, &v.own_errors(t, &e.settings));
+        let mut b = gram.b.clone();
+        let scattering = seen[t].strengths.ncols();
+        let from = b.ncols() - scattering;
+        b.columns_mut(from, scattering).scale_mut(v.omega.exp());
+        let (inner, own) = information(gram, &b, &d, &counts.z[t])?;
+        (whole, ld) = (whole + inner, ld + own);
+    }
+    let mut k = whole.view((1, 1), (p - 1, p - 1)).into_owned();
+    (0..p - 1).for_each(|i| k[(i, i)] += RIDGE * (k[(i, i)] + RIDGE));
+    let restricted = if p > 1 { k.cholesky()?.l().diagonal().iter().map(|v| v.ln()).sum::<f64>() } else { 0.0 };
+    Some(-0.5 * (ld + whole[(0, 0)]) - restricted).filter(|l| l.is_finite())
+}
+
+/// What is left of a residual without what its coefficients share, `D V^-1 r`.
+pub(super) fn cleaned(record: &Record, seen: &Seen, d: &[f64], z: &DVector<f64>, omega: f64) -> DVector<f64> {
+    let b = record.shared(seen, omega);
+    let w = DVector::from_iterator(d.len(), d.iter().zip(z.iter()).map(|(d, z)| if d.is_finite() { z / d } else { 0.0 }));
+    let mut bw = b.clone();
+    bw.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
+    let mut inner = bw.transpose() * &b;
+    (0..inner.nrows()).for_each(|k| inner[(k, k)] += 1.0);
+    let Some(factor) = inner.cholesky() else { return seen.r.clone() };
+    &seen.r - &b * factor.solve(&(bw.transpose() * &seen.r))
+}

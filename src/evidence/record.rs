@@ -1,0 +1,204 @@
+//! A test as the likelihood sees it, and a model in it.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::data::harmonic_of;
+use crate::effect::{Kind, Role};
+use crate::model::{FreeParam, System};
+use crate::parallel;
+use crate::response::{BlockKind, Coefficients, Computed, Plan, Tolerances, instruments};
+
+use super::{Settings, beside};
+
+/// Lines on either side over which the size of an FRF is averaged: between resonances a model errs by what its neighbours are.
+const NEIGHBOURS: usize = 3;
+/// A maximum of an FRF's magnitude is a resonance where it stands this far above the minima about it.
+const RISES: f64 = 1.4;
+
+/// One channel of a test.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// Its coefficients.
+    pub range: Range<usize>,
+    /// `force at c1.x`.
+    pub label: String,
+    /// Kind of points.
+    pub kind: BlockKind,
+    /// Resonances of an FRF.
+    pub modes: usize,
+    /// Harmonic of each coefficient of a loop.
+    pub harmonics: Vec<usize>,
+}
+
+/// A test.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// How its rows become coefficients.
+    pub coefficients: Coefficients,
+    /// Its channels.
+    pub channels: Vec<Channel>,
+    /// Variance of each coefficient by noise; infinite where it is not compared.
+    pub noise: Vec<f64>,
+    /// Variance of each coefficient by a relative error of 1 of the model.
+    pub size: Vec<f64>,
+    /// Columns of instruments within tolerance.
+    pub instruments: DMatrix<f64>,
+}
+
+/// A model in a test.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// Computed minus measured.
+    pub r: DVector<f64>,
+    /// Derivatives with respect to the free parameters, in the fit's variables.
+    pub j: DMatrix<f64>,
+    /// What one part of each strength would change.
+    pub strengths: DMatrix<f64>,
+}
+
+impl Record {
+    /// Variance of each coefficient by noise of scale `e^kappa` and the model's error of each channel.
+    pub fn variance(&self, kappa: f64, errors: &[f64]) -> Vec<f64> {
+        let scale = (2.0 * kappa).exp();
+        let mut d: Vec<f64> = self.noise.iter().map(|n| scale * n).collect();
+        for (channel, tau) in self.channels.iter().zip(errors) {
+            channel.range.clone().for_each(|i| d[i] += tau * tau * self.size[i]);
+        }
+        d
+    }
+
+    /// The columns that coefficients share, strengths scattering by `e^omega`.
+    pub fn shared(&self, seen: &Seen, omega: f64) -> DMatrix<f64> {
+        beside(&self.instruments, &(&seen.strengths * omega.exp()))
+    }
+
+    /// The model in this test, from its response with derivatives.
+    pub fn see(&self, plan: &Plan, computed: &Computed, system: &System, free: &[FreeParam]) -> Seen {
+        let all = plan.turned(&self.coefficients, computed, free.len());
+        let j = all.columns(1, free.len()).into_owned();
+        let scatters = |f: &FreeParam| {
+            let info = system.instances[f.instance].effect.info();
+            info.role == Role::Force && info.params.get(f.param).is_some_and(|p| p.kind == Kind::Strength)
+        };
+        let value = |f: &FreeParam| if f.log { 1.0 } else { system.instances[f.instance].params[f.param].value };
+        let which: Vec<usize> = (0..free.len()).filter(|k| scatters(&free[*k])).collect();
+        let strengths = DMatrix::from_fn(j.nrows(), which.len(), |i, k| j[(i, which[k])] * value(&free[which[k]]));
+        Seen { r: all.column(0).into_owned(), j, strengths }
+    }
+}
+
+/// Largest reading of every channel in any test, block by block.
+fn peaks(plans: &[&Plan]) -> Vec<Vec<f64>> {
+    let own: Vec<Vec<f64>> = plans.iter().map(|p| p.peaks()).collect();
+    let all = plans.iter().zip(&own).flat_map(|(p, own)| p.blocks.iter().zip(own)).map(|(b, peak)| (b.label.as_str(), *peak));
+    let all: Vec<(&str, f64)> = all.collect();
+    let of = |label: &str| all.iter().filter(|(l, _)| *l == label).fold(0.0f64, |m, (_, p)| m.max(*p));
+    plans.iter().map(|p| p.blocks.iter().map(|b| of(&b.label)).collect()).collect()
+}
+
+pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> Vec<Record> {
+    let peaks = peaks(plans);
+    let of = |t: usize| {
+        let plan = plans[t];
+        let computed = plan.evaluate(system, &[], false).ok().map(|c| c.values).filter(|v| v.iter().all(|v| v.is_finite()));
+        let signal = computed.unwrap_or_else(|| plan.measured.clone());
+        let coefficients = Coefficients::of(plan);
+        let channels: Vec<Channel> = plan.blocks.iter().zip(coefficients.ranges()).map(|(b, range)| channel(plan, b, range)).collect();
+        let mut size = vec![0.0; coefficients.count];
+        for (block, channel) in plan.blocks.iter().zip(&channels) {
+            size[channel.range.clone()].copy_from_slice(&sizes(&plan.measured[block.range.clone()], channel));
+        }
+        let noise = coefficients.noise(plan);
+        let instruments = instruments(plan, &coefficients, &signal, &peaks[t], &Tolerances::GOOD);
+        Record { coefficients, channels, noise, size, instruments }
+    };
+    let mut records = parallel::over(plans.len(), of);
+    pool_noise(plans, &mut records, settings.noise_pool);
+    records
+}
+
+fn channel(plan: &Plan, block: &crate::response::Block, range: Range<usize>) -> Channel {
+    let measured = &plan.measured[block.range.clone()];
+    let harmonics = if block.kind == BlockKind::Loop { harmonic_of(measured.len()) } else { vec![] };
+    let modes = if block.kind == BlockKind::Frf { resonances(measured) } else { 0 };
+    Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics }
+}
+
+/// What a relative error of 1, alike in all coefficients, is in each: of a loop and a record of their rms about the mean, of an FRF of its
+/// size there, of a table of logarithms 1.
+fn sizes(measured: &[f64], channel: &Channel) -> Vec<f64> {
+    let n = measured.len().max(1) as f64;
+    let mean = measured.iter().sum::<f64>() / n;
+    let square = measured.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
+    match channel.kind {
+        BlockKind::Loop => vec![square * n / channel.range.len().max(1) as f64; channel.range.len()],
+        BlockKind::Record => vec![square; channel.range.len()],
+        BlockKind::Table => vec![1.0; channel.range.len()],
+        BlockKind::Frf => {
+            let h: Vec<f64> = measured.chunks(2).map(|c| c.iter().map(|v| v * v).sum()).collect();
+            let near = |k: usize| {
+                let part = &h[k.saturating_sub(NEIGHBOURS)..(k + NEIGHBOURS + 1).min(h.len())];
+                0.5 * part.iter().sum::<f64>() / part.len() as f64
+            };
+            (0..h.len()).flat_map(|k| [near(k); 2]).collect()
+        }
+    }
+}
+
+/// Maxima of an FRF's magnitude that stand above the minima on either side; one at least.
+fn resonances(lines: &[f64]) -> usize {
+    let h: Vec<f64> = lines.chunks(2).map(|c| c.iter().map(|v| v * v).sum::<f64>().sqrt()).collect();
+    let (mut count, mut low, mut high, mut rising) = (0, f64::INFINITY, 0.0f64, true);
+    for v in h {
+        if rising {
+            (low, high) = (low.min(v), if v < low { 0.0 } else { high.max(v) });
+            if high > RISES * low && v < high / RISES {
+                (count, rising, low) = (count + 1, false, v);
+            }
+        } else {
+            low = low.min(v);
+            if v > RISES * low {
+                (rising, high) = (true, v);
+            }
+        }
+    }
+    count.max(1)
+}
+
+/// Draws the noise spectrum of a loop that was seen in few cycles to the shape that those of its channel have in common.
+fn pool_noise(plans: &[&Plan], records: &mut [Record], pool: f64) {
+    let cycles = |t: usize, b: usize| plans[t].scatter.get(b).filter(|s| !s.variance.is_empty()).map(|s| s.cycles as f64);
+    let all: Vec<(usize, usize)> = (0..records.len()).flat_map(|t| (0..records[t].channels.len()).map(move |b| (t, b))).collect();
+    let seen: Vec<(usize, usize)> = all.into_iter().filter(|(t, b)| cycles(*t, *b).is_some()).collect();
+    let noise = |(t, b): (usize, usize)| records[t].noise[records[t].channels[b].range.clone()].to_vec();
+    let drawn: Vec<Vec<f64>> = seen
+        .iter()
+        .map(|&(t, b)| {
+            let own = &records[t].channels[b];
+            let alike = seen.iter().filter(|(u, c)| {
+                let other = &records[*u].channels[*c];
+                other.label == own.label && other.range.len() == own.range.len()
+            });
+            let mut shape = DVector::zeros(own.range.len());
+            let mut count = 0.0;
+            for other in alike {
+                let n = DVector::from_vec(noise(*other));
+                (shape, count) = (shape + &n / n.sum().max(f64::MIN_POSITIVE), count + 1.0);
+            }
+            shape /= count;
+            // The mean and the first harmonic are two lines of a test each: not quieter than those next to them.
+            let low: Vec<usize> = (0..own.range.len()).filter(|i| own.harmonics[*i] <= 3).collect();
+            let least = low.iter().map(|i| shape[*i]).sum::<f64>() / low.len().max(1) as f64;
+            low.iter().filter(|i| own.harmonics[**i] <= 1).for_each(|i| shape[*i] = shape[*i].max(least));
+            let n = noise((t, b));
+            let (total, w) = (n.iter().sum::<f64>(), cycles(t, b).unwrap_or(1.0) - 1.0);
+            n.iter().zip(shape.iter()).map(|(n, s)| (w * n + pool * total * s) / (w + pool)).collect()
+        })
+        .collect();
+    for ((t, b), noise) in seen.into_iter().zip(drawn) {
+        let range = records[t].channels[b].range.clone();
+        records[t].noise[range].copy_from_slice(&noise);
+    }
+}

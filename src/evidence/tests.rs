@@ -1,0 +1,102 @@
+//! The likelihood on made-up tests: noise alone, a model error, and what each counts as.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::response::BlockKind;
+
+use super::record::Channel;
+use super::{Evidence, Record, Seen, Settings, Variances};
+
+/// Deterministic numbers of variance 1.
+fn noise(n: usize, seed: f64) -> DVector<f64> {
+    DVector::from_fn(n, |i, _| {
+        let u = |k: f64| ((i as f64 + 1.0) * k + seed).sin() * 43758.5453;
+        let (a, b) = (u(12.9898).rem_euclid(1.0).max(1e-12), u(78.233).rem_euclid(1.0));
+        (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    })
+}
+
+/// Tests of one loop each, noise of a hundredth of the response.
+fn evidence(tests: usize) -> Evidence {
+    let n = 81;
+    let record = || Record {
+        coefficients: crate::response::Coefficients::empty(n),
+        channels: vec![Channel { range: 0..n, label: "force at c1.x".into(), kind: BlockKind::Loop, modes: 0, harmonics: crate::data::harmonic_of(200) }],
+        noise: vec![1e-4 / n as f64; n],
+        size: vec![1.0 / n as f64; n],
+        instruments: DMatrix::zeros(n, 0),
+    };
+    Evidence { records: (0..tests).map(|_| record()).collect(), settings: Settings::default() }
+}
+
+/// Residuals of noise and of an error of the given size in the third harmonic, one parameter along the first.
+fn seen(tests: usize, error: f64) -> Vec<Seen> {
+    let of = |t: usize| {
+        let mut r = noise(81, t as f64) * (1e-2 / 9.0);
+        r[3] += error;
+        let mut j = DMatrix::zeros(81, 1);
+        j[(1, 0)] = 1.0;
+        Seen { r, strengths: j.clone(), j }
+    };
+    (0..tests).map(of).collect()
+}
+
+fn estimated(e: &Evidence, seen: &[Seen]) -> Variances {
+    let once = e.estimate(seen, &e.independent(), &Variances::start(e));
+    e.estimate(seen, &e.independent(), &once)
+}
+
+#[test]
+fn where_noise_rules_every_coefficient_is_a_fact() {
+    let e = evidence(5);
+    let seen = seen(5, 0.0);
+    let v = estimated(&e, &seen);
+    assert!(v.model_error(&e.settings) < 0.005 && v.kappa.abs() < 0.3, "{v:?}");
+    let counts = e.counts(&seen, &v);
+    assert!(counts.n > 0.85 * 405.0, "{counts:?}");
+}
+
+#[test]
+fn a_model_error_is_found_and_counts_as_few() {
+    let e = evidence(5);
+    let seen = seen(5, 0.2);
+    let v = estimated(&e, &seen);
+    let error = v.model_error(&e.settings);
+    assert!((0.1..0.4).contains(&error), "{error}");
+    let counts = e.counts(&seen, &v);
+    assert!((counts.facts - 16.0).abs() < 1e-9 && counts.n < 30.0, "{} {}", counts.facts, counts.n);
+    // An FRF's error counts as six facts a resonance, a row of a table as one.
+    let mut lines = evidence(1);
+    (lines.records[0].channels[0].kind, lines.records[0].channels[0].modes) = (BlockKind::Frf, 2);
+    assert!((lines.counts(&seen[..1], &v_of(&lines, 0.2)).facts - 12.0).abs() < 1e-9);
+    lines.records[0].channels[0].kind = BlockKind::Table;
+    assert_eq!(lines.counts(&seen[..1], &v_of(&lines, 0.2)).n, 81.0);
+}
+
+fn v_of(e: &Evidence, error: f64) -> Variances {
+    Variances { tau: error.ln(), kappa: 0.0, omega: -10.0, ..Variances::start(e) }
+}
+
+/// The likelihood of independent coefficients is the sum of Gaussian ones, the constant left out.
+#[test]
+fn the_likelihood_is_that_of_its_covariance() {
+    let e = evidence(2);
+    let (seen, v) = (seen(2, 0.05), v_of(&evidence(2), 0.05));
+    let d = 1e-4 / 81.0 + 0.05f64.powi(2) / 81.0;
+    // A strength that scatters by e^-10 is no strength that scatters.
+    let direct: f64 = seen.iter().flat_map(|s| s.r.iter()).map(|r| -0.5 * (d.ln() + r * r / d)).sum();
+    approx::assert_relative_eq!(e.likelihood(&seen, &e.independent(), &v) - v.prior(&e.settings), direct, max_relative = 1e-6);
+    // Whitened residuals have the same sum of squares.
+    assert!(e.over_noise(&seen, &v) > 1.5);
+}
+
+#[test]
+fn a_strength_that_differs_from_test_to_test_is_no_model_error() {
+    let e = evidence(6);
+    let mut seen = seen(6, 0.0);
+    for (t, s) in seen.iter_mut().enumerate() {
+        s.r[1] += [0.03, -0.02, 0.025, -0.03, 0.01, -0.015][t];
+    }
+    let v = estimated(&e, &seen);
+    assert!((0.01..=0.0401).contains(&v.omega.exp()) && v.model_error(&e.settings) < 0.006, "{v:?}");
+}

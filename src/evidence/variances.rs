@@ -1,0 +1,121 @@
+//! The variances of a model in its tests, and their estimate.
+
+use super::likelihood::restricted;
+use super::{Counts, Evidence, Seen, Settings};
+
+/// Steps of the pattern search at first, in the logarithms of noise, model error and scatter, and where it ends.
+const STEPS: [f64; 3] = [0.3, 0.6, 0.8];
+const LAST: f64 = 0.05;
+/// Grid of the logarithm of a channel's own model error over the common one.
+const OWN_REACH: f64 = 2.0;
+const OWN_POINTS: usize = 41;
+/// Logarithm of a scatter that is none, and of the largest relative error of a model.
+const NO_SCATTER: f64 = -10.0;
+const MODEL_ERROR_MOST: f64 = 2.3;
+
+/// Variances, as logarithms of standard deviations.
+#[derive(Clone, Debug)]
+pub struct Variances {
+    /// True noise over that seen.
+    pub kappa: f64,
+    /// Relative error of the model.
+    pub tau: f64,
+    /// Relative scatter of strengths between tests.
+    pub omega: f64,
+    /// Error of the model in each channel of each test over the common one.
+    pub own: Vec<Vec<f64>>,
+}
+
+impl Variances {
+    /// Where an estimate begins that knows nothing.
+    pub fn start(evidence: &Evidence) -> Variances {
+        let own = evidence.records.iter().map(|r| vec![0.0; r.channels.len()]).collect();
+        Variances { kappa: 0.0, tau: 0.1f64.ln(), omega: (0.25 * evidence.settings.scatter_most).ln(), own }
+    }
+
+    /// Relative error of the model in each channel of a test.
+    pub fn own_errors(&self, test: usize, settings: &Settings) -> Vec<f64> {
+        self.own[test].iter().map(|g| (self.tau + g).exp().max(settings.model_error_least)).collect()
+    }
+
+    /// Root mean square of the model's relative error over channels and tests.
+    pub fn model_error(&self, settings: &Settings) -> f64 {
+        let all: Vec<f64> = (0..self.own.len()).flat_map(|t| self.own_errors(t, settings)).collect();
+        (all.iter().map(|e| e * e).sum::<f64>() / all.len().max(1) as f64).sqrt()
+    }
+
+    /// Logarithm of the prior density.
+    pub fn prior(&self, s: &Settings) -> f64 {
+        let own: f64 = self.own.iter().flatten().map(|g| g * g).sum();
+        -0.5 * (self.kappa / s.noise_spread).powi(2)
+            - 0.5 * (self.omega.exp() / s.scatter_prior).powi(2)
+            - 0.5 * own / (s.model_error_spread * s.model_error_spread)
+    }
+
+    fn bounded(mut self, s: &Settings) -> Variances {
+        let most = s.noise_most.ln();
+        self.kappa = self.kappa.clamp(-most, most);
+        self.tau = self.tau.clamp(s.model_error_least.ln(), MODEL_ERROR_MOST);
+        self.omega = self.omega.clamp(NO_SCATTER, s.scatter_most.ln());
+        self
+    }
+
+    fn moved(&self, which: usize, by: f64) -> Variances {
+        let mut v = self.clone();
+        *[&mut v.kappa, &mut v.tau, &mut v.omega][which] += by;
+        v
+    }
+}
+
+impl Evidence {
+    /// Variances by restricted likelihood: the channels' own model errors one by one, the common ones by a pattern search (Hooke and Jeeves,
+    /// J. ACM 8, 1961).
+    pub fn estimate(&self, seen: &[Seen], counts: &Counts, start: &Variances) -> Variances {
+        let mut best = self.own_errors(seen, counts, start.clone().bounded(&self.settings));
+        let grams = self.grams(seen);
+        let value = |v: &Variances| restricted(self, &grams, seen, counts, v).map_or(f64::NEG_INFINITY, |l| l + v.prior(&self.settings));
+        let mut here = value(&best);
+        let (mut left, mut part) = (self.settings.evaluations, 1.0);
+        while part * STEPS[1] > LAST && left > 0 {
+            let mut better = false;
+            for which in 0..STEPS.len() {
+                for sign in [1.0, -1.0] {
+                    let trial = best.moved(which, sign * part * STEPS[which]).bounded(&self.settings);
+                    let there = value(&trial);
+                    left = left.saturating_sub(1);
+                    if there > here {
+                        (best, here, better) = (trial, there, true);
+                        break;
+                    }
+                }
+            }
+            if !better {
+                part *= 0.5;
+            }
+        }
+        best
+    }
+
+    /// The own model error of each channel that makes what is left of its residual, without what coefficients share, likeliest.
+    fn own_errors(&self, seen: &[Seen], counts: &Counts, mut v: Variances) -> Variances {
+        let s = &self.settings;
+        for (t, record) in self.records.iter().enumerate() {
+            let d = record.variance(v.kappa, &v.own_errors(t, s));
+            let left = super::likelihood::cleaned(record, &seen[t], &d, &counts.z[t], v.omega);
+            for (b, channel) in record.channels.iter().enumerate() {
+                let cost = |g: f64| {
+                    let tau = (v.tau + g).exp().max(s.model_error_least);
+                    let of = |i: usize| {
+                        let (z, d) = (counts.z[t][i], (2.0 * v.kappa).exp() * record.noise[i] + tau * tau * record.size[i]);
+                        if d.is_finite() { 0.5 * z * (d.ln() + left[i] * left[i] / d) } else { 0.0 }
+                    };
+                    channel.range.clone().map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
+                };
+                let grid = (0..OWN_POINTS).map(|k| OWN_REACH * (2.0 * k as f64 / (OWN_POINTS - 1) as f64 - 1.0));
+                let costs: Vec<(f64, f64)> = grid.map(|g| (g, cost(g))).collect();
+                v.own[t][b] = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |c| c.0);
+            }
+        }
+        v
+    }
+}
