@@ -141,5 +141,5 @@ impl<'a> Climb<'a> {
 }
 
 fn failed(reason: String) -> DiagnoseError {
-    crate::identify::IdentifyError::StartFails { reason }.into()
+    crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)).into()
 }

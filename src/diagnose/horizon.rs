@@ -26,7 +26,7 @@ pub fn near(
 ) -> Result<Step, DiagnoseError> {
     let points = |case: &Case| case.plans.iter().map(|(p, _)| p.len()).sum::<usize>();
     watch(&format!("out of step with a record: looking at {} of {} points, where the model can follow", points(near), points(&whole.case)));
-    let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails { reason });
+    let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)));
     let mut scale = Scale::new(near, &near.system, &whole.settings);
     let base = scale.begin(&near.system, monitor).map_err(failed)?;
     let mut found = step(&Against { scale: &scale, base: &base, need: None, monitor, watch })?;
