@@ -104,6 +104,8 @@ mod tests {
             name: (k + 1).to_string(),
             values: [("i".to_string(), *i), ("A".to_string(), *a)].into(),
             energy: 1.0,
+            stored: None,
+            place: String::new(),
         };
         let cases = rows.iter().enumerate().map(case).collect();
         let pair = Pair { interference: "i".into(), area: "A".into(), resolution: (1e-5, 1e-7) };

@@ -29,7 +29,7 @@ fn files(folder: &Path, mark: &str, all: &mut Vec<PathBuf>) {
 
 /// Whether a study's raw files are public and not in the repository; its README says where they are.
 fn elsewhere(path: &Path) -> bool {
-    path.components().any(|c| c.as_os_str() == "03-friction-damper")
+    path.components().any(|c| ["03-friction-damper", "measured"].iter().any(|name| c.as_os_str() == *name))
 }
 
 #[test]

@@ -147,7 +147,7 @@ fn date_and_time_are_read_in_seconds_from_the_first_row() {
         let ms = 59_000 + 10 * i;
         let (day, minute) = if ms < 60_000 { (14, "23:59") } else { (15, "00:00") };
         let s = ms % 60_000;
-        let fraction = if s % 1000 == 0 { String::new() } else { format!(".{:03}000", s % 1000) };
+        let fraction = if s.is_multiple_of(1000) { String::new() } else { format!(".{:03}000", s % 1000) };
         format!("2025-11-{day} {minute}:{:02}{fraction}", s / 1000)
     };
     let r = record(&toml("cycle", "", TIME, "", ""), &csv(6, stamp, |_| 0.4));

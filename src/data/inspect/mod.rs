@@ -85,7 +85,7 @@ fn columns(path: &Path) -> Result<Vec<FoundColumn>, DataError> {
             each
         }
     };
-    let column = |((name, unit), read): ((String, Option<String>), Option<(Column, Option<String>)>)| match read {
+    let column = |((name, unit), read): ((String, Option<String>), Option<Read>)| match read {
         // Date and time are read in seconds, whatever the header says.
         Some((Column::Numbers(values), own)) => Some((unit.or(own), values)).map(|(unit, values)| FoundColumn {
             role: guess_role(&name, unit.as_deref()),
@@ -98,8 +98,11 @@ fn columns(path: &Path) -> Result<Vec<FoundColumn>, DataError> {
     Ok(names.into_iter().zip(read).filter_map(column).collect())
 }
 
+/// A column that was read, and the unit its file gives.
+type Read = (Column, Option<String>);
+
 /// Each column with the unit its file gives.
-fn with_units(read: readers::Columns) -> Vec<Option<(Column, Option<String>)>> {
+fn with_units(read: readers::Columns) -> Vec<Option<Read>> {
     let units = read.units.into_iter().chain(std::iter::repeat(None));
     read.columns.into_iter().zip(units).map(Some).collect()
 }

@@ -50,9 +50,11 @@ dataset = "data/cases.toml"
 test = "cases"
 reference = "1"
 interference = [{ name = "i_hi", area = "A_lo", resolution = ["0.01 mm", "0.1 mm2"] }]
-condition = "i"
-range = ["0.03 mm", "1.3 mm"]
-quantities = ["i_hi", "t"]
+conditions = { i = ["i_hi"] }
+range = { i = ["0.03 mm", "1.3 mm"] }
+strengths = ["STRENGTH"]
+scale = 2.5
+libraries = [{ name = "all", quantities = ["i_hi", "t"] }, { name = "cubic", quantities = ["t", "u"], degree = 3, terms = 3 }]
 surface = ["t", "u"]
 [tolerance.housing]
 leaf_modulus = "210000 N/mm2"
@@ -161,15 +163,21 @@ test = "modal-20N"
 against = "modal-80N"
 modes = [1, 2]
 "#;
-    let text = chain() + more + TOLERANCE;
+    let strength = Folder::new(&chain(), MODAL).load().unwrap().system.free()[0].name.clone();
+    let tolerance = TOLERANCE.replace("STRENGTH", &strength);
+    let text = chain() + more + &tolerance;
     let folder = Folder::new(&text, MODAL);
     std::fs::write(folder.path().join("data/cases.toml"), CASES).unwrap();
     let study = folder.load().unwrap();
     assert_eq!(study.predictions.len(), 2);
     assert!((study.predictions[1].reference.as_ref().unwrap().value - (903.0 / 900.0 - 1.0)).abs() < 1e-12);
     let spec = study.tolerance.as_ref().unwrap();
-    assert_eq!((spec.cases.cases.len(), spec.reference, spec.terms), (2, 0, 2));
-    assert!((spec.cases.cases[1].values["A_lo"] - 6.7e-6).abs() < 1e-12 && (spec.housing.leaf_length - 0.084).abs() < 1e-15);
+    let cases = |study: &Study| study.tolerance.as_ref().unwrap().tables[0].cases.clone();
+    assert_eq!((cases(&study).cases.len(), spec.reference.as_str(), spec.scale), (2, "1", 2.5));
+    assert_eq!((spec.libraries[0].most, spec.libraries[1].forms), (2, crate::tolerance::Forms::Polynomial(3)));
+    assert!((cases(&study).cases[1].values["A_lo"] - 6.7e-6).abs() < 1e-12);
+    assert!((spec.housing.as_ref().unwrap().leaf_length - 0.084).abs() < 1e-15);
+    assert_eq!(spec.conditions[0].range, Some((3e-5, 1.3e-3)));
     // Written and read again it is the same.
     let whole = study.with_values(&study.system, folder.path());
     let file = folder.path().join("again.toml");
@@ -180,7 +188,7 @@ modes = [1, 2]
         again.predictions.iter().map(|p| &p.quantity).collect::<Vec<_>>(),
         study.predictions.iter().map(|p| &p.quantity).collect::<Vec<_>>()
     );
-    assert_eq!(again.tolerance.unwrap().cases, spec.cases);
+    assert_eq!(cases(&again), cases(&study));
 
     let case = |from: &str, to: &str, message: &str| {
         assert!(text.contains(from), "{from}");
@@ -198,9 +206,14 @@ modes = [1, 2]
     case("test = \"cases\"", "test = \"case\"", "there is no energy test `case`");
     case("reference = \"1\"", "reference = \"3\"", "unknown case `3`");
     case("quantities = [\"i_hi\", \"t\"]", "quantities = [\"i_hi\", \"s\"]", "no condition `s`");
+    case("degree = 3", "degree = 30", "30");
+    case("scale = 2.5", "scale = 0", "a scale of 0");
+    case(&format!("strengths = [\"{strength}\"]"), "strengths = [\"nothing\"]", "unknown free parameter `nothing`");
+    case(&format!("strengths = [\"{strength}\"]\n"), "", "needs both the strengths");
     case("surface = [\"t\", \"u\"]", "surface = [\"t\"]", "a surface over 1 tolerances");
-    case("range = [\"0.03 mm\", \"1.3 mm\"]", "range = [\"1.3 mm\", \"0.03 mm\"]", "the range is empty");
-    case("condition = \"i\"\nrange", "condition = \"j\"\nrange", "unknown condition `j`");
+    case("range = { i = [\"0.03 mm\", \"1.3 mm\"] }", "range = { i = [\"1.3 mm\", \"0.03 mm\"] }", "the range is empty");
+    case("conditions = { i = [\"i_hi\"] }\nrange", "conditions = { j = [\"i_hi\"] }\nrange", "unknown condition `j`");
+    case("conditions = { i = [\"i_hi\"] }\nrange", "conditions = { i = [] }\nrange", "no quantity");
     case("leaf_length = \"84 mm\"", "leaf_length = \"84 N\"", "where a length is expected");
     case("frequency = \"5 Hz\"", "frequency = \"0 Hz\"", "is not above 0");
     case(
