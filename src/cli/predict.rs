@@ -123,13 +123,23 @@ fn cases(
         let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
         let added = k.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &before.system));
         let own = before.tolerance.as_ref().unwrap_or(spec);
-        rungs.push(predict::rung(own, &calibrated(before, &fitted, &spread.covariance), before.title.clone(), added)?);
+        rungs.push(predict::rung(own, &calibrated(before, &fitted, &spread.covariance), title(k, &added), added)?);
     }
     session.progress.say("tolerance cases");
     let added = earlier.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &study.system));
     let answer = calibrated(study, fitted, covariance);
-    rungs.push(predict::rung(spec, &answer, study.title.clone(), added)?);
+    rungs.push(predict::rung(spec, &answer, title(earlier, &added), added)?);
     tolerance::outcome(spec, &answer, rungs, session.common.seed)
+}
+
+/// What a rung is called: as it stands, or what was added.
+fn title(k: usize, added: &[String]) -> String {
+    match (k, added) {
+        (0, _) => "as it stands".into(),
+        (k, []) => format!("rung {k}"),
+        (k, [only]) => format!("rung {k}, with {only}"),
+        (k, [first, more @ ..]) => format!("rung {k}, with {first} and {} more", more.len()),
+    }
 }
 
 /// A fitted study as the predictions see it.

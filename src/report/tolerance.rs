@@ -52,11 +52,7 @@ fn bars_of_cases(outcome: &Outcome, charts: &mut Charts) -> String {
                 let Some(c) = rung.cycles.get(k) else { continue };
                 let of = picked(&c.predictions, quantity);
                 let heights: Vec<f64> = of.iter().map(|p| p.value * 1e3).collect();
-                let name = match (n, rung.added.as_slice()) {
-                    (0, _) => "as it stands".to_string(),
-                    (_, added) => format!("with {}", added.join(", ")),
-                };
-                let trace = bars(names.clone(), heights.clone(), &name, stage_colour(n, outcome.rungs.len()));
+                let trace = bars(names.clone(), heights.clone(), &rung.title, stage_colour(n, outcome.rungs.len()));
                 plot.add(with_intervals(trace, &heights, &of, 1e3));
             }
             let caption = format!("{word} of the tolerance cases, {}: {}; bars with their 95 % intervals. Nothing was fitted to the table.", esc(&cycle.test), esc(&cycle.words));
