@@ -90,7 +90,7 @@ pub(super) fn sentence(verdict: Verdict, missing: &[(&str, &str)]) -> String {
         Verdict::Missing => format!("Missing: {}.", names.join(", ")),
         Verdict::NothingMissing => "Nothing is missing: what is left of the misfit is noise.".into(),
         Verdict::Unexplained if !names.is_empty() => {
-            format!("Unexplained: {} take part of the misfit away, and no effect of the library explains the rest.", names.join(", "))
+            format!("Unexplained: {} take part of the misfit away on the fitted tests, and that is not the answer.", names.join(", "))
         }
         Verdict::Unexplained => "Something is missing that no effect of the library explains.".into(),
         Verdict::Interrupted => "The search was interrupted before it had found anything; it says nothing about what is missing.".into(),

@@ -71,7 +71,8 @@ fn told(result: &LadderResult) -> String {
         text += &format!("Instrument: {} at {}: {}.\n", i.effect, i.at, i.why);
     }
     if result.unexplained_remainder && result.verdict == Verdict::Missing {
-        text += &format!("They leave a model error of {} beyond the noise that nothing in the library explains.\n", percent(result.remainder));
+        text +=
+            &format!("They leave a model error of {} beyond the noise that nothing in the library explains.\n", percent(result.remainder));
     }
     text += &text::errors(&result.model_error, &result.scatter, result.noise);
     if let Some(u) = &result.unexplained {

@@ -93,8 +93,11 @@ impl<'a> Climb<'a> {
         let (monitor, watch) = (self.monitor, self.watch);
         let near = in_step(&self.scale.case.at(&self.now.fitted.system), monitor)?;
         let found = match near {
-            Some(near) => horizon::near(&self.scale, &near, &self.now, monitor, watch)?,
-            None => step(&Against { scale: &self.scale, base: &self.now, need: None, monitor, watch })?,
+            Some(near) => horizon::near(&self.scale, &near, &self.now, self.added.iter().map(|a| &a.name).collect(), monitor, watch)?,
+            None => {
+                let added = self.added.iter().map(|a| &a.name).collect();
+                step(&Against { scale: &self.scale, base: &self.now, need: None, added, monitor, watch })?
+            }
         };
         self.tried = found.candidates.len().max(found.visible.len()).max(1) as f64;
         Ok(found)

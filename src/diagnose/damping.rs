@@ -58,7 +58,6 @@ fn against_constant(measured: &[f64], model: &[f64], ratio: f64) -> Option<Const
 mod tests {
     use super::*;
 
-
     #[test]
     fn a_model_is_better_worse_or_tied_with_one_constant_ratio() {
         let measured = [0.02, 0.03, 0.025, 0.022, 0.028];

@@ -6,6 +6,7 @@ use crate::parallel;
 
 use super::DiagnoseError;
 use super::approach::{approached, out_of_step};
+use super::candidates::Name;
 use super::case::Case;
 use super::search::{Against, Move, Step, Stood, step};
 use super::weigh::{Scale, Weighed};
@@ -21,6 +22,7 @@ pub fn near(
     whole: &Scale,
     near: &Case,
     now: &Weighed,
+    added: Vec<&Name>,
     monitor: &Monitor,
     watch: &(dyn Fn(&str) + Sync),
 ) -> Result<Step, DiagnoseError> {
@@ -29,14 +31,14 @@ pub fn near(
     let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)));
     let mut scale = Scale::new(near, &near.system, &whole.settings);
     let base = scale.begin(&near.system, monitor).map_err(failed)?;
-    let mut found = step(&Against { scale: &scale, base: &base, need: None, monitor, watch })?;
+    let mut found = step(&Against { scale: &scale, base: &base, need: None, added, monitor, watch })?;
     let Some(taken) = found.taken.take() else { return Ok(found) };
     let pair = (taken.names.len() > 1).then(|| (taken.names.clone(), taken.weighed.fitted.system.clone()));
     let alone = found.stood.iter().filter(|s| s.admissible).map(|s| (vec![s.name.clone()], s.weighed.fitted.system.clone()));
     let all: Vec<_> = pair.into_iter().chain(alone).take(FOLLOWED).collect();
     watch(&format!("following the whole record with {}", all.len()));
     let tried = found.visible.len().max(1) as f64;
-    let follow = |(names, system): &(Vec<super::candidates::Name>, crate::model::System)| -> Option<Move> {
+    let follow = |(names, system): &(Vec<Name>, crate::model::System)| -> Option<Move> {
         let case = whole.case.at(system);
         let nearer = approached(&case, monitor).ok()?;
         let weighed = whole.weigh(nearer.as_ref().unwrap_or(system), &now.v, monitor).ok()?;

@@ -158,12 +158,12 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break if trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
         };
         rungs.push(climb.taken(taken, &step)?);
+        // What was added first may stand for two: every addition is held against what could stand in its place now.
+        let alone = climb.added.len() == 1 && rungs.last().is_some_and(|r| r.removed.is_empty());
+        if !alone && let Some((added, removed)) = climb.swap() {
+            rungs.push(climb.rung(Some(added), vec![removed])?);
+        }
     };
-    if climb.added.len() > 1
-        && let Some((added, removed)) = climb.swap()
-    {
-        rungs.push(climb.rung(Some(added), vec![removed])?);
-    }
     climb.finish(rungs, &end, visible, started)
 }
 
@@ -262,7 +262,8 @@ impl Climb<'_> {
             ended += &format!("; the held-out tests cannot be computed: {why}");
             vec![]
         });
-        let errors = HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&before, |t| t.floor) };
+        let errors =
+            HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&before, |t| t.floor) };
         let word = held.as_ref().and_then(|h| h.word(&self.first, &self.now));
         let grounds = self.grounds(word.zip(errors.before).zip(errors.after).map(|((w, b), a)| (w, b, a)), stopped);
         let Judged { verdict, proven, why, remainder } = judged(&grounds, &self.settings);

@@ -77,7 +77,10 @@ impl Climb<'_> {
             return None;
         };
         let gone = self.added.remove(k);
-        (self.watch)(&format!("{} at {} takes the place of {} at {}: {nats:.1} nats", name.effect, name.at, gone.name.effect, gone.name.at));
+        (self.watch)(&format!(
+            "{} at {} takes the place of {} at {}: {nats:.1} nats",
+            name.effect, name.at, gone.name.effect, gone.name.at
+        ));
         let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
         let exchanged = (named(&name), named(&gone.name));
         self.added.push(Added::new(name));
@@ -119,7 +122,8 @@ impl Climb<'_> {
             }
             let need = stands - scale.worth(&small) - self.settings.tie;
             let quiet = |_: &str| {};
-            let against = Against { scale: &scale, base: &small, need: Some(need), monitor: self.monitor, watch: &quiet };
+            let added = self.added.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, a)| &a.name).collect();
+            let against = Against { scale: &scale, base: &small, need: Some(need), added, monitor: self.monitor, watch: &quiet };
             let Step { stood, .. } = step(&against).ok()?;
             let own = &self.added[k].name;
             let mut others: Vec<(f64, Name, Weighed)> = stood

@@ -40,7 +40,10 @@ pub fn righted(case: &Case) -> (Case, Vec<Instrument>) {
     } else {
         let one = |k: usize| {
             let id = &case.plans[k].0.id;
-            named(format!("{id}.force"), format!("the force of {id} gives energy where that of the others takes it: it is turned round, and was turned back"))
+            named(
+                format!("{id}.force"),
+                format!("the force of {id} gives energy where that of the others takes it: it is turned round, and was turned back"),
+            )
         };
         loops.iter().filter(|l| l.1).map(|l| one(l.0)).collect()
     };

@@ -1,6 +1,7 @@
 //! One step of the search: score everything, refit the best, weigh them, take what gains most.
 
 use crate::effect::{Role, find};
+use crate::evidence::Variances;
 use crate::identify::{Monitor, Termination};
 use crate::model::System;
 use crate::parallel;
@@ -64,6 +65,8 @@ pub struct Against<'a> {
     pub base: &'a Weighed,
     /// Nats that a candidate must gain on that to be of interest, where that is not its price: what stands in its place gains so much.
     pub need: Option<f64>,
+    /// What was added: no law acts twice, and one friction with memory at a place.
+    pub added: Vec<&'a Name>,
     /// Watch over the fits.
     pub monitor: &'a Monitor<'a>,
     /// Lines of progress.
@@ -74,16 +77,19 @@ pub struct Against<'a> {
 pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let (scale, base, watch) = (a.scale, a.base, a.watch);
     let system = &base.fitted.system;
-    // Refits race under the variances of the model without them, every coefficient a datum.
-    let race = scale.under(&base.seen, &base.v, &scale.evidence.independent());
+    // Refits race under the variances of the model without them where strengths do not scatter, every coefficient a datum.
+    let loose = scale.evidence.estimate_without_scatter(&base.seen, &scale.counts, &base.v);
+    let squares = scale.evidence.squares(&base.seen, &scale.counts, &loose);
+    let race = scale.under(&base.seen, &loose, &scale.evidence.independent());
     let plans = race.plans_of(SplitName::Fit);
-    let (names, trials) = candidates(&race, system, &plans, &Scene::new(&plans, system));
+    let all = candidates(&race, system, &plans, &Scene::new(&plans, system));
+    let (names, trials) = once(all, &a.added);
     watch(&format!("scoring {} effects at places, {} shapes", names.len(), trials.len()));
     let started = std::time::Instant::now();
     let scores = scored(&race, base, &trials)?;
     let mut effort = Effort { trials: trials.len(), score_s: started.elapsed().as_secs_f64(), ..Effort::default() };
     let best = best_per_candidate(&scores.list, &trials);
-    let price = Price::new(a, &names);
+    let price = Price::new(a, &names, squares);
     let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
     let picked = if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &scores.selected, &trials, scale.settings.refits) };
     let bench = Bench { case: &race, base: system, names: &names, trials: &trials, scores: &scores, monitor: a.monitor };
@@ -92,7 +98,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let refits = refitted(&bench, &hopeful, &picked, cost, watch);
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
-    let (stood, mut reasons) = weighed(a, &refits, &names, &price, cost);
+    let (stood, mut reasons) = weighed(a, &refits, &names, &price, cost, &loose);
     let mut taken = stood.iter().filter(|s| s.admissible && s.gain > 0.0).max_by(|a, b| a.gain.total_cmp(&b.gain)).map(|s| Move {
         names: vec![s.name.clone()],
         weighed: s.weighed.clone(),
@@ -106,7 +112,8 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         }
     }
     let listed = Listed { names: &names, trials: &trials, selected: &scores.selected, error: error_of(scale, base) };
-    let tie = |s: &Stood| taken.as_ref().is_some_and(|t| t.names.len() == 1 && t.names[0] != s.name && t.gain - s.gain <= scale.settings.tie);
+    let tie =
+        |s: &Stood| taken.as_ref().is_some_and(|t| t.names.len() == 1 && t.names[0] != s.name && t.gain - s.gain <= scale.settings.tie);
     let tied: Vec<&Name> = stood.iter().filter(|s| s.admissible && tie(s)).map(|s| &s.name).collect();
     let mut list: Vec<Candidate> =
         refits.iter().zip(&reasons).map(|(r, reason)| listed.weighed(r, reason, &stood, taken.as_ref(), &tied)).collect();
@@ -117,6 +124,21 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let second_opinion = listed.second_opinion(first.or(best.first().map(|s| trials[s.trial].candidate)), &positions);
     let visible = visible(&scores.list, &names, &trials);
     Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible })
+}
+
+/// The candidates that do not say again what an addition says: the same law at its place, or another friction with memory there, of which any
+/// sum of two is one with a softer knee.
+fn once((names, trials): (Vec<Name>, Vec<Trial>), added: &[&Name]) -> (Vec<Name>, Vec<Trial>) {
+    let remembers = |n: &Name| find(n.effect).is_ok_and(|e| e.info().family == "friction" && e.info().states > 0);
+    let said = |n: &Name| added.iter().any(|a| a.at == n.at && a.of == n.of && (a.effect == n.effect || (remembers(a) && remembers(n))));
+    let mut kept = vec![None; names.len()];
+    let mut left = Vec::new();
+    for (k, name) in names.into_iter().enumerate().filter(|(_, n)| !said(n)) {
+        kept[k] = Some(left.len());
+        left.push(name);
+    }
+    let trials = trials.into_iter().filter_map(|t| Some(Trial { candidate: kept[t.candidate]?, ..t })).collect();
+    (left, trials)
 }
 
 fn scored(race: &Case, base: &Weighed, trials: &[Trial]) -> Result<Scores, DiagnoseError> {
@@ -131,15 +153,17 @@ fn scored(race: &Case, base: &Weighed, trials: &[Trial]) -> Result<Scores, Diagn
 struct Price<'a> {
     against: &'a Against<'a>,
     names: &'a [Name],
+    /// `r'V^-1 r` of the model without a candidate.
+    squares: f64,
     physics: f64,
     all: f64,
 }
 
 impl<'a> Price<'a> {
-    fn new(against: &'a Against, names: &'a [Name]) -> Self {
+    fn new(against: &'a Against, names: &'a [Name], squares: f64) -> Self {
         let channel = |n: &&Name| role(n) == Some(Role::Channel);
         let physics = names.iter().filter(|n| !channel(n)).count();
-        Price { against, names, physics: physics.max(1) as f64, all: names.len().max(1) as f64 }
+        Price { against, names, squares, physics: physics.max(1) as f64, all: names.len().max(1) as f64 }
     }
 
     /// What was tried where this candidate was.
@@ -156,8 +180,7 @@ impl<'a> Price<'a> {
     fn bound(&self, candidate: usize, drop: f64) -> f64 {
         let s = &self.against.scale.settings;
         let factor = if role(&self.names[candidate]) == Some(Role::Series) { s.promise_series } else { s.promise };
-        let q = 2.0 * self.against.base.fitted.outcome.cost;
-        factor * promised(q, drop)
+        factor * promised(self.squares, drop)
     }
 
     fn promises(&self, candidate: usize, drop: f64) -> bool {
@@ -211,7 +234,7 @@ fn sort(refits: &mut [Refit]) {
 }
 
 /// The refits that may gain, each weighed with variances of its own, and what was decided of every refit.
-fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f64) -> (Vec<Stood>, Vec<Reason>) {
+fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f64, from: &Variances) -> (Vec<Stood>, Vec<Reason>) {
     let scale = a.scale;
     let fall = |r: &Refit| r.result.as_ref().map_or(0.0, |p| 1.0 - p.fitted.outcome.cost / cost.max(f64::MIN_POSITIVE));
     let mut left = scale.settings.weighed;
@@ -232,7 +255,7 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
     let open: Vec<usize> = (0..refits.len()).filter(|k| reasons[*k].is_none()).collect();
     let weigh = |k: &usize| {
         let Ok(proof) = &refits[*k].result else { return Err("it was not fitted".into()) };
-        let mut start = a.base.v.clone();
+        let mut start = from.clone();
         start.tau += 0.5 * (1.0 - fall(&refits[*k])).max(1e-9).ln();
         let w = scale.weigh(&proof.fitted.system, &start, a.monitor)?;
         let contradicted = scale.contradicted(&w);
@@ -392,6 +415,15 @@ fn visible(scores: &[Score], names: &[Name], trials: &[Trial]) -> Vec<(Name, f64
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_law_is_looked_for_twice() {
+        let name = |effect: &'static str, at: &str| Name { effect, at: at.into(), of: None };
+        let names = vec![name("coulomb", "c1.x"), name("bouc_wen", "c1.x"), name("bouc_wen", "c2.x"), name("elastic_slip", "c1.x")];
+        let (left, trials) = once((names, vec![]), &[&name("elastic_slip", "c1.x")]);
+        assert_eq!(left, [name("coulomb", "c1.x"), name("bouc_wen", "c2.x")]);
+        assert!(trials.is_empty());
+    }
 
     #[test]
     fn a_promise_is_the_larger_of_the_fall_and_of_a_falling_variance() {

@@ -81,7 +81,11 @@ impl Scale {
         let of = |t: usize| {
             let computed = plans[t].evaluate(system, &free, true).map_err(|e| e.to_string())?;
             let finite = computed.values.iter().chain(&computed.slopes).all(|v| v.is_finite());
-            if finite { Ok(self.evidence.records[t].see(plans[t], &computed, system, &free)) } else { Err("its response is not finite".into()) }
+            if finite {
+                Ok(self.evidence.records[t].see(plans[t], &computed, system, &free))
+            } else {
+                Err("its response is not finite".into())
+            }
         };
         parallel::over(plans.len(), of).into_iter().collect()
     }

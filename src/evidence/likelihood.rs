@@ -68,6 +68,17 @@ impl Evidence {
 }
 
 impl Evidence {
+    /// `r'V^-1 r` over all tests.
+    pub fn squares(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> f64 {
+        let of = |t: usize| {
+            let (record, s) = (&self.records[t], &seen[t]);
+            let d = record.variance(v.kappa, &v.own_errors(t, &self.settings));
+            let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
+            information(&gram, &record.shared(s, v.omega), &d, &counts.z[t]).map_or(0.0, |(inner, _)| inner[(0, 0)])
+        };
+        (0..self.records.len()).map(of).sum()
+    }
+
     /// Root mean square of the residuals in units of their noise, instruments within tolerance and strengths that scatter granted.
     pub fn over_noise(&self, seen: &[Seen], v: &Variances) -> f64 {
         let counts = self.independent();

@@ -9,8 +9,10 @@ const LAST: f64 = 0.05;
 /// Grid of the logarithm of a channel's own model error over the common one.
 const OWN_REACH: f64 = 2.0;
 const OWN_POINTS: usize = 41;
-/// Logarithm of a scatter that is none, and of the largest relative error of a model.
-const NO_SCATTER: f64 = -10.0;
+/// Logarithm of a scatter that is none, a fifth of a percent, and of that from which an estimate begins at least: below it the likelihood is flat.
+const NO_SCATTER: f64 = -6.2;
+const SEARCHED_FROM: f64 = -5.3;
+/// Logarithm of the largest relative error of a model.
 const MODEL_ERROR_MOST: f64 = 2.3;
 
 /// Variances, as logarithms of standard deviations.
@@ -56,7 +58,8 @@ impl Variances {
         let most = s.noise_most.ln();
         self.kappa = self.kappa.clamp(-most, most);
         self.tau = self.tau.clamp(s.model_error_least.ln(), MODEL_ERROR_MOST);
-        self.omega = self.omega.clamp(NO_SCATTER, s.scatter_most.ln());
+        let most = s.scatter_most.ln();
+        self.omega = self.omega.clamp(NO_SCATTER.min(most), most);
         self
     }
 
@@ -71,7 +74,8 @@ impl Evidence {
     /// Variances by restricted likelihood: the channels' own model errors one by one, the common ones by a pattern search (Hooke and Jeeves,
     /// J. ACM 8, 1961).
     pub fn estimate(&self, seen: &[Seen], counts: &Counts, start: &Variances) -> Variances {
-        let mut best = self.own_errors(seen, counts, start.clone().bounded(&self.settings));
+        let start = Variances { omega: start.omega.max(SEARCHED_FROM), ..start.clone() };
+        let mut best = self.own_errors(seen, counts, start.bounded(&self.settings));
         let grams = self.grams(seen);
         let value = |v: &Variances| restricted(self, &grams, seen, counts, v).map_or(f64::NEG_INFINITY, |l| l + v.prior(&self.settings));
         let mut here = value(&best);
@@ -94,6 +98,14 @@ impl Evidence {
             }
         }
         best
+    }
+
+    /// The same where strengths do not scatter: what their scatter takes up, such as the frequency at which a late channel is late, may be what
+    /// is missing.
+    pub fn estimate_without_scatter(&self, seen: &[Seen], counts: &Counts, start: &Variances) -> Variances {
+        let mut still = self.clone();
+        still.settings.scatter_most = NO_SCATTER.exp();
+        still.estimate(seen, counts, start)
     }
 
     /// The own model error of each channel that makes what is left of its residual, without what coefficients share, likeliest.

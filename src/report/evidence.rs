@@ -91,19 +91,9 @@ pub fn candidates(input: &ReportInput) -> String {
     if out.is_empty() {
         return out;
     }
-    let split = &input.study.split;
-    let fitted = input.study.dataset.tests.iter().filter(|t| split.word(&t.id) == "fit").count();
-    let accepted = match (split.select.is_empty(), fitted) {
-        (false, _) => {
-            "when the error on the select tests falls by more than two standard errors; where these hardly show it, when it holds in parts of \
-             the fitted tests that it was not fitted to"
-        }
-        (true, 2..) => "when the error on parts of the fitted tests, each left out in turn, falls by more than two standard errors",
-        (true, _) => "when it takes away enough of the cost of the one fitted test",
-    };
-    let reading = format!(
+    let reading = String::from(
         "<p class=\"soft\">Predicted drop: the part of the cost that the score test expects to fall. p-value: how often the best of all \
-         candidates shows as much where nothing is missing. Part of all at once: its part in a sparse nonnegative combination of all. Only the best few are refitted; an effect is accepted {accepted}.</p>"
+         candidates shows as much where nothing is missing. Part of all at once: its part in a sparse nonnegative combination of all. Only the best few are refitted; the one that gains most nats beyond the price of its parameters and of the search is taken.</p>",
     );
     format!("{reading}{out}")
 }

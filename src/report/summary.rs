@@ -108,17 +108,27 @@ fn verdict(input: &ReportInput, stages: &[Stage]) -> String {
                 Some(f) => {
                     let multiple = f.floor.filter(|v| *v > 0.0).map(|v| format!(", {} × the noise floor", ratio(f.after / v)));
                     let on = if f.on == "held-out" { "held-out error".into() } else { format!("the error on the {} tests", f.on) };
-                    let verb = if input.ladder.is_some() { "fell" } else { "falls" };
+                    let verb = match input.ladder {
+                        Some(_) if f.after > f.before => "rose",
+                        Some(_) => "fell",
+                        None => "falls",
+                    };
                     format!(": {} {verb} from {} to {}{}", on, percent(f.before), percent(f.after), multiple.unwrap_or_default())
                 }
                 None => String::new(),
             };
             let rest = match verdict {
+                Verdict::Unexplained if input.ladder.is_some_and(|l| !l.proven) => "; the held-out tests do not bear it out",
                 Verdict::Unexplained => "; what remains, no candidate explains",
                 _ if interrupted(input) => "; the search was interrupted, and more may be missing",
                 _ => "",
             };
-            format!("The model misses {}{fell}{rest}.", list(&names))
+            let misses = if verdict == Verdict::Unexplained {
+                "Unexplained. In the fitted tests the model seems to miss"
+            } else {
+                "The model misses"
+            };
+            format!("{misses} {}{fell}{rest}.", list(&names))
         }
         Some(Verdict::Unexplained) => {
             format!("Something is missing that no candidate explains: the error is {multiple} × the noise floor.")

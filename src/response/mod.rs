@@ -379,7 +379,14 @@ impl Plan {
         let Some(part) = (n.div_ceil(points.max(1))..=n).find(|part| n.is_multiple_of(*part)).filter(|part| *part > 1) else {
             return self.clone();
         };
-        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], scatter: vec![], work: Work::Cycle(cycle.thinned(part)), ..self.clone() };
+        let mut plan = Plan {
+            measured: vec![],
+            sigma: vec![],
+            blocks: vec![],
+            scatter: vec![],
+            work: Work::Cycle(cycle.thinned(part)),
+            ..self.clone()
+        };
         for block in &self.blocks {
             let every = |values: &[f64]| values.iter().step_by(part).copied().collect::<Vec<f64>>();
             let (measured, sigma) = (every(&self.measured[block.range.clone()]), every(&self.sigma[block.range.clone()]));

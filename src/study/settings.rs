@@ -222,7 +222,11 @@ fn constants(table: &TableView<'_>, max_added: Option<usize>) -> Result<Settings
         let value = table.optional(stated.key, |v| {
             let value = v.number()?;
             let accepted = format!("a number from {low} to {high}");
-            if (low..=high).contains(&value) { Ok(value) } else { Err(v.refuse(format!("{} = {value} is out of range", stated.key), accepted)) }
+            if (low..=high).contains(&value) {
+                Ok(value)
+            } else {
+                Err(v.refuse(format!("{} = {value} is out of range", stated.key), accepted))
+            }
         })?;
         if let Some(value) = value {
             *(stated.field)(&mut settings) = value;

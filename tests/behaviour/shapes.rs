@@ -42,7 +42,8 @@ fn fit_shape() -> String {
         r#"{{"study":"text","termination":"converged|stalled|max_iterations|interrupted|failed","cost":"number","n_residuals":"number",
         "n_free":"number","wall_s":"number","tests":{TESTS},
         "parameters":[{{"name":"text","value":"number","unit":"text","std":"number|null","identifiable":"bool","at_bound":"bool"}}],
-        "effects":[{{"effect":"text","at":"text"}}]}}"#
+        "effects":[{{"effect":"text","at":"text"}}],
+        "model_error":[{{"kind":"text","channel":"text","relative":"number"}}],"scatter":[{{"parameter":"text","relative":"number"}}]}}"#
     )
 }
 
@@ -97,7 +98,9 @@ fn ladder() {
     let json = rig.json("ladder", &[]);
     let wanted = format!(
         r#"{{"rungs":[{{"removed":[{{"effect":"text","at":"text"}}],"tests":{TESTS}}}],"verdict":"missing|nothing_missing|unexplained",
-        "missing":[{{"effect":"text","at":"text","tied_with":["text"]}}],"held_out":{{"before":"number","after":"number","floor":"number"}}}}"#
+        "proven":"bool","why":"text","missing":[{{"effect":"text","at":"text","tied_with":["text"],"proven":"bool|null"}}],"remainder":"number",
+        "instruments":[{{"effect":"text","at":"text","why":"text"}}],
+        "corrections":[{{"parameter":"text","at":"text","relative":"number","std":"number"}}],"held_out":{{"before":"number","after":"number","floor":"number"}}}}"#
     );
     holds(&json, &shape(&wanted), "ladder");
     assert!(json["rungs"][0]["added"].is_null());
