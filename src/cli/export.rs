@@ -104,7 +104,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         let written = stand_alone(&study, &fitted.system, &folder.path.join("study"))?;
         files.extend(written.iter().map(|f| f.display().to_string()));
     }
-    let value = fit::json(&json!({ "files": files, "notes": notes, "test": test }), &folder)?;
+    let value = fit::json(&json!({ "files": files, "notes": notes, "test": test, "termination": result.termination }), &folder)?;
     folder.result(&value)?;
     let text = files.iter().map(|f| format!("{f}\n")).collect();
     Ok(Outcome { json: value, text, code: fit::code(&result.termination) })

@@ -64,8 +64,8 @@ fn driving_point(f: &Frf) -> Option<FrfDoubt> {
     };
     let ((above, n), (below, rest)) = (squares(true), squares(false));
     let share = above / (above + below);
-    // Written so that no line at all, whose share is no number, is no doubt.
-    if !(share > ODD) || n < COMMON {
+    // No line at all has a share that is no number, and few lines are no doubt.
+    if n < COMMON || share <= ODD {
         return None;
     }
     let refused = share > TURNED;
@@ -98,7 +98,7 @@ fn reciprocity(f: &Frf, g: &Frf) -> Option<FrfDoubt> {
     let noise: f64 = pairs.iter().map(|p| p.2).sum();
     let apart = |sign: f64| (pairs.iter().map(|(a, b, _)| (a - b * sign).norm_sqr()).sum::<f64>() / size).sqrt();
     let (equal, turned) = (apart(1.0), apart(-1.0));
-    if !(equal > UNEQUAL && equal > BEYOND * (noise / size).sqrt()) {
+    if equal.is_nan() || equal <= UNEQUAL.max(BEYOND * (noise / size).sqrt()) {
         return None;
     }
     let (claim, accepted) = if turned < 0.5 * equal {

@@ -202,10 +202,9 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let began = case.system.clone();
     let nearer = approached(&case, monitor)?;
     let mut fitted = case.fit_system(nearer.as_ref().unwrap_or(&case.system), case.plans_of(SplitName::Fit), monitor)?;
-    // Finer steps take the longest evaluations of all: none where it is time to stop.
-    if !monitor.stops()
-        && let Some(finer) = case.refined(&fitted.system)
-    {
+    // Finer steps take the longest evaluations of all: they are given up, and not gone on with, when it is time to stop.
+    let finer = parallel::watched(&monitor.watch(), || case.refined(&fitted.system));
+    if let Some(finer) = finer.filter(|_| !monitor.stops()) {
         case = finer;
         // Finer steps move the best of several starts a little; they open no other valley.
         let single = Case { starts: 1, ..case.clone() };
@@ -231,7 +230,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         );
     }
     notes.extend(case.notes());
-    let away = ran_away(&fitted, &began);
+    let away = ran_away(&fitted, &parameters, &began);
     let termination = if away.is_empty() { fitted.outcome.termination.name() } else { "failed" };
     notes.splice(0..0, away);
     let (model_error, scatter, noise) = errors(case, &fitted);
@@ -255,16 +254,19 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     Ok((case.clone(), fitted, result))
 }
 
-/// A parameter this many times its start is no value of the field any more: the data do not hold it, or they contradict the model.
+/// A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
+/// any more: the data do not hold it, or they contradict the model.
 const RAN_AWAY: f64 = 1e9;
 
 /// Free parameters that have run away from where they began, each with what may be done.
-fn ran_away(fitted: &Fitted, began: &System) -> Vec<String> {
+fn ran_away(fitted: &Fitted, parameters: &[ParameterResult], began: &System) -> Vec<String> {
     let value = |system: &System, f: &FreeParam| system.instances[f.instance].params[f.param].value;
     let one = |f: &FreeParam| {
         let (from, to) = (value(began, f), value(&fitted.system, f));
         let (symbol, factor) = &fitted.system.instances[f.instance].params[f.param].unit;
-        let far = from != 0.0 && to.abs() > RAN_AWAY * from.abs();
+        let open = fitted.system.instances[f.instance].params[f.param].max.is_infinite();
+        let held = parameters.iter().any(|p| p.name == f.name && p.identifiable);
+        let far = open && !held && from != 0.0 && to.abs() > RAN_AWAY * from.abs();
         far.then(|| {
             format!(
                 "`{}` ran away: from {} to {} {symbol}; the fitted tests do not hold it, or contradict the model (signs, units, places: \

@@ -133,18 +133,18 @@ pub(crate) struct Gait {
     pub(crate) last_drop: f64,
 }
 
-/// argmin's view of the problem. The first evaluation is always finished: it is the state that is kept where the fit is stopped at once.
-/// Later ones are trials, and are given up when the fit is stopped.
+/// argmin's view of the problem. The first evaluation gives the state that is kept where the fit is stopped at once; later ones are trials,
+/// and are given up when the fit is stopped.
 struct Evaluated<'a, P: LeastSquares + ?Sized> {
     problem: Augmented<'a, P>,
-    watch: Watch,
+    watches: [Watch; 2],
     begun: AtomicBool,
 }
 
 impl<P: LeastSquares + ?Sized> Evaluated<'_, P> {
     fn watched<T>(&self, evaluate: impl FnOnce(&Augmented<'_, P>) -> T) -> T {
-        let watch = if self.begun.swap(true, Ordering::Relaxed) { self.watch.clone() } else { Watch::default() };
-        parallel::watched(&watch, || evaluate(&self.problem))
+        let trial = usize::from(self.begun.swap(true, Ordering::Relaxed));
+        parallel::watched(&self.watches[trial], || evaluate(&self.problem))
     }
 }
 
@@ -234,7 +234,11 @@ fn run<P: LeastSquares + ?Sized>(
     let limit = options.tolerances.max_iterations.saturating_sub(first_iteration);
 
     // A fit that goes on has its first evaluation behind it.
-    let evaluated = Evaluated { problem: augmented, watch: solver.monitor.watch(), begun: AtomicBool::new(solver.known.is_some()) };
+    let evaluated = Evaluated {
+        problem: augmented,
+        watches: [solver.monitor.first_watch(), solver.monitor.watch()],
+        begun: AtomicBool::new(solver.known.is_some()),
+    };
     let configure = |state: LmState| state.param(DVector::from_vec(p)).max_iters(limit).counting(true);
     let result = Executor::new(evaluated, solver).configure(configure).timer(false).run();
     let mut result = result.map_err(|why| match why.downcast_ref::<EvalError>() {

@@ -6,6 +6,7 @@ use super::fit::{FitOptions, FitOutcome, fit};
 use super::linalg::{QrReducer, damped_least_squares, svd};
 use super::monitor::Monitor;
 use super::problem::{Augmented, LeastSquares, Losses};
+use crate::parallel;
 use nalgebra::DVector;
 
 /// One free parameter at the gate.
@@ -59,9 +60,11 @@ pub fn gate<P: LeastSquares + ?Sized>(
     let plain = Augmented { problem, priors: &[] };
     let full = Augmented { problem, priors: &options.priors };
     let losses = Losses::new(&options.losses, problem.n_residuals())?;
-    let r = plain.residuals(p).map_err(IdentifyError::StartFails)?;
-    let cost_at = |p: &[f64]| full.residuals(p).ok().map(|r| losses.cost(&r));
-    let start_cost = cost_at(p).ok_or(IdentifyError::Numerical { while_doing: "evaluating the start" })?;
+    let r = parallel::watched(&monitor.first_watch(), || plain.residuals(p)).map_err(IdentifyError::StartFails)?;
+    let watch = monitor.watch();
+    let cost_at = |p: &[f64]| parallel::watched(&watch, || full.residuals(p)).ok().map(|r| losses.cost(&r));
+    let start_cost =
+        full.residuals(p).ok().map(|r| losses.cost(&r)).ok_or(IdentifyError::Numerical { while_doing: "evaluating the start" })?;
     // rounding of residuals of this size, with room for models that solve to a tolerance
     let rounding = 1e-9 * r.norm().max((r.len() as f64).sqrt());
 
@@ -84,7 +87,7 @@ pub fn gate<P: LeastSquares + ?Sized>(
             if change == 0.0 || (moves_residual && lowers_cost) {
                 continue;
             }
-            let Ok(moved) = plain.residuals(&trial) else { continue };
+            let Ok(moved) = parallel::watched(&watch, || plain.residuals(&trial)) else { continue };
             let distance = (&moved - &r).norm();
             if share.abs() <= 1.0 && !moves_residual {
                 moves_residual = distance > rounding;

@@ -110,6 +110,13 @@ impl<'a> Monitor<'a> {
         Watch { cancel: self.cancel.clone(), deadline: self.deadline }
     }
 
+    /// The same for the first evaluation of a fit, which is the state that is kept where it is stopped at once: it is finished whatever the
+    /// flag says, and has this much more time.
+    pub(crate) fn first_watch(&self) -> Watch {
+        const GRACE: Duration = Duration::from_secs(60);
+        Watch { cancel: None, deadline: self.deadline.and_then(|d| d.checked_add(GRACE)) }
+    }
+
     /// Whether it is time to stop.
     pub fn stops(&self) -> bool {
         self.stop().is_some()

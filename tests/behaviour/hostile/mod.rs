@@ -47,12 +47,12 @@ fn limited(arguments: &[&str], file: u64) -> Command {
     command
 }
 
-/// The exit code, stdout and stderr; none where it waited for something without end.
+/// The exit code, stdout and stderr; none where it waited ten minutes for something without end.
 fn finish(mut command: Command, folder: &Path) -> Option<(Option<i32>, String, String)> {
     let (out, err) = (folder.join("stdout"), folder.join("stderr"));
     command.stdin(Stdio::null()).stdout(std::fs::File::create(&out).unwrap()).stderr(std::fs::File::create(&err).unwrap());
     let mut child = command.spawn().unwrap();
-    for _ in 0..6000 {
+    for _ in 0..60_000 {
         if let Some(status) = child.try_wait().unwrap() {
             let read = |p: &Path| String::from_utf8_lossy(&std::fs::read(p).unwrap()).into_owned();
             return Some((status.code(), read(&out), read(&err)));
@@ -83,7 +83,8 @@ fn wrong(ended: Option<(Option<i32>, String, String)>, names: Option<&str>) -> O
         errors.push(error);
     }
     errors.extend(json.get("problems").and_then(Value::as_array).into_iter().flatten());
-    if code == 1 && errors.is_empty() {
+    // A fit that has failed says why in its notes and parameters.
+    if code == 1 && errors.is_empty() && json["termination"] != "failed" {
         return Some(format!("exit 1 without an error: {stdout}"));
     }
     let text = |e: &Value, key: &str| e[key].as_str().unwrap_or("").trim().to_string();
