@@ -61,11 +61,14 @@ pub fn beside_jumps(signal: &[f64], sigma: &[f64]) -> Vec<f64> {
     (0..n).map(|i| if n < 5 { 0.0 } else { beside(i) }).collect()
 }
 
+/// Rows of the plan, coefficients, and the basis of a loop.
+type Part = (Range<usize>, Range<usize>, Option<Arc<DMatrix<f64>>>);
+
 /// How the rows of a test become its coefficients.
 #[derive(Clone, Debug)]
 pub struct Coefficients {
-    /// Rows of the plan, coefficients, and the basis of a loop.
-    blocks: Vec<(Range<usize>, Range<usize>, Option<Arc<DMatrix<f64>>>)>,
+    /// One for each block of the plan.
+    blocks: Vec<Part>,
     /// Number of coefficients.
     pub count: usize,
 }
