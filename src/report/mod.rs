@@ -67,12 +67,13 @@ pub fn html_with(input: &ReportInput, tolerance: Option<&Outcome>, sweeps: &[Swe
     let mut charts = chart::Charts::default();
     let mut page = page::Page::new(&input.study.title);
     page.section("", "", summary::section(input, &stages, &mut charts));
+    // Who asks for the energies of tolerance cases reads them first.
+    page.section("tolerance", "Tolerance cases", tolerance.map_or(String::new(), |t| tolerance::section(t, &mut charts)));
     page.section("tests", "Every test against the model", overview::tests(input, &stages, &mut charts));
     page.section("rungs", "The rungs of the ladder", evidence::rungs(input, &stages, &mut charts));
     page.section("unexplained", "What no effect explains", unexplained::section(input, &mut charts));
     page.section("candidates", "Effects that were weighed", evidence::candidates(input));
     page.section("findings", "What the residuals show", evidence::findings(input));
-    page.section("tolerance", "Tolerance cases", tolerance.map_or(String::new(), |t| tolerance::section(t, &mut charts)));
     page.section("sweeps", "Sweeps", sweeps::section(sweeps, &mut charts));
     page.section("parameters", "Parameters", parameters::section(input, &stages));
     page.section("modes", "Natural modes", modes::section(input, &mut charts));
