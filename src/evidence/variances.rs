@@ -54,6 +54,20 @@ impl Variances {
             - 0.5 * own / (s.model_error_spread * s.model_error_spread)
     }
 
+    /// The same model errors with what all channels have in common in `tau`: only the sum of both is in the likelihood, and the prior is highest where the
+    /// own errors have the mean 0. Without it an estimate that began at a large common error kept it, and every channel paid for its own way down.
+    fn centred(mut self, s: &Settings) -> Variances {
+        let all = self.own.iter().flatten();
+        let n = all.clone().count();
+        if n > 0 {
+            let mean = all.sum::<f64>() / n as f64;
+            let by = (self.tau + mean).clamp(s.model_error_least.ln(), MODEL_ERROR_MOST) - self.tau;
+            self.tau += by;
+            self.own.iter_mut().flatten().for_each(|g| *g -= by);
+        }
+        self
+    }
+
     fn bounded(mut self, s: &Settings) -> Variances {
         let most = s.noise_most.ln();
         self.kappa = self.kappa.clamp(-most, most);
@@ -128,6 +142,6 @@ impl Evidence {
                 v.own[t][b] = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |c| c.0);
             }
         }
-        v
+        v.centred(s)
     }
 }

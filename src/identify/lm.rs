@@ -19,7 +19,7 @@ use super::fit::Gait;
 use super::linalg::{QrReducer, Reduced};
 use super::monitor::{Checkpoint, Monitor, Progress};
 use super::problem::Losses;
-use super::step::{Step, StepProblem};
+use super::step::{Step, StepProblem, predicted_drop, scaled_norm};
 use argmin::core::{ArgminError, Error, IterState, Jacobian, KV, Operator, Problem, Solver, State, TerminationReason};
 use argmin::kv;
 use nalgebra::{DMatrix, DVector};
@@ -172,11 +172,9 @@ impl<'a> ConstrainedLm<'a> {
         self.held = held;
     }
 
-    /// Fall of the cost that is worth a step. `drop` is in units of the noise; a model that stays far from its data knows its parameters no
-    /// better than its residual variance 2 cost / n says, so the fall is measured in that variance where it is larger than the noise's.
+    /// Fall of the cost that is worth a step: `drop` in units of the noise, or of the residual variance 2 cost / n where that is larger.
     fn worth(&self, cost: f64, n: usize) -> f64 {
-        let variance = (2.0 * cost / n.max(1) as f64).max(1.0);
-        (self.tolerances.drop * variance).max(self.tolerances.f_tol * cost)
+        (self.tolerances.drop * (2.0 * cost / n.max(1) as f64).max(1.0)).max(self.tolerances.f_tol * cost)
     }
 
     /// The kind of convergence reached at this point, if any.
@@ -290,7 +288,7 @@ impl<'a> ConstrainedLm<'a> {
                 if self.crawl.crawls(at.cost, self.worth(at.cost, at.r.len())) {
                     return Trial::Ended(Termination::Stalled);
                 }
-                // A shorter step changes no digit that is asked for; damping on would only try shorter ones.
+                // A shorter step changes no digit that is asked for.
                 if scaled_norm(&d, scale) <= self.tolerances.x_tol * scaled_norm(&at.p, scale) {
                     break;
                 }
@@ -407,17 +405,6 @@ impl<'a> ConstrainedLm<'a> {
             self.note(iteration, point.cost, Event::CheckpointFailed { reason: why.to_string() });
         }
     }
-}
-
-/// ||D v||
-fn scaled_norm(v: &V, scale: &[f64]) -> f64 {
-    v.iter().zip(scale).map(|(v, s)| (v * s).powi(2)).sum::<f64>().sqrt()
-}
-
-/// 1/2 (||q||^2 - ||q + A d||^2), without the cancellation of that form.
-fn predicted_drop(reduced: &Reduced, d: &V) -> f64 {
-    let ad = &reduced.a * d;
-    -(reduced.q.dot(&ad) + 0.5 * ad.norm_squared())
 }
 
 fn store(state: LmState, point: Point) -> LmState {

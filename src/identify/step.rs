@@ -194,3 +194,14 @@ impl StepProblem {
         y
     }
 }
+
+/// ||D v||
+pub(super) fn scaled_norm(v: &DVector<f64>, scale: &[f64]) -> f64 {
+    v.iter().zip(scale).map(|(v, s)| (v * s).powi(2)).sum::<f64>().sqrt()
+}
+
+/// 1/2 (||q||^2 - ||q + A d||^2), without the cancellation of that form.
+pub(super) fn predicted_drop(reduced: &Reduced, d: &DVector<f64>) -> f64 {
+    let ad = &reduced.a * d;
+    -(reduced.q.dot(&ad) + 0.5 * ad.norm_squared())
+}

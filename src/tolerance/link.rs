@@ -33,13 +33,19 @@ impl Link {
             return Err(ToleranceError::TooFew { what, found: rising + 1, needed: 3 });
         }
         let (u, w): (Vec<f64>, Vec<f64>) = nodes[..=rising].iter().copied().unzip();
-        let secants: Vec<f64> = (0..rising).map(|k| (w[k + 1] - w[k]) / (u[k + 1] - u[k])).collect();
+        let secant = |n: &[(f64, f64)]| (n[1].1 - n[0].1) / (n[1].0 - n[0].0);
+        let secants: Vec<f64> = nodes[..=rising].windows(2).map(secant).collect();
+        // At the last node that rises the parabola through it and its neighbours, where there is one beyond it.
+        let end = nodes.get(rising + 1).map_or(secants[rising - 1], |beyond| {
+            let (a, b) = (u[rising] - u[rising - 1], beyond.0 - u[rising]);
+            ((b * secants[rising - 1] + a * (beyond.1 - w[rising]) / b) / (a + b)).max(0.0)
+        });
         let inner = |k: usize| {
             let (a, b) = (u[k] - u[k - 1], u[k + 1] - u[k]);
             // Weighted harmonic mean of the secants on both sides (Fritsch and Butland 1984).
             3.0 * (a + b) / ((2.0 * b + a) / secants[k - 1] + (b + 2.0 * a) / secants[k])
         };
-        let slopes = (0..=rising).map(|k| if k == 0 { secants[0] } else if k == rising { secants[rising - 1] } else { inner(k) }).collect();
+        let slopes = (0..=rising).map(|k| if k == 0 { secants[0] } else if k == rising { end } else { inner(k) }).collect();
         Ok(Link { u, w, slopes })
     }
 

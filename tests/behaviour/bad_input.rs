@@ -242,7 +242,7 @@ fn a_mechanism() {
 /// A spring that softens, F = k x - k3 x^3, loaded to nine tenths of the force at which it snaps through. From the stiffness that fits best
 /// without k3, the k3 that the score asks for has no equilibrium at that force: the refit cannot even start.
 #[test]
-fn a_refit_that_diverges_is_logged_and_ranked_last() {
+fn a_candidate_that_cannot_follow_a_test_is_not_taken() {
     use std::fmt::Write;
     let rig = Rig::new();
     let (k, k3) = (20.0, 20.0 / 3.0);
@@ -265,7 +265,7 @@ fn a_refit_that_diverges_is_logged_and_ranked_last() {
         writeln!(csv, "{t:.6},{force:.9},{:.9}", at(force) + 1e-3 * noise).unwrap();
     }
     rig.write("data/loop1.csv", &csv);
-    // The select test pulls so hard that the softening spring snaps through: the refit cannot be computed there, however it starts.
+    // The select test pulls so hard that the softening spring snaps through: at the strength that the first test asks for it cannot be computed there.
     let mut hard = String::from("t,F,x\n");
     for j in 0..=800 {
         let t = f64::from(j) / 100.0;
@@ -288,14 +288,9 @@ fn a_refit_that_diverges_is_logged_and_ranked_last() {
     assert_eq!(ran.code, 0, "{}", ran.stderr);
     let json = ran.json();
     let weighed = json["rungs"][0]["candidates"].as_array().unwrap();
-    let remark = |c: &serde_json::Value| c["remark"].as_str().unwrap().to_string();
-    let refitted: Vec<&serde_json::Value> = weighed.iter().filter(|c| !remark(c).starts_with("not refitted")).collect();
-    let failed = |c: &serde_json::Value| remark(c).starts_with("the refit failed: ");
-    let first = refitted.iter().position(|c| failed(c)).unwrap_or_else(|| panic!("none failed: {weighed:#?}"));
-    assert!(first > 0 && refitted[first..].iter().all(|c| failed(c)), "{weighed:#?}");
-    let cubic = refitted.iter().find(|c| c["effect"] == "cubic_stiffness").unwrap();
-    assert!(failed(cubic) && cubic["error_after"].is_null() && cubic["accepted"] == false, "{cubic}");
-    assert!(ran.stderr.contains("refit cubic_stiffness at c1.x failed: "), "{}", ran.stderr);
+    assert!(!weighed.is_empty() && weighed.iter().all(|c| c["effect"] != "cubic_stiffness" || c["accepted"] == false), "{weighed:#?}");
+    // Every candidate says why it was not taken.
+    assert!(weighed.iter().all(|c| !c["remark"].as_str().unwrap().is_empty()), "{weighed:#?}");
     assert!(json["rungs"].as_array().unwrap().len() <= 2 && !json["ended"].as_str().unwrap().is_empty());
 }
 

@@ -350,6 +350,7 @@ pub const OPTIONAL: &[&str] = &[
 /// (src/data/dataset/files_tests.rs), values per condition in levels.rs; and the second spelling of a licence.
 pub const ELSEWHERE: &[&str] = &[
     "tolerance",
+    "rungs",
     "arc",
     "joint",
     "load",
