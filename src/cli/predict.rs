@@ -43,7 +43,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let asked = session.study()?;
     // The answer is the last rung that the study names, or the study itself.
-    let way = asked.rungs.iter().map(|path| Ok(Study::load(path, session.common.data.as_deref())?)).collect::<Result<Vec<Study>, Failure>>()?;
+    let way =
+        asked.rungs.iter().map(|path| Ok(Study::load(path, session.common.data.as_deref())?)).collect::<Result<Vec<Study>, Failure>>()?;
     let study = way.last().unwrap_or(&asked);
     if study.predictions.is_empty() && study.tolerance.is_none() {
         return Err(Failure::new(

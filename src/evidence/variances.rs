@@ -3,9 +3,11 @@
 use super::likelihood::restricted;
 use super::{Counts, Evidence, Seen, Settings};
 
-/// Steps of the pattern search at first, in the logarithms of noise, model error and scatter, and where it ends.
-const STEPS: [f64; 3] = [0.3, 0.6, 0.8];
-const LAST: f64 = 0.05;
+/// Steps of the pattern search at first, in the logarithms of noise, model error and scatter. The last gives the noise what it takes from the model error:
+/// where both are white the likelihood has a ridge along it, and steps along the axes alone stop beside its crest.
+const STEPS: [[f64; 3]; 4] = [[0.3, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.8], [0.3, -0.6, 0.0]];
+/// Part of these steps at which it ends.
+const LAST: f64 = 0.08;
 /// Grid of the logarithm of a channel's own model error over the common one.
 const OWN_REACH: f64 = 2.0;
 const OWN_POINTS: usize = 41;
@@ -77,10 +79,13 @@ impl Variances {
         self
     }
 
-    fn moved(&self, which: usize, by: f64) -> Variances {
-        let mut v = self.clone();
-        *[&mut v.kappa, &mut v.tau, &mut v.omega][which] += by;
-        v
+    fn moved(&self, step: &[f64; 3], part: f64) -> Variances {
+        Variances {
+            kappa: self.kappa + part * step[0],
+            tau: self.tau + part * step[1],
+            omega: self.omega + part * step[2],
+            own: self.own.clone(),
+        }
     }
 }
 
@@ -94,11 +99,11 @@ impl Evidence {
         let value = |v: &Variances| restricted(self, &grams, seen, counts, v).map_or(f64::NEG_INFINITY, |l| l + v.prior(&self.settings));
         let mut here = value(&best);
         let (mut left, mut part) = (self.settings.evaluations, 1.0);
-        while part * STEPS[1] > LAST && left > 0 {
+        while part > LAST && left > 0 {
             let mut better = false;
-            for which in 0..STEPS.len() {
+            for step in &STEPS {
                 for sign in [1.0, -1.0] {
-                    let trial = best.moved(which, sign * part * STEPS[which]).bounded(&self.settings);
+                    let trial = best.moved(step, sign * part).bounded(&self.settings);
                     let there = value(&trial);
                     left = left.saturating_sub(1);
                     if there > here {

@@ -78,8 +78,13 @@ pub(super) fn energies(
         ratio: None,
     };
     let n = rows.len();
-    let table =
-        EnergyTable { at: at.clone(), control: *control, limits: Some(*limits), stored: Some(reading), rows: rows.into_iter().map(row).collect() };
+    let table = EnergyTable {
+        at: at.clone(),
+        control: *control,
+        limits: Some(*limits),
+        stored: Some(reading),
+        rows: rows.into_iter().map(row).collect(),
+    };
     let test = Test { id: "cases".into(), description: None, conditions: Conditions::new(), record: Record::Energy(table), line: 0 };
     let plan = Plan::new(&test, &system.model)?;
     let computed = plan.evaluate_plain(system, free)?;
@@ -107,7 +112,12 @@ fn cycle(spec: &ToleranceSpec, table: &ToleranceTable, model: &Calibrated, error
         if !(a.dissipated.value > 0.0 && a.stored.value.is_finite()) {
             let case = table.cases.cases[k].name.clone();
             let message = format!("the model dissipates {} J in its cycle", a.dissipated.value);
-            return Err(PredictError::Case { case, message, accepted: "a model that loses energy in the cycle of the cases".into(), place: place(k) });
+            return Err(PredictError::Case {
+                case,
+                message,
+                accepted: "a model that loses energy in the cycle of the cases".into(),
+                place: place(k),
+            });
         }
     }
     let reference = crate::tolerance::energies::find(&table.cases, &spec.reference)?;
@@ -147,7 +157,11 @@ fn predictions(
         let ratio = a.dissipated.value / base.dissipated.value;
         let r = Found::of(&a.dissipated, &base.dissipated, ratio, 1.0 / base.dissipated.value, -ratio / base.dissipated.value);
         // Both cases err by the model's own error, each for itself; the reference over itself does not.
-        let own = if k == reference { Some(0.0) } else { lost(a).zip(lost(base)).map(|(x, y)| ratio * (x / a.dissipated.value).hypot(y / base.dissipated.value)) };
+        let own = if k == reference {
+            Some(0.0)
+        } else {
+            lost(a).zip(lost(base)).map(|(x, y)| ratio * (x / a.dissipated.value).hypot(y / base.dissipated.value))
+        };
         let printed = cases[k].energy / cases[reference].energy;
         all.push(make(k, Quantity::Ratio, ratio, both(parameters(&r), own), Some(printed), Some(ratio)));
     }
@@ -172,13 +186,18 @@ fn outside(spec: &ToleranceSpec, table: &ToleranceTable, study: &Study, case: us
         let law = study.system.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.condition == c.name));
         let of_row = |t: &Test| -> Vec<f64> {
             let rows = if let Record::Energy(e) = &t.record { e.rows.as_slice() } else { &[] };
-            std::iter::once(&t.conditions).chain(rows.iter().map(|r| &r.conditions)).filter_map(|all| all.get(&c.name)).map(|c| c.value).collect()
+            std::iter::once(&t.conditions)
+                .chain(rows.iter().map(|r| &r.conditions))
+                .filter_map(|all| all.get(&c.name))
+                .map(|c| c.value)
+                .collect()
         };
         let tested = study.dataset.tests.iter().flat_map(of_row).chain(c.range.into_iter().flat_map(|r| [r.0, r.1]));
         let (low, high) = tested.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         let by = (low - value.value).max(value.value - high);
         let print = |v: f64| value.unit.print(v);
-        (law && by > 1e-9 * value.value.abs()).then(|| format!("{} is {}, {} outside {} to {}", c.name, print(value.value), print(by), print(low), print(high)))
+        (law && by > 1e-9 * value.value.abs())
+            .then(|| format!("{} is {}, {} outside {} to {}", c.name, print(value.value), print(by), print(low), print(high)))
     };
     let all: Vec<String> = spec.conditions.iter().filter_map(far).collect();
     (!all.is_empty()).then(|| all.join("; "))

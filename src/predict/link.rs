@@ -34,5 +34,10 @@ pub fn link(spec: &ToleranceSpec, model: &Calibrated) -> Result<(Link, f64), Pre
 }
 
 fn none(message: &str) -> PredictError {
-    PredictError::Case { case: "-".into(), message: message.into(), accepted: "[tolerance] with a test of cases".into(), place: "study.toml".into() }
+    PredictError::Case {
+        case: "-".into(),
+        message: message.into(),
+        accepted: "[tolerance] with a test of cases".into(),
+        place: "study.toml".into(),
+    }
 }

@@ -20,7 +20,8 @@ pub fn model_error(spec: &ToleranceSpec, model: &Calibrated) -> Result<Option<Mo
     let Predicted::Cycle { at, control, .. } = &table.cycle.quantity else { return Ok(None) };
     let reading = table.stored.unwrap_or(StoredEnergy::Slope);
     let split = |t: &&Test| model.study.split.word(&t.id) != "fit";
-    let tests: Vec<&Test> = model.study.dataset.tests.iter().filter(|t| matches!(&t.record, Record::Cycle(r) if r.control == Some(*control))).collect();
+    let tests: Vec<&Test> =
+        model.study.dataset.tests.iter().filter(|t| matches!(&t.record, Record::Cycle(r) if r.control == Some(*control))).collect();
     let kept: Vec<&Test> = tests.iter().copied().filter(split).collect();
     let tests = if kept.len() >= ENOUGH { kept } else { tests };
     let (mut lost, mut stored) = (Vec::new(), Vec::new());

@@ -25,7 +25,10 @@ fn picked(list: &[Prediction], quantity: Quantity) -> Vec<&Prediction> {
 fn bars_of_cases(outcome: &Outcome, charts: &mut Charts) -> String {
     let mut html = String::new();
     if let Some(laws) = &outcome.laws {
-        let (caption, last) = ("Energy of every case over that of the reference case: printed; the model under its own laws in the interference; the law of its strengths through the model, predicted without the case, with the 95 % interval of the fold.", "law, case left out");
+        let (caption, last) = (
+            "Energy of every case over that of the reference case: printed; the model under its own laws in the interference; the law of its strengths through the model, predicted without the case, with the 95 % interval of the fold.",
+            "law, case left out",
+        );
         let own = outcome.rungs.last().and_then(|r| r.cycles.first()).map(|c| picked(&c.predictions, Quantity::Ratio)).unwrap_or_default();
         let all = picked(&laws.predictions, Quantity::Ratio);
         let mut plot = Chart::new(&linear("case"), &linear("W_D over the reference case"));
@@ -39,7 +42,9 @@ fn bars_of_cases(outcome: &Outcome, charts: &mut Charts) -> String {
     }
     let Some(last) = outcome.rungs.last() else { return html };
     for (k, cycle) in last.cycles.iter().enumerate() {
-        for (quantity, word) in [(Quantity::Dissipated, "Dissipated energy W<sub>D</sub>"), (Quantity::Stored, "Equivalent elastic energy W<sub>s</sub>")] {
+        for (quantity, word) in
+            [(Quantity::Dissipated, "Dissipated energy W<sub>D</sub>"), (Quantity::Stored, "Equivalent elastic energy W<sub>s</sub>")]
+        {
             let all = picked(&cycle.predictions, quantity);
             // The stored energies hardly differ: one figure of them says nothing that the table does not.
             if all.is_empty() || (quantity == Quantity::Stored && k > 0) {
@@ -55,7 +60,11 @@ fn bars_of_cases(outcome: &Outcome, charts: &mut Charts) -> String {
                 let trace = bars(names.clone(), heights.clone(), &rung.title, stage_colour(n, outcome.rungs.len()));
                 plot.add(with_intervals(trace, &heights, &of, 1e3));
             }
-            let caption = format!("{word} of the tolerance cases, {}: {}; bars with their 95 % intervals. Nothing was fitted to the table.", esc(&cycle.test), esc(&cycle.words));
+            let caption = format!(
+                "{word} of the tolerance cases, {}: {}; bars with their 95 % intervals. Nothing was fitted to the table.",
+                esc(&cycle.test),
+                esc(&cycle.words)
+            );
             html += &charts.figure(plot, 380, &caption, "wide");
         }
     }
@@ -66,7 +75,10 @@ fn bars_of_cases(outcome: &Outcome, charts: &mut Charts) -> String {
 fn with_intervals(trace: super::chart::Attributes, heights: &[f64], all: &[&Prediction], factor: f64) -> super::chart::Attributes {
     let up: Vec<f64> = all.iter().zip(heights).map(|(p, h)| p.interval.map_or(0.0, |i| i.1 * factor - h)).collect();
     let down: Vec<f64> = all.iter().zip(heights).map(|(p, h)| p.interval.map_or(0.0, |i| h - i.0 * factor)).collect();
-    trace.set("error_y", json!({ "type": "data", "symmetric": false, "array": up, "arrayminus": down, "color": GREY, "thickness": 1.5, "width": 4 }))
+    trace.set(
+        "error_y",
+        json!({ "type": "data", "symmetric": false, "array": up, "arrayminus": down, "color": GREY, "thickness": 1.5, "width": 4 }),
+    )
 }
 
 /// The surface in cuts: energy over the second tolerance, one colour for each level of the first at which cases lie.
@@ -106,7 +118,12 @@ fn tables(outcome: &Outcome) -> String {
     let mut html = String::new();
     let Some(last) = outcome.rungs.last() else { return html };
     for (k, cycle) in last.cycles.iter().enumerate() {
-        let head: String = outcome.rungs.iter().enumerate().map(|(n, _)| format!("<th>{}</th><th>error</th>", if n + 1 == outcome.rungs.len() { "answer" } else { "before" })).collect();
+        let head: String = outcome
+            .rungs
+            .iter()
+            .enumerate()
+            .map(|(n, _)| format!("<th>{}</th><th>error</th>", if n + 1 == outcome.rungs.len() { "answer" } else { "before" }))
+            .collect();
         let rows: String = cycle
             .predictions
             .iter()
@@ -117,12 +134,22 @@ fn tables(outcome: &Outcome) -> String {
                     .rungs
                     .iter()
                     .filter_map(|r| r.cycles.get(k)?.predictions.get(row))
-                    .map(|p| format!("<td>{:.3}</td><td>{}</td>", p.value * factor, p.relative_error().map_or("-".into(), |e| format!("{:+.1} %", 100.0 * e))))
+                    .map(|p| {
+                        format!(
+                            "<td>{:.3}</td><td>{}</td>",
+                            p.value * factor,
+                            p.relative_error().map_or("-".into(), |e| format!("{:+.1} %", 100.0 * e))
+                        )
+                    })
                     .collect();
                 let interval = p.interval.map_or("-".into(), |(a, b)| format!("{:.3} to {:.3}", a * factor, b * factor));
                 let table = p.reference.map_or("-".into(), |r| format!("{:.3}", r * factor));
                 let note = p.outside.as_deref().map(esc).unwrap_or_default();
-                format!("<tr><td>{}</td><td>{}</td><td>{table}</td>{cells}<td>{interval}</td><td>{note}</td></tr>\n", esc(&p.case), p.quantity.word())
+                format!(
+                    "<tr><td>{}</td><td>{}</td><td>{table}</td>{cells}<td>{interval}</td><td>{note}</td></tr>\n",
+                    esc(&p.case),
+                    p.quantity.word()
+                )
             })
             .collect();
         html += &format!(

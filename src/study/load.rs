@@ -79,7 +79,11 @@ fn rungs(root: &TableView<'_>, folder: &Path) -> Result<Vec<PathBuf>, StudyError
     let one = |name: &str| -> Result<PathBuf, StudyError> {
         let path = folder.join(name);
         let there = path.is_file() || path.join("study.toml").is_file();
-        if there { Ok(path) } else { Err(value.refuse(format!("no study at {}", path.display()), "a folder with study.toml, or that file").into()) }
+        if there {
+            Ok(path)
+        } else {
+            Err(value.refuse(format!("no study at {}", path.display()), "a folder with study.toml, or that file").into())
+        }
     };
     value.strings()?.into_iter().map(one).collect()
 }

@@ -84,8 +84,21 @@ const MOST_DEGREE: i64 = 6;
 const MOST_TERMS: i64 = 3;
 
 const KEYS: [&str; 15] = [
-    "dataset", "test", "tests", "reference", "conditions", "range", "interference", "housing", "cycle", "strengths", "scale", "scales", "libraries",
-    "permutations", "surface",
+    "dataset",
+    "test",
+    "tests",
+    "reference",
+    "conditions",
+    "range",
+    "interference",
+    "housing",
+    "cycle",
+    "strengths",
+    "scale",
+    "scales",
+    "libraries",
+    "permutations",
+    "surface",
 ];
 
 /// Reads `[tolerance]`, and the dataset it names relative to `folder`.
@@ -147,7 +160,8 @@ pub(super) fn read(root: &TableView<'_>, system: &System, dataset: &Dataset, fol
 
 /// `conditions = { i = ["i_min", "i_max"] }`, with `range = { i = ["0.03 mm", "1.3 mm"] }`.
 fn conditions(table: &TableView<'_>, dataset: &Dataset) -> Result<Vec<CaseCondition>, StudyError> {
-    let value = table.require("conditions", "{ i = [\"i_min\", \"i_max\"] }: a condition of the tests, and the quantities of a case whose mean it is")?;
+    let value = table
+        .require("conditions", "{ i = [\"i_min\", \"i_max\"] }: a condition of the tests, and the quantities of a case whose mean it is")?;
     let ranges = table.optional("range", |v| v.table())?;
     let mut all = Vec::new();
     for (name, v) in value.table()?.entries() {
@@ -181,7 +195,8 @@ fn range_of(value: &ValueView<'_>, dimension: Dimension) -> Result<(f64, f64), T
 fn laws_have_conditions(table: &TableView<'_>, system: &System, conditions: &[CaseCondition]) -> Result<(), TomlError> {
     let settings = ["frequency", "amplitude", "load"];
     let laws = system.instances.iter().filter_map(|i| Some((i, i.target.as_ref()?)));
-    let missing = laws.filter(|(_, t)| !settings.contains(&t.condition.as_str())).find(|(_, t)| !conditions.iter().any(|c| c.name == t.condition));
+    let missing =
+        laws.filter(|(_, t)| !settings.contains(&t.condition.as_str())).find(|(_, t)| !conditions.iter().any(|c| c.name == t.condition));
     let Some((law, target)) = missing else { return Ok(()) };
     let message = format!("the cases do not set `{0}`, over which the model has `{1}` at {2}", target.condition, law.name(), law.at);
     let value = table.require("conditions", "{ i = [\"i_min\", \"i_max\"] }")?;
@@ -264,14 +279,21 @@ fn tables(
 
 /// The cycle of a test that states its limits and its frequency, which is one for all rows.
 fn of_test(energies: &EnergyTable, id: &str, value: &ValueView<'_>, line: usize) -> Result<PredictionSpec, TomlError> {
-    let refuse = |what: &str| value.refuse(format!("test `{id}` does not state {what}"), "the limits and the frequency in the test, or [tolerance.cycle]");
+    let refuse = |what: &str| {
+        value.refuse(format!("test `{id}` does not state {what}"), "the limits and the frequency in the test, or [tolerance.cycle]")
+    };
     let limits = energies.limits.ok_or_else(|| refuse("the limits of its cycle"))?;
     let first = energies.rows.first().and_then(|r| r.frequency).ok_or_else(|| refuse("its frequency"))?;
     if energies.rows.iter().any(|r| r.frequency != Some(first)) {
         return Err(refuse("one frequency for all its rows"));
     }
-    let quantity =
-        Predicted::Cycle { quantity: CycleQuantity::Dissipated, at: energies.at.clone(), control: energies.control, limits, frequency: first };
+    let quantity = Predicted::Cycle {
+        quantity: CycleQuantity::Dissipated,
+        at: energies.at.clone(),
+        control: energies.control,
+        limits,
+        frequency: first,
+    };
     Ok(PredictionSpec { case: id.into(), quantity, conditions: Conditions::new(), reference: None, line })
 }
 

@@ -102,7 +102,9 @@ mod tests {
             outside: None,
         };
         let all = [p(Quantity::Ratio, 1.0, 1.0, 0.0), p(Quantity::Ratio, 1.1, 1.0, 0.05), p(Quantity::Dissipated, 3.0, 2.0, 2.0)];
-        assert!((rms(&all, Quantity::Ratio).unwrap() - 0.1).abs() < 1e-12 && (rms(&all, Quantity::Dissipated).unwrap() - 0.5).abs() < 1e-12);
+        assert!(
+            (rms(&all, Quantity::Ratio).unwrap() - 0.1).abs() < 1e-12 && (rms(&all, Quantity::Dissipated).unwrap() - 0.5).abs() < 1e-12
+        );
         assert_eq!((all[1].holds(), all[2].holds()), (Some(false), Some(true)));
         assert_eq!(rms(&all, Quantity::Stored), None);
         assert_eq!(span(&[2.0, 8.0]), 3.0);

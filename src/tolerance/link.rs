@@ -45,7 +45,17 @@ impl Link {
             // Weighted harmonic mean of the secants on both sides (Fritsch and Butland 1984).
             3.0 * (a + b) / ((2.0 * b + a) / secants[k - 1] + (b + 2.0 * a) / secants[k])
         };
-        let slopes = (0..=rising).map(|k| if k == 0 { secants[0] } else if k == rising { end } else { inner(k) }).collect();
+        let slopes = (0..=rising)
+            .map(|k| {
+                if k == 0 {
+                    secants[0]
+                } else if k == rising {
+                    end
+                } else {
+                    inner(k)
+                }
+            })
+            .collect();
         Ok(Link { u, w, slopes })
     }
 
@@ -77,8 +87,10 @@ impl Link {
         let t = (u - self.u[k]) / h;
         let (a, b) = (self.w[k], self.w[k + 1]);
         let (da, db) = (h * self.slopes[k], h * self.slopes[k + 1]);
-        let value = a * (2.0 * t.powi(3) - 3.0 * t * t + 1.0) + da * (t.powi(3) - 2.0 * t * t + t)
-            + b * (3.0 * t * t - 2.0 * t.powi(3)) + db * (t.powi(3) - t * t);
+        let value = a * (2.0 * t.powi(3) - 3.0 * t * t + 1.0)
+            + da * (t.powi(3) - 2.0 * t * t + t)
+            + b * (3.0 * t * t - 2.0 * t.powi(3))
+            + db * (t.powi(3) - t * t);
         let slope = (6.0 * (a - b) * (t * t - t) + da * (3.0 * t * t - 4.0 * t + 1.0) + db * (3.0 * t * t - 2.0 * t)) / h;
         (value, slope)
     }
@@ -94,7 +106,11 @@ impl Link {
         }
         while high - low > 1e-12 * (1.0 + high.abs()) {
             let middle = 0.5 * (low + high);
-            if self.energy(middle) < w { low = middle } else { high = middle }
+            if self.energy(middle) < w {
+                low = middle
+            } else {
+                high = middle
+            }
             if middle == low && middle == high {
                 break;
             }

@@ -126,7 +126,10 @@ pub fn unlike(cases: &Cases, condition: &str, values: &[f64]) -> Option<Finding>
     }
     let (a, b, ratio) = worst?;
     let (a, b) = (&cases.cases[a].name, &cases.cases[b].name);
-    let claim = format!("cases {a} and {b} have nearly equal {condition} and energies that differ by {:.0} %: {condition} is not all", 100.0 * ratio);
+    let claim = format!(
+        "cases {a} and {b} have nearly equal {condition} and energies that differ by {:.0} %: {condition} is not all",
+        100.0 * ratio
+    );
     Some(Finding { claim, number: ratio, threshold: UNLIKE })
 }
 

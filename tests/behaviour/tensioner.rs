@@ -99,7 +99,12 @@ fn the_energies_of_the_tolerance_cases_follow_from_frfs_and_loops() {
     };
     for (cycle, most) in [(0, 0.05), (1, 0.08)] {
         let (before, after) = (rms(0, cycle, "W_D_ratio"), rms(1, cycle, "W_D_ratio"));
-        println!("cycle {cycle}: ratios {before:.3} -> {after:.3}, W_D {:.3} -> {:.3}, W_s {:.3}", rms(0, cycle, "W_D"), rms(1, cycle, "W_D"), rms(1, cycle, "W_s"));
+        println!(
+            "cycle {cycle}: ratios {before:.3} -> {after:.3}, W_D {:.3} -> {:.3}, W_s {:.3}",
+            rms(0, cycle, "W_D"),
+            rms(1, cycle, "W_D"),
+            rms(1, cycle, "W_s")
+        );
         assert!(after < most && after < 0.3 * before, "{before} {after}");
         assert!(rms(1, cycle, "W_D") < 0.08 && rms(1, cycle, "W_s") < 0.08);
     }

@@ -18,7 +18,8 @@ pub(super) fn text(outcome: &Outcome, spec: &ToleranceSpec) -> String {
         None => text += &rungs(&outcome.rungs, unit),
     }
     if let Some((c, _)) = &outcome.constant {
-        let off: Vec<String> = c.largest.iter().map(|(name, off, case)| format!("{name} within {:.4} mm (case {case})", off * 1e3)).collect();
+        let off: Vec<String> =
+            c.largest.iter().map(|(name, off, case)| format!("{name} within {:.4} mm (case {case})", off * 1e3)).collect();
         text += &format!("\nOne constant, interference times area = {:.4} mm3: {}.\n", c.value * 1e9, off.join(", "));
     }
     outcome.findings.iter().skip(1).fold(text + "\n", |t, f| t + &format!("finding: {}\n", f.claim))
@@ -35,7 +36,13 @@ fn rungs(all: &[Rung], unit: &Unit) -> String {
     for (k, cycle) in last.cycles.iter().enumerate() {
         let mut header = vec!["case".to_string(), "quantity".into(), "table".into()];
         for (n, _) in all.iter().enumerate() {
-            let name = if n + 1 == all.len() && n > 0 { "after" } else if n == 0 && all.len() > 1 { "before" } else { "model" };
+            let name = if n + 1 == all.len() && n > 0 {
+                "after"
+            } else if n == 0 && all.len() > 1 {
+                "before"
+            } else {
+                "model"
+            };
             header.extend([name.to_string(), "error".into()]);
         }
         header.extend(["95 %".into(), String::new()]);
@@ -74,7 +81,8 @@ fn rungs(all: &[Rung], unit: &Unit) -> String {
 /// Root mean square of the errors, quantity by quantity, rung by rung.
 fn errors(all: &[Rung], k: usize) -> String {
     let of = |quantity: Quantity| -> Option<String> {
-        let each: Option<Vec<String>> = all.iter().map(|r| Some(percent(energies::rms(&r.cycles.get(k)?.predictions, quantity)?))).collect();
+        let each: Option<Vec<String>> =
+            all.iter().map(|r| Some(percent(energies::rms(&r.cycles.get(k)?.predictions, quantity)?))).collect();
         Some(format!("{} {}", quantity.word(), each?.join(" -> ")))
     };
     let list: Vec<String> = [Quantity::Ratio, Quantity::Dissipated, Quantity::Stored].into_iter().filter_map(of).collect();
@@ -116,7 +124,8 @@ fn law(outcome: &Outcome, laws: &LawOutcome, unit: &Unit) -> String {
         .iter()
         .map(|c| vec![c.library.clone(), c.laws.to_string(), percent(c.through), percent(c.regression), percent(c.p_value)])
         .collect();
-    let header = ["library of terms, searched inside every fold", "laws", "left out, through the model", "without a model", "permuted as well"];
+    let header =
+        ["library of terms, searched inside every fold", "laws", "left out, through the model", "without a model", "permuted as well"];
     text += &format!("\n{}", table(&header, &compared));
     text += &format!("no law {}; eqs. 7 and 8 alone {}\n", percent(laws.no_law), percent(laws.own_laws));
     for (scale, error) in &laws.scales {

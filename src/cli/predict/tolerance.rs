@@ -62,7 +62,9 @@ pub(super) fn outcome(spec: &ToleranceSpec, answer: &Calibrated, rungs: Vec<Rung
 
 /// Conditions of the cases over which the model has a law though no two tests differ in them.
 fn unvaried(spec: &ToleranceSpec, study: &Study) -> Vec<String> {
-    let law = |name: &str| study.system.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.condition == name) && i.params.iter().any(|p| p.free));
+    let law = |name: &str| {
+        study.system.instances.iter().any(|i| i.target.as_ref().is_some_and(|t| t.condition == name) && i.params.iter().any(|p| p.free))
+    };
     let varies = |name: &str| {
         let mut values = study.dataset.tests.iter().filter_map(|t| t.conditions.get(name)).map(|c| c.value);
         let first = values.next();
@@ -118,7 +120,9 @@ fn one(p: &Prediction, cycle: Option<&str>) -> Value {
 }
 
 fn rung(r: &Rung) -> Value {
-    let cycles = r.cycles.iter().map(|c| json!({ "test": c.test, "cycle": c.words, "predictions": c.predictions.iter().map(|p| one(p, None)).collect::<Vec<_>>() }));
+    let cycles = r.cycles.iter().map(
+        |c| json!({ "test": c.test, "cycle": c.words, "predictions": c.predictions.iter().map(|p| one(p, None)).collect::<Vec<_>>() }),
+    );
     let error = r.model_error.map(|e| json!({ "loss_ratio": e.loss_ratio, "W_s": e.stored, "tests": e.tests }));
     json!({ "title": r.title, "added": r.added, "model_error": error, "cycles": cycles.collect::<Vec<_>>() })
 }
@@ -137,7 +141,8 @@ pub(super) fn json(outcome: &Outcome) -> Value {
     let findings: Vec<Value> =
         outcome.findings.iter().map(|f| json!({ "claim": f.claim, "number": f.number, "threshold": f.threshold })).collect();
     let constant = outcome.constant.as_ref().map(|(c, leaf)| {
-        let largest: Vec<Value> = c.largest.iter().map(|(name, off, case)| json!({ "interference": name, "off": off, "case": case })).collect();
+        let largest: Vec<Value> =
+            c.largest.iter().map(|(name, off, case)| json!({ "interference": name, "off": off, "case": case })).collect();
         json!({ "value": c.value, "largest": largest, "holds": c.holds(), "leaf_moment_of_area": leaf.0, "leaf_thickness": leaf.1 })
     });
     let laws = outcome.laws.as_ref().map(|l| {

@@ -234,12 +234,18 @@ modes = [1, 2]
     // The same conditions, another energy: no law and no model can have both.
     let second = "u = \"0.7 mm\", A_lo = \"6.7 mm2\", i_hi = \"0.41 mm\"";
     wrong(second, "u = \"0.1 mm\", A_lo = \"7.1 mm2\", i_hi = \"0.38 mm\"", "case 2: it has the conditions of case 1 and another energy");
-    wrong("W_D = \"245 mJ\"", "W_D = \"245 N\"", "N");
+    std::fs::write(folder.path().join("data/cases.toml"), CASES.replacen("W_D = \"245 mJ\"", "W_D = \"245 N\"", 1)).unwrap();
+    let e = folder.load().map(|_| ()).unwrap_err();
+    assert!(e.to_string().contains("`245 N` is a force") && e.place().contains("cases.toml"), "{e} {}", e.place());
     // A law of the model over a condition that no case sets.
     std::fs::write(folder.path().join("data/cases.toml"), CASES).unwrap();
     let law = "[[effect]]\neffect = \"interference_law\"\nat = \"GF1-7.phi\"\nof = \"linear_stiffness.k\"\ncondition = \"i\"\nreference = \"0.3 mm\"\na = \"0.2 1/mm\"\n";
     let head = text.find("[tolerance]").unwrap();
-    let with_law = format!("{}{law}{}", &text[..head], text[head..].replace("conditions = { i = [\"i_hi\"] }\nrange = { i = [\"0.03 mm\", \"1.3 mm\"] }", "conditions = {}"));
+    let with_law = format!(
+        "{}{law}{}",
+        &text[..head],
+        text[head..].replace("conditions = { i = [\"i_hi\"] }\nrange = { i = [\"0.03 mm\", \"1.3 mm\"] }", "conditions = {}")
+    );
     std::fs::write(&file, with_law).unwrap();
     let e = Study::load(&file, None).map(|_| ()).unwrap_err();
     assert!(e.to_string().contains("the cases do not set `i`") && e.place().contains("again.toml"), "{e} {}", e.place());
