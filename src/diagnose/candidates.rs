@@ -105,7 +105,8 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                         if taken || !allowed(&target.at) {
                             continue;
                         }
-                        let of = format!("{}.{}", target.name(), target.effect.info().params[0].name);
+                        // Two laws over two conditions are two candidates: the condition is part of the name.
+                        let of = format!("{}.{} over {condition}", target.name(), target.effect.info().params[0].name);
                         let to = Target { instances: vec![i], param: 0, condition: condition.clone(), reference, unit: unit.clone() };
                         push(
                             &mut names,
