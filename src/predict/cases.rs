@@ -50,7 +50,7 @@ pub(super) fn conditions(spec: &ToleranceSpec, table: &ToleranceTable, case: usi
     let mut all = Conditions::new();
     for c in &spec.conditions {
         let values: Vec<f64> = c.of.iter().filter_map(|q| case.values.get(q)).copied().collect();
-        let unit = c.of.iter().find_map(|q| table.cases.units.get(q)).map(Unit::clone);
+        let unit = c.of.iter().find_map(|q| table.cases.units.get(q).cloned());
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
         all.insert(c.name.clone(), plain(mean, unit.unwrap_or_else(|| Unit::si(Dimension::DIMENSIONLESS)), spec.line));
     }

@@ -37,8 +37,11 @@ pub fn model_error(spec: &ToleranceSpec, model: &Calibrated) -> Result<Option<Mo
     Ok((!lost.is_empty()).then(|| ModelError { loss_ratio: rms(&lost), stored: rms(&stored), tests: lost.len() }))
 }
 
+/// W_D and W_s, limits, frequency.
+type Loop = ((f64, f64), (f64, f64), f64);
+
 /// W_D and W_s of a measured loop, its limits and its frequency.
-fn measured(test: &Test, at: &str, control: Control, reading: StoredEnergy) -> Option<((f64, f64), (f64, f64), f64)> {
+fn measured(test: &Test, at: &str, control: Control, reading: StoredEnergy) -> Option<Loop> {
     let Record::Cycle(record) = &test.record else { return None };
     let settled = record.settled().ok()?;
     let role = if control == Control::Force { Role::Force } else { Role::Displacement };

@@ -29,5 +29,5 @@ pub use laws::{Forms, Law, Laws, Library, Term};
 pub use link::Link;
 pub use outcome::{Cycle, Finding, ModelError, Outcome, Rung};
 pub use search::{Found, Verdict};
-pub use surface::{Continuous, Layer, Surface};
+pub use surface::{Layer, Surface};
 pub use through::{Compared, LawOutcome, LawQuestion};

@@ -1,7 +1,6 @@
 //! The energy over two tolerances (Fig. 23 of the paper): as printed, and as every model and law has it.
 //!
-//! The cases span a grid of the two tolerances. Between them what is known case by case is interpolated bilinearly, energies in their logarithms; a law
-//! is evaluated at the interpolated quantities.
+//! The cases span a grid of the two tolerances. Between them what is known case by case is interpolated bilinearly, energies in their logarithms.
 
 use super::{Cases, ToleranceError};
 
@@ -25,14 +24,6 @@ pub struct Surface {
     pub shape: [usize; 2],
     /// Energies: the first is the table's.
     pub layers: Vec<Layer>,
-}
-
-/// An energy that is a function of the quantities of the table, not of the case: `energy` takes the function that interpolates what is known case by case.
-pub struct Continuous<'a> {
-    /// Name.
-    pub name: String,
-    /// ln W at a point.
-    pub log_energy: &'a dyn Fn(&dyn Fn(&[f64]) -> f64) -> f64,
 }
 
 /// Where the cases stand on the grid.
@@ -73,14 +64,8 @@ impl Grid {
 }
 
 impl Surface {
-    /// The surface with `finer` points from one case to the next: energies known at the cases, by name, and those that are functions.
-    pub fn of(
-        cases: &Cases,
-        axes: [&str; 2],
-        known: &[(String, Vec<f64>)],
-        continuous: &[Continuous<'_>],
-        finer: usize,
-    ) -> Result<Surface, ToleranceError> {
+    /// The surface with `finer` points from one case to the next, of energies known at the cases, by name.
+    pub fn of(cases: &Cases, axes: [&str; 2], known: &[(String, Vec<f64>)], finer: usize) -> Result<Surface, ToleranceError> {
         let grid = Grid::of(cases, axes)?;
         let places = |n: usize| -> Vec<(usize, f64)> {
             let inner = (0..n.saturating_sub(1)).flat_map(|k| (0..finer).map(move |j| (k, j as f64 / finer as f64)));
@@ -94,10 +79,6 @@ impl Surface {
         for (name, energies) in known {
             let logs: Vec<f64> = energies.iter().map(|w| w.ln()).collect();
             layers.push(Layer { name: name.clone(), energy: all.iter().map(|(r, l)| grid.mixed(*r, *l, &logs).exp()).collect() });
-        }
-        for c in continuous {
-            let at = |(r, l): &((usize, f64), (usize, f64))| (c.log_energy)(&|values: &[f64]| grid.mixed(*r, *l, values)).exp();
-            layers.push(Layer { name: c.name.clone(), energy: all.iter().map(at).collect() });
         }
         Ok(Surface { axes: axes.map(String::from), points, shape: [rows.len(), lines.len()], layers })
     }
@@ -118,16 +99,13 @@ mod tests {
         };
         let mut cases = Cases { cases: (0..9).map(case).collect(), units: Default::default(), energy_unit: Unit::si(Dimension::ENERGY) };
         let known = [("printed".to_string(), cases.energies())];
-        let a = cases.of("a");
-        let law = Continuous { name: "law".into(), log_energy: &|at| 2.0 * at(&a) };
-        let s = Surface::of(&cases, ["a", "b"], &known, &[law], 4).unwrap();
-        assert_eq!((s.shape, s.points.len(), s.layers.len()), ([9, 9], 81, 2));
+        let s = Surface::of(&cases, ["a", "b"], &known, 4).unwrap();
+        assert_eq!((s.shape, s.points.len(), s.layers.len()), ([9, 9], 81, 1));
         for c in &cases.cases {
             let k = s.points.iter().position(|p| (p[0] - c.values["a"]).abs() < 1e-12 && (p[1] - c.values["b"]).abs() < 1e-12).unwrap();
             assert!((s.layers[0].energy[k] / c.energy - 1.0).abs() < 1e-12);
-            assert!((s.layers[1].energy[k] / (2.0 * c.values["a"]).exp() - 1.0).abs() < 1e-12);
         }
         cases.cases.pop();
-        assert!(Surface::of(&cases, ["a", "b"], &[], &[], 4).is_err());
+        assert!(Surface::of(&cases, ["a", "b"], &[], 4).is_err());
     }
 }

@@ -7,9 +7,7 @@ use crate::model::System;
 use crate::predict::{self, Calibrated};
 use crate::study::run::RunFolder;
 use crate::study::{Study, ToleranceSpec};
-use crate::tolerance::{
-    Constant, Continuous, Finding, LawOutcome, LawQuestion, Outcome, Prediction, Quantity, Rung, Surface, outcome, through,
-};
+use crate::tolerance::{Constant, Finding, LawOutcome, LawQuestion, Outcome, Prediction, Quantity, Rung, Surface, outcome, through};
 
 use super::super::failure::Failure;
 
@@ -103,8 +101,7 @@ fn surface(spec: &ToleranceSpec, axes: &[String; 2], rungs: &[Rung], laws: Optio
         known.push(("law through the model".into(), of(&l.predictions)));
     }
     let axes = [axes[0].as_str(), axes[1].as_str()];
-    let none: [Continuous<'_>; 0] = [];
-    Ok(Surface::of(cases, axes, &known, &none, FINER)?)
+    Ok(Surface::of(cases, axes, &known, FINER)?)
 }
 
 fn one(p: &Prediction, cycle: Option<&str>) -> Value {
