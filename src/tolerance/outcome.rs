@@ -68,17 +68,6 @@ pub struct Outcome {
     pub findings: Vec<Finding>,
 }
 
-impl Outcome {
-    /// The predictions of the answer: those of the laws where they were searched, else of the last rung.
-    pub fn predictions(&self) -> Vec<&Prediction> {
-        match (&self.laws, self.rungs.last()) {
-            (Some(laws), _) => laws.predictions.iter().collect(),
-            (None, Some(rung)) => rung.cycles.iter().flat_map(|c| c.predictions.iter()).collect(),
-            (None, None) => vec![],
-        }
-    }
-}
-
 /// What the constant of eq. 6 says.
 pub fn of_constant(constant: &Constant, leaf: (f64, f64), thickness: f64) -> Vec<Finding> {
     let (mut list, mm3) = (Vec::new(), 1e9);
