@@ -62,6 +62,8 @@ pub struct Case {
     pub search: Search,
     /// Relative change of the cost at which a fit may end, where it need not come as close as it can.
     pub f_tol: Option<f64>,
+    /// Fall of the cost that is worth no step, in units of the residual variance, where it is not that of a fit to be reported.
+    pub worth: Option<f64>,
 }
 
 /// A fitted case.
@@ -160,7 +162,7 @@ impl Case {
             options.losses = vec![LossBlock { rows: 0..n_residuals, loss: self.loss }];
         }
         options.tolerances.max_iterations = self.max_iterations;
-        options.tolerances.drop = WORTH_NO_STEP;
+        options.tolerances.drop = self.worth.unwrap_or(WORTH_NO_STEP);
         options.tolerances.f_tol = self.f_tol.unwrap_or(options.tolerances.f_tol);
         Ok(options)
     }
@@ -194,12 +196,22 @@ impl Case {
     }
 }
 
-/// Fits a case to its fit tests and holds every test that `splits` names against the result. The case comes back with the time steps
-/// that the fit needed.
-pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case, Fitted, FitResult), DiagnoseError> {
-    let started = std::time::Instant::now();
+/// A case fitted to its fit tests.
+pub struct Began {
+    /// The case, with the time steps that the fit needed.
+    pub case: Case,
+    /// The fit.
+    pub fitted: Fitted,
+    /// Whether it began where the logarithm of an FRF, or the first cycles of a record, led to.
+    nearer: bool,
+}
+
+/// Fits a case to its fit tests.
+///
+/// # Errors
+/// As [`Case::fit_system`].
+pub fn begin(case: &Case, monitor: &Monitor) -> Result<Began, DiagnoseError> {
     let mut case = case.clone();
-    let began = case.system.clone();
     let nearer = approached(&case, monitor)?;
     let mut fitted = case.fit_system(nearer.as_ref().unwrap_or(&case.system), case.plans_of(SplitName::Fit), monitor)?;
     // Finer steps take the longest evaluations of all: they are given up, and not gone on with, when it is time to stop.
@@ -210,6 +222,15 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         let single = Case { starts: 1, ..case.clone() };
         fitted = single.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
     }
+    Ok(Began { case, fitted, nearer: nearer.is_some() })
+}
+
+/// Fits a case to its fit tests and holds every test that `splits` names against the result. The case comes back with the time steps
+/// that the fit needed.
+pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case, Fitted, FitResult), DiagnoseError> {
+    let started = std::time::Instant::now();
+    let start = &case.system;
+    let Began { case, fitted, nearer } = begin(case, monitor)?;
     let case = &case;
     let tests = compare(case, &fitted.system, splits)?;
     let (parameters, unidentifiable) = parameters(case, &fitted)?;
@@ -222,7 +243,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
             digits(sigmas, 2)
         ));
     }
-    if nearer.is_some() {
+    if nearer {
         notes.push(
             "start: an FRF or a record is computed off by more than half of what was measured; the logarithm of an FRF led to where its \
              peaks overlap, the first cycles of a record to where it is in phase"
@@ -230,7 +251,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         );
     }
     notes.extend(case.notes());
-    let away = ran_away(&fitted, &parameters, &began);
+    let away = ran_away(&fitted, &parameters, start);
     let termination = if away.is_empty() { fitted.outcome.termination.name() } else { "failed" };
     notes.splice(0..0, away);
     let (model_error, scatter, noise) = errors(case, &fitted);

@@ -75,7 +75,12 @@ impl<'a> Climb<'a> {
     ) -> Result<Climb<'a>, DiagnoseError> {
         let settings = case.search.settings.clone();
         let mut scale = Scale::new(case, &fitted.system, &settings);
-        let first = scale.begin(&fitted.system, monitor).map_err(failed)?;
+        // Where it is time to stop, the fit is taken as it stands.
+        let first = match scale.begin(&fitted.system, monitor) {
+            Err(_) if trace::stopped(monitor) => scale.as_it_stands(fitted).ok_or_else(|| "its response is not finite".to_string()),
+            weighed => weighed,
+        };
+        let first = first.map_err(failed)?;
         let base = fitted.system.instances.len();
         let (now, case) = (first.clone(), case.clone());
         Ok(Climb { case, settings, monitor, watch, base, scale, first, now, added: vec![], order: vec![], tried: 1.0, turned: vec![] })

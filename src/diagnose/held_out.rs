@@ -20,6 +20,14 @@ pub struct HeldOutTests<'a> {
     settings: &'a Settings,
 }
 
+/// A model in the held-out tests.
+pub struct Look<'w> {
+    of: &'w Weighed,
+    seen: Vec<Seen>,
+    /// Logarithm of their density under the model and its variances.
+    pub density: f64,
+}
+
 /// What they say.
 #[derive(Clone, Copy, Debug)]
 pub struct Word {
@@ -59,30 +67,29 @@ impl<'a> HeldOutTests<'a> {
         Variances { tau: v.tau + mean, own, ..v.clone() }
     }
 
-    /// Logarithm of their density under a model and its variances.
-    pub fn density(&self, w: &Weighed) -> Option<f64> {
-        let v = self.elsewhere(&w.v);
-        let density = self.evidence.likelihood(&self.see(&w.fitted.system)?, &self.counts, &v) - v.prior(&self.settings.evidence);
-        density.is_finite().then_some(density)
+    /// A model in them; none where it cannot be computed there.
+    pub fn look<'w>(&self, w: &'w Weighed) -> Option<Look<'w>> {
+        let (seen, v) = (self.see(&w.fitted.system)?, self.elsewhere(&w.v));
+        let density = self.evidence.likelihood(&seen, &self.counts, &v) - v.prior(&self.settings.evidence);
+        density.is_finite().then_some(Look { of: w, seen, density })
     }
 
     /// The model error that they show, beside noise and scatter as those of `beside`.
-    fn error_left(&self, w: &Weighed, beside: &Weighed) -> Option<f64> {
-        let seen = self.see(&w.fitted.system)?;
+    fn error_left(&self, look: &Look, beside: &Weighed) -> f64 {
         let mut v = self.elsewhere(&beside.v);
         let least = self.settings.evidence.model_error_least.ln();
         let at = |k: usize| least + SPAN * k as f64 / (GRID - 1) as f64;
         let mut density = |k: usize| {
             v.tau = at(k);
-            self.evidence.likelihood(&seen, &self.counts, &v)
+            self.evidence.likelihood(&look.seen, &self.counts, &v)
         };
         let all: Vec<f64> = (0..GRID).map(&mut density).collect();
-        (0..GRID).max_by(|a, b| all[*a].total_cmp(&all[*b])).map(|k| at(k).exp())
+        (0..GRID).max_by(|a, b| all[*a].total_cmp(&all[*b])).map_or(f64::INFINITY, |k| at(k).exp())
     }
 
-    /// The two models beside each other; none where one of them cannot be computed there.
-    pub fn word(&self, first: &Weighed, last: &Weighed) -> Option<Word> {
-        let nats = self.density(last)? - self.density(first)?;
-        Some(Word { nats, left: (self.error_left(first, last)?, self.error_left(last, last)?) })
+    /// Two models beside each other.
+    pub fn word(&self, first: &Look, last: &Look) -> Word {
+        let left = (self.error_left(first, last.of), self.error_left(last, last.of));
+        Word { nats: last.density - first.density, left }
     }
 }

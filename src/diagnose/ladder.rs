@@ -7,11 +7,11 @@ use crate::parallel;
 use crate::response::Plan;
 
 use super::candidates::Name;
-use super::case::{Case, Fitted, compare, effects, fit, parameters};
+use super::case::{Began, Case, Fitted, begin, compare, effects, fit, parameters};
 use super::climb::{Added, Climb};
 use super::fault::of_channel;
 use super::findings::{findings, unsettled};
-use super::held_out::HeldOutTests;
+use super::held_out::{HeldOutTests, Look};
 use super::results::*;
 use super::righted::righted;
 use super::search::Step;
@@ -133,7 +133,9 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
     let started = std::time::Instant::now();
     watch("fitting the study as it stands");
     let (case, turned) = righted(case);
-    let (case, fitted, _) = fit(&case, &SEEN, monitor)?;
+    // Its model is weighed next, which fits it once more: it need not come closer than that.
+    let Began { case, fitted, .. } = begin(&Case { worth: Some(case.search.settings.settled), ..case }, monitor)?;
+    let case = Case { worth: None, ..case };
     let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
     climb.turned = turned;
     let mut rungs = vec![climb.rung(None, vec![])?];
@@ -146,7 +148,8 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break End::Full;
         }
         watch(&format!("rung {}", rungs.len()));
-        let step = match climb.step() {
+        let step = match parallel::watched(&monitor.watch(), || climb.step()) {
+            Err(_) if trace::stopped(monitor) => break End::Stopped,
             Err(why) if !climb.added.is_empty() => break End::Cannot(why.to_string()),
             found => found?,
         };
@@ -160,7 +163,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         rungs.push(climb.taken(taken, &step)?);
         // What was added first may stand for two: every addition is held against what could stand in its place now.
         let alone = climb.added.len() == 1 && rungs.last().is_some_and(|r| r.removed.is_empty());
-        if !alone && let Some((added, removed)) = climb.swap() {
+        if !alone && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap()) {
             rungs.push(climb.rung(Some(added), vec![removed])?);
         }
     };
@@ -170,12 +173,13 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
 impl Climb<'_> {
     /// Adds what a step has found, takes out what it has made superfluous, and says how the model then stands.
     fn taken(&mut self, taken: &super::search::Move, step: &Step) -> Result<Rung, DiagnoseError> {
-        self.add(taken, step);
+        let watch = self.monitor.watch();
+        parallel::watched(&watch, || self.add(taken, step));
         let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
         for n in &taken.names {
             (self.watch)(&format!("added {} at {}: {:.1} nats", n.effect, n.at, taken.gain));
         }
-        let removed = self.remove();
+        let removed = parallel::watched(&watch, || self.remove());
         self.rung(taken.names.last().map(named), removed)
     }
 
@@ -264,7 +268,13 @@ impl Climb<'_> {
         });
         let errors =
             HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&before, |t| t.floor) };
-        let word = held.as_ref().and_then(|h| h.word(&self.first, &self.now));
+        let last = held.as_ref().and_then(|h| h.look(&self.now));
+        // Where nothing was added, they are one model.
+        let first = held.as_ref().filter(|_| !self.added.is_empty()).and_then(|h| h.look(&self.first));
+        let word = held.as_ref().zip(last.as_ref()).and_then(|(h, last)| match &first {
+            _ if self.added.is_empty() => Some(h.word(last, last)),
+            first => Some(h.word(first.as_ref()?, last)),
+        });
         let grounds = self.grounds(word.zip(errors.before).zip(errors.after).map(|((w, b), a)| (w, b, a)), stopped);
         let Judged { verdict, proven, why, remainder } = judged(&grounds, &self.settings);
         // What was added is no part of the answer where it leaves most of the question.
@@ -288,7 +298,7 @@ impl Climb<'_> {
             verdict,
             proven,
             why,
-            missing: self.missing(held.as_ref()),
+            missing: self.missing(held.as_ref().zip(last.as_ref())),
             instruments: self.instruments(),
             corrections: vec![],
             remainder: left,
@@ -316,17 +326,16 @@ impl Climb<'_> {
     }
 
     /// Physics that was added, what costs most to leave out first.
-    fn missing(&self, held: Option<&HeldOutTests>) -> Vec<Missing> {
-        let whole = held.and_then(|h| h.density(&self.now));
+    fn missing(&self, held: Option<(&HeldOutTests, &Look)>) -> Vec<Missing> {
         let of = |k: &usize| {
             let a = &self.added[*k];
-            let without = held.and_then(|h| h.density(a.without.as_ref()?));
+            let proven = held.and_then(|(h, last)| Some(last.density > h.look(a.without.as_ref()?)?.density));
             Missing {
                 effect: a.name.effect.into(),
                 at: a.name.at.clone(),
                 of: a.name.of.clone(),
                 tied_with: tied_with(a),
-                proven: whole.zip(without).map(|(whole, without)| whole > without),
+                proven,
             }
         };
         self.order.iter().filter(|k| !self.is_fault(**k)).map(of).collect()

@@ -40,6 +40,8 @@ pub enum Reason {
     },
     /// Others stood before it.
     NotTried,
+    /// The run was stopped before this was known.
+    Interrupted,
 }
 
 /// Why the record speaks against a fault of an instrument.
@@ -67,6 +69,7 @@ impl Reason {
             Reason::InPair { nats } => format!("gains {nats:.1} nats beyond its price with the other of its pair"),
             Reason::Failed { why } => format!("the refit failed: {why}"),
             Reason::NotTried => "not refitted: others promise more".into(),
+            Reason::Interrupted => "the run was stopped before it was weighed".into(),
         }
     }
 }

@@ -80,7 +80,10 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     // Refits race under the variances of the model without them where strengths do not scatter, every coefficient a datum.
     let loose = scale.evidence.estimate_without_scatter(&base.seen, &scale.counts, &base.v);
     let squares = scale.evidence.squares(&base.seen, &scale.counts, &loose);
-    let race = scale.under(&base.seen, &loose, &scale.evidence.independent());
+    let independent = scale.evidence.independent();
+    // A datum is a part of a fact here, and the cost is counted in data.
+    let worth = scale.settings.settled * independent.n / scale.counts.n;
+    let race = Case { worth: Some(worth), ..scale.under(&base.seen, &loose, &independent) };
     let plans = race.plans_of(SplitName::Fit);
     let all = candidates(&race, system, &plans, &Scene::new(&plans, system));
     let (names, trials) = once(all, &a.added);
@@ -240,6 +243,7 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
     let mut left = scale.settings.weighed;
     let of = |r: &Refit| -> Option<Reason> {
         match &r.result {
+            Err(_) if trace::stopped(a.monitor) => Some(Reason::Interrupted),
             Err(why) => Some(Reason::Failed { why: why.clone() }),
             Ok(_) if !price.promises(r.candidate, fall(r)) => {
                 Some(Reason::Hopeless { bound: price.bound(r.candidate, fall(r)), price: price.price(r.candidate) })
@@ -266,6 +270,7 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
     for (k, found) in open.into_iter().zip(found) {
         let c = refits[k].candidate;
         reasons[k] = Some(match found {
+            Err(_) if trace::stopped(a.monitor) => Reason::Interrupted,
             Err(why) => Reason::Failed { why },
             Ok((weighed, contradicted)) => {
                 let gain = scale.gain(&weighed, a.base, price.tried(c));

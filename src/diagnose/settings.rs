@@ -22,6 +22,8 @@ pub struct Settings {
     pub rounds: usize,
     /// Iterations of each of these fits.
     pub iterations: u64,
+    /// Nats that a fit which decides between models may leave unfound: far below a tie.
+    pub settled: f64,
     /// Candidates that stood best alone and are tried in pairs where none alone gains.
     pub pair_of: usize,
     /// Model error, in parts of the least, from which pairs are tried.
@@ -108,6 +110,7 @@ impl Default for Settings {
             promise_series: 5.0,
             rounds: 2,
             iterations: 12,
+            settled: 0.02,
             pair_of: 4,
             pairs_from: 2.0,
             tie: 1.5,

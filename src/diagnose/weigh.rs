@@ -13,6 +13,9 @@ use super::refit::some;
 use super::results::SplitName;
 use super::settings::Settings;
 
+/// Times that the counts are set anew by what the model then leaves: they settle in two.
+const TEMPERED: usize = 2;
+
 /// A model with its variances.
 #[derive(Clone)]
 pub struct Weighed {
@@ -98,7 +101,7 @@ impl Scale {
             if round > 0 && super::trace::stopped(monitor) {
                 break;
             }
-            let case = self.under(&seen, &v, &self.counts);
+            let case = Case { worth: Some(self.settings.settled), ..self.under(&seen, &v, &self.counts) };
             let fit = some(&case, self.settings.iterations);
             let fitted = fit.fit_system(&system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
             if let Termination::Failed(reason) = &fitted.outcome.termination {
@@ -126,11 +129,13 @@ impl Scale {
     /// The system weighed, the counts set by what it leaves.
     pub fn begin(&mut self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
         self.counts = self.evidence.independent();
-        let mut now = self.weigh(system, &Variances::start(&self.evidence), monitor)?;
-        for _ in 0..2 {
-            now = self.tempered(&now, monitor)?;
-        }
-        Ok(now)
+        parallel::watched(&monitor.watch(), || {
+            let mut now = self.weigh(system, &Variances::start(&self.evidence), monitor)?;
+            for _ in 0..TEMPERED {
+                now = self.tempered(&now, monitor)?;
+            }
+            Ok(now)
+        })
     }
 
     /// Sets the counts by what this model leaves, and weighs it under them.

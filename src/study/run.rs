@@ -57,6 +57,7 @@ impl Case {
                 settings: study.search.constants.clone(),
             },
             f_tol: None,
+            worth: None,
         })
     }
 }
