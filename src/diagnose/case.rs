@@ -7,7 +7,7 @@ use crate::effect::Dim;
 use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Measure, Monitor, Prior, UncertaintyOptions};
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
 use crate::parallel;
-use crate::residual::{Problem, test_error, to_variable};
+use crate::residual::{Memo, Problem, test_error, to_variable};
 use crate::response::{BlockKind, Computed, Plan};
 use crate::units::Unit;
 
@@ -64,6 +64,8 @@ pub struct Case {
     pub f_tol: Option<f64>,
     /// Fall of the cost that is worth no step, in units of the residual variance, where it is not that of a fit to be reported.
     pub worth: Option<f64>,
+    /// What was computed of its fit tests a moment ago.
+    pub memo: Option<Arc<Memo>>,
 }
 
 /// A fitted case.
@@ -127,7 +129,7 @@ impl Case {
             return None;
         }
         let plans = self.plans.iter().zip(other).map(|((p, s), o)| (o.unwrap_or_else(|| p.clone()), *s)).collect();
-        Some(Case { plans: Arc::new(plans), ..self.clone() })
+        Some(Case { plans: Arc::new(plans), memo: None, ..self.clone() })
     }
 
     /// Bounds, orders and priors of the system's free parameters in the fit's variables.
@@ -169,7 +171,7 @@ impl Case {
 
     /// Fits the given system to the given tests.
     pub fn fit_system(&self, system: &System, plans: Vec<&Plan>, monitor: &Monitor) -> Result<Fitted, DiagnoseError> {
-        let problem = Problem::new(plans, system.clone());
+        let problem = Problem { memo: self.memo.clone(), ..Problem::new(plans, system.clone()) };
         let rows = problem.plans.iter().map(|p| p.len()).sum();
         let options = self.options(system, rows)?;
         options.constraints.validate(&options.names)?;

@@ -33,6 +33,11 @@ pub enum Reason {
         /// Nats of both.
         nats: f64,
     },
+    /// Its refit stands behind the best by more than its own variances could make up for.
+    Behind {
+        /// Nats, under the variances of the model without either.
+        nats: f64,
+    },
     /// It could not be fitted.
     Failed {
         /// Why.
@@ -67,6 +72,7 @@ impl Reason {
             Reason::Hopeless { bound, price } => format!("can gain {bound:.1} nats at most, and its price is {price:.1}"),
             Reason::NotInRecord { fault } => format!("not seen in the record: {}", fault.describe()),
             Reason::InPair { nats } => format!("gains {nats:.1} nats beyond its price with the other of its pair"),
+            Reason::Behind { nats } => format!("its refit stands {nats:.1} nats behind the best"),
             Reason::Failed { why } => format!("the refit failed: {why}"),
             Reason::NotTried => "not refitted: others promise more".into(),
             Reason::Interrupted => "the run was stopped before it was weighed".into(),

@@ -13,6 +13,7 @@ use super::candidates::{Name, Trial};
 use super::case::{COARSE, Case, Fitted};
 use super::results::SplitName;
 use super::score::{Score, Scores};
+use super::search::promised;
 use super::secant::Secant;
 
 /// Iterations after which those of a candidate's starts go on that are level with its best ([`is_level`]), by this part of what it has gained or by the way
@@ -20,19 +21,17 @@ use super::secant::Secant;
 const TRIED: u64 = 2;
 const LEVEL_WITH: f64 = 0.8;
 const CHOICE: u64 = 4;
-/// Iterations from there, after which the best of its starts stands for every picked candidate.
+/// Iterations from there, after which the best of its starts stands for every picked candidate; and of a leg of the race between these.
 const FIRST_LOOK: u64 = 4;
-/// A candidate is refitted in full when its cost is within this factor of the best after the first look ([`hopeful`]).
+/// Legs at most, and those within which a refit must come up with the best at the rate of its last one.
+const LEGS: usize = 40;
+const AHEAD: f64 = 10.0;
+/// Factor on the least cost within which a refit is worth other starts.
 const HOPEFUL: f64 = 10.0;
-/// Where none comes near the noise, its cost must also have fallen by this part of the best's fall.
-const FALLEN: f64 = 0.25;
 /// Part of the fall of the best of earlier refits by which a candidate must have fallen after its first iterations to be looked at further.
 const FOLLOWING: f64 = 0.05;
-/// Iterations of a refit in full.
+/// Iterations of a refit from another start.
 const REFIT_ITERATIONS: u64 = 40;
-/// How often one that has not ended is gone on with, and the part of its cost that it must have lost the time before.
-const CONTINUED: usize = 3;
-const STILL_FALLING: f64 = 0.01;
 
 /// Part of the largest slope of a candidate's own parameters below which a combination of them does nothing; how far it is then moved, in
 /// logarithms; and the part of the cost below which that changed nothing either.
@@ -42,9 +41,6 @@ const UNMOVED: f64 = 1e-6;
 
 /// Part of the cost that a setting must take away to be fitted.
 pub const WORTH_FREEING: f64 = 0.1;
-/// Part of the cost without a candidate below which a refit has explained all that the race under that model's variances can tell.
-const EXPLAINED: f64 = 0.01;
-
 /// Residuals of one test, whitened.
 pub type Whitened = Vec<Vec<f64>>;
 
@@ -120,14 +116,17 @@ pub struct Bench<'a> {
     pub trials: &'a [Trial],
     /// What these score.
     pub scores: &'a Scores,
+    /// `r'V^-1 r` of the base, and the nats of a tie: what a fall of the cost is worth.
+    pub squares: f64,
+    /// Nats of a tie.
+    pub tie: f64,
     /// Watch over the fits.
     pub monitor: &'a Monitor<'a>,
 }
 
 impl Bench<'_> {
     /// Refits the picked candidates, in parallel; the order of the list is kept. Each begins at the best of its shapes and goes on from the
-    /// one that does best; those that then stand far behind are shown as they are, the others are refitted in full. What has not ended and
-    /// still falls is gone on with, where it is among the best or was expected to be.
+    /// one that does best; then they race, and what can no longer come up with the best is shown as it is.
     /// `leader`: the best of earlier refits, which sets the measure.
     pub fn refit_all(&self, picked: &[Score], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         // Which is worth it shows in coarser steps as well.
@@ -167,54 +166,26 @@ impl Bench<'_> {
                 looks[k] = look;
             }
         }
-        let count = |b: &[bool]| b.iter().filter(|b| **b).count();
-        let in_full = |f: Fitted| if rough.is_some() { self.from(&f.system) } else { self.go_on(f, REFIT_ITERATIONS) };
-        let hopeful = hopeful(&looks.iter().map(Look::of).collect::<Vec<_>>(), unexplained, leader);
-        let mut before: Vec<f64> = looks.iter().map(cost_of).collect();
-        let least = before.iter().copied().fold(f64::INFINITY, f64::min);
-        watch(&format!(
-            "refitting {} of {} in full: costs from {least:.4e} after a first look, {unexplained:.4e} before",
-            count(&hopeful),
-            looks.len()
-        ));
-        // A refit that fails farther on leaves what the look has reached.
-        let mut fitted = parallel::map_into(looks, |k, l| l.and_then(|f| if hopeful[k] { in_full(f.clone()).or(Ok(f)) } else { Ok(f) }));
+        let mut fitted = looks;
+        if rough.is_some() {
+            let may = look.may_lead(&fitted, leader, unexplained);
+            fitted = parallel::map_into(fitted, |k, l| l.and_then(|f| if may[k] { self.from(&f.system, FIRST_LOOK).or(Ok(f)) } else { Ok(f) }));
+        }
+        self.race(&mut fitted, leader, watch);
         let drops = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop);
         let expected = drops.chain(leader.map(|l| l.drop)).fold(0.0, f64::max);
-        let costs = |fitted: &[Result<Fitted, String>]| -> Vec<f64> { fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).collect() };
-        let near = among_three(costs(&fitted));
+        let near = among_three(fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).collect());
         let off = parallel::over(fitted.len(), |k| match &fitted[k] {
-            Ok(f) if hopeful[k] && (f.outcome.cost <= near || picked[k].drop >= expected) => self.off_plateau(f),
+            Ok(f) if f.outcome.cost <= near || picked[k].drop >= expected => self.off_plateau(f),
             _ => vec![],
         });
         if off.iter().any(|o| !o.is_empty()) {
             watch(&format!("refitting from {} points off a plateau", off.iter().map(Vec::len).sum::<usize>()));
         }
         self.exchange(&mut fitted, off, 0.0);
-        let more_free = |(k, f): (usize, &Result<Fitted, String>)| f.as_ref().ok().filter(|_| hopeful[k]).and_then(|f| self.freed(f));
-        let more_free = fitted.iter().enumerate().map(|f| more_free(f).into_iter().collect()).collect();
+        let more_free = |f: &Result<Fitted, String>| f.as_ref().ok().filter(|f| f.outcome.cost <= near).and_then(|f| self.freed(f));
+        let more_free = fitted.iter().map(|f| more_free(f).into_iter().collect()).collect();
         self.exchange(&mut fitted, more_free, WORTH_FREEING);
-        for round in (1..=CONTINUED).rev() {
-            let now: Vec<f64> = fitted.iter().map(cost_of).collect();
-            let all = costs(&fitted);
-            let (best, near) = (all.iter().copied().fold(f64::INFINITY, f64::min), among_three(all));
-            let open = |k: &usize| -> bool {
-                let wanted = now[*k] <= near || picked[*k].drop >= expected;
-                // At its present rate, which only slackens, it must get to where the best stands; one left at its first look has none.
-                let fall = before[*k] - now[*k];
-                let falling = fall == 0.0 || (fall > STILL_FALLING * now[*k] && now[*k] - best <= round as f64 * fall);
-                let open = fitted[*k].as_ref().is_ok_and(|f| f.outcome.termination == Termination::MaxIterations);
-                wanted && falling && open && !self.monitor.stops()
-            };
-            let again: Vec<usize> = (0..fitted.len()).filter(open).collect();
-            if again.is_empty() {
-                break;
-            }
-            watch(&format!("refitting {} further", again.len()));
-            before = now;
-            let further = parallel::map(&again, |k| fitted[*k].clone().and_then(|f| self.go_on(f, REFIT_ITERATIONS)));
-            again.into_iter().zip(further).filter(|(_, f)| f.is_ok()).for_each(|(k, f)| fitted[k] = f);
-        }
         parallel::map_into(fitted, |k, fitted| {
             let score = &picked[k];
             let candidate = self.trials[score.trial].candidate;
@@ -225,6 +196,39 @@ impl Bench<'_> {
             }
             Refit { candidate, score: *score, result }
         })
+    }
+
+    /// Goes on with the refits that may yet lead, a leg at a time.
+    fn race(&self, fitted: &mut [Result<Fitted, String>], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) {
+        let unexplained = self.unexplained();
+        for leg in 0..LEGS {
+            let may = self.may_lead(fitted, leader, unexplained);
+            let open = |k: &usize| may[*k] && fitted[*k].as_ref().is_ok_and(|f| f.outcome.termination == Termination::MaxIterations);
+            let open: Vec<usize> = (0..fitted.len()).filter(open).collect();
+            if open.is_empty() || self.monitor.stops() {
+                return;
+            }
+            if leg == 0 {
+                let least = fitted.iter().map(cost_of).fold(f64::INFINITY, f64::min);
+                watch(&format!("refitting {} of {} further: costs from {least:.4e}, {unexplained:.4e} before", open.len(), fitted.len()));
+            }
+            let further = parallel::map(&open, |k| fitted[*k].clone().and_then(|f| self.go_on(f, FIRST_LOOK)));
+            // A refit that fails farther on leaves what it has reached.
+            open.into_iter().zip(further).filter(|(_, f)| f.is_ok()).for_each(|(k, f)| fitted[k] = f);
+        }
+    }
+
+    /// Which refits may come within a tie of the best: at the rate of their last leg, which only slackens, in so many more.
+    fn may_lead(&self, fitted: &[Result<Fitted, String>], leader: Option<Leader>, unexplained: f64) -> Vec<bool> {
+        let least = fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).fold(f64::INFINITY, f64::min);
+        let nats = |cost: f64| promised(self.squares, 1.0 - cost / unexplained.max(f64::MIN_POSITIVE));
+        let of = |f: &Result<Fitted, String>| {
+            f.as_ref().is_ok_and(|f| {
+                let now = nats(f.outcome.cost);
+                now + AHEAD * (now - nats(f.outcome.start_cost)) >= nats(least) - self.tie
+            })
+        };
+        fitted.iter().map(of).collect()
     }
 
     /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than this part. A fit that after a first
@@ -252,9 +256,9 @@ impl Bench<'_> {
         whitened(&self.case.plans_of(SplitName::Fit), self.base).map_or(f64::INFINITY, |w| cost(&w))
     }
 
-    /// A fit in full from here.
-    pub fn from(&self, system: &System) -> Result<Fitted, String> {
-        fit_some(self.case, system, REFIT_ITERATIONS, self.monitor)
+    /// A fit from here.
+    fn from(&self, system: &System, iterations: u64) -> Result<Fitted, String> {
+        fit_some(self.case, system, iterations, self.monitor)
     }
 
     /// Where else a candidate may begin that has come to rest where a combination of its own parameters does nothing: a slider that never
@@ -349,43 +353,6 @@ fn follows(cost: f64, leader: Option<Leader>, unexplained: f64) -> bool {
     leader.is_none_or(|l| unexplained - cost >= FOLLOWING * (unexplained - l.cost))
 }
 
-/// What a first look came to.
-#[derive(Clone, Copy)]
-struct Look {
-    cost: f64,
-    n_free: usize,
-}
-
-impl Look {
-    fn of(fitted: &Result<Fitted, String>) -> Option<Look> {
-        let f = fitted.as_ref().ok()?;
-        Some(Look { cost: f.outcome.cost, n_free: f.free.len() })
-    }
-}
-
-/// What is worth a refit in full after the first look: a cost within a factor of the best that has fallen from the `unexplained` by its part
-/// of the best's fall, or among the best three. Once the best is at the noise the others must be within the factor, or have fewer
-/// parameters: nothing else can take its place. Where an earlier refit leads, what is not within the factor of it is not worth the time.
-fn hopeful(looks: &[Option<Look>], unexplained: f64, leader: Option<Leader>) -> Vec<bool> {
-    let mut order: Vec<&Look> = looks.iter().flatten().collect();
-    order.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let Some(best) = order.first() else { return vec![false; looks.len()] };
-    let explained = best.cost < EXPLAINED * unexplained;
-    let third = order.get(2).or(order.last()).map_or(0.0, |f| f.cost);
-    let fallen = |f: &Look| {
-        let fall = (unexplained - f.cost) / (unexplained - best.cost);
-        f.cost <= third || fall.is_nan() || fall >= FALLEN
-    };
-    let worth = |f: &Look| {
-        let among_three = f.cost <= third && (!explained || f.n_free < best.n_free);
-        match leader {
-            Some(l) => f.cost <= HOPEFUL * best.cost.min(l.cost),
-            None => f.cost <= HOPEFUL * best.cost || among_three,
-        }
-    };
-    looks.iter().map(|l| l.as_ref().is_some_and(|f| fallen(f) && worth(f))).collect()
-}
-
 /// The case with one start and no more than so many iterations.
 pub(super) fn some(case: &Case, iterations: u64) -> Case {
     Case { starts: 1, max_iterations: case.max_iterations.min(iterations), f_tol: Some(COARSE), ..case.clone() }
@@ -436,20 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_not_gained_a_quarter_of_the_best_is_not_refitted() {
-        let look = |cost: f64| Some(Look { cost, n_free: 5 });
-        let list = |costs: &[f64]| costs.iter().map(|c| look(*c)).collect::<Vec<_>>();
-        // The best falls by 900 of 1000: a quarter of it is 225.
-        let far = list(&[100.0, 700.0, 780.0, 774.0, 776.0]);
-        assert_eq!(hopeful(&far, 1000.0, None), [true, true, false, true, false]);
-        // The best three are refitted whatever they gained, a failed one is not.
-        assert_eq!(hopeful(&[look(100.0), look(990.0), None, look(995.0), look(996.0)], 1000.0, None), [true, true, false, true, false]);
-        // At the noise only what is within the factor, or simpler.
-        let (near, simple) = (look(9.0), Look { cost: 300.0, n_free: 4 });
-        assert_eq!(hopeful(&[near, look(80.0), look(300.0)], 1000.0, None), [true, true, false]);
-        assert_eq!(hopeful(&[near, look(80.0), Some(simple)], 1000.0, None), [true, true, true]);
-        // What leads sets the measure.
-        assert_eq!(hopeful(&list(&[100.0, 110.0]), 1000.0, Some(Leader { cost: 9.0, drop: 900.0 })), [false, false]);
+    fn what_a_leader_has_taken_is_the_measure_of_a_first_look() {
         assert!(follows(900.0, None, 1000.0) && follows(900.0, Some(Leader { cost: 100.0, drop: 0.0 }), 1000.0));
         assert!(!follows(960.0, Some(Leader { cost: 100.0, drop: 0.0 }), 1000.0));
     }

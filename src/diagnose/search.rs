@@ -95,7 +95,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let price = Price::new(a, &names, squares);
     let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
     let picked = if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &scores.selected, &trials, scale.settings.refits) };
-    let bench = Bench { case: &race, base: system, names: &names, trials: &trials, scores: &scores, monitor: a.monitor };
+    let bench = Bench { case: &race, base: system, names: &names, trials: &trials, scores: &scores, squares, tie: scale.settings.tie, monitor: a.monitor };
     let started = std::time::Instant::now();
     let cost = bench.unexplained();
     let refits = refitted(&bench, &hopeful, &picked, cost, watch);
@@ -199,7 +199,7 @@ impl<'a> Price<'a> {
 }
 
 /// Nats that the fall of a sum of squares `q` by this part is worth at most.
-fn promised(q: f64, drop: f64) -> f64 {
+pub(super) fn promised(q: f64, drop: f64) -> f64 {
     let drop = drop.clamp(0.0, 1.0 - 1e-9);
     0.5 * q * drop.max(-(1.0 - drop).ln())
 }
@@ -240,6 +240,8 @@ fn sort(refits: &mut [Refit]) {
 fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f64, from: &Variances) -> (Vec<Stood>, Vec<Reason>) {
     let scale = a.scale;
     let fall = |r: &Refit| r.result.as_ref().map_or(0.0, |p| 1.0 - p.fitted.outcome.cost / cost.max(f64::MIN_POSITIVE));
+    let nats = |r: &Refit| promised(price.squares, fall(r));
+    let best = refits.iter().map(nats).fold(0.0, f64::max);
     let mut left = scale.settings.weighed;
     let of = |r: &Refit| -> Option<Reason> {
         match &r.result {
@@ -248,6 +250,8 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
             Ok(_) if !price.promises(r.candidate, fall(r)) => {
                 Some(Reason::Hopeless { bound: price.bound(r.candidate, fall(r)), price: price.price(r.candidate) })
             }
+            // Beside what already gains so much, with the variances of the model without either, it cannot come first.
+            Ok(_) if price.bound(r.candidate, fall(r)) < best - scale.settings.tie => Some(Reason::Behind { nats: best - nats(r) }),
             Ok(_) if left == 0 => Some(Reason::NotTried),
             Ok(_) => {
                 left -= 1;

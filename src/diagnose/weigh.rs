@@ -6,6 +6,7 @@ use crate::evidence::{Counts, Evidence, Seen, Variances};
 use crate::identify::{Monitor, Termination};
 use crate::model::System;
 use crate::parallel;
+use crate::residual::Memo;
 use crate::response::Plan;
 
 use super::case::{Case, Fitted};
@@ -80,12 +81,25 @@ impl Scale {
 
     /// A system in the fitted tests.
     pub fn see(&self, system: &System) -> Result<Vec<Seen>, String> {
+        self.see_again(system, &Memo::default())
+    }
+
+    /// The same, computed unless it is known.
+    fn see_again(&self, system: &System, memo: &Memo) -> Result<Vec<Seen>, String> {
         let (plans, free) = (self.case.plans_of(SplitName::Fit), system.free());
+        let computed = match memo.find(system, &free) {
+            Some(known) => known,
+            None => {
+                let one = |p: &&Plan| p.evaluate(system, &free, true).map_err(|e| e.to_string());
+                let computed = Arc::new(parallel::map(&plans, one).into_iter().collect::<Result<Vec<_>, _>>()?);
+                memo.keep(system, &free, computed.clone());
+                computed
+            }
+        };
         let of = |t: usize| {
-            let computed = plans[t].evaluate(system, &free, true).map_err(|e| e.to_string())?;
-            let finite = computed.values.iter().chain(&computed.slopes).all(|v| v.is_finite());
+            let finite = computed[t].values.iter().chain(&computed[t].slopes).all(|v| v.is_finite());
             if finite {
-                Ok(self.evidence.records[t].see(plans[t], &computed, system, &free))
+                Ok(self.evidence.records[t].see(plans[t], &computed[t], system, &free))
             } else {
                 Err("its response is not finite".into())
             }
@@ -93,24 +107,31 @@ impl Scale {
         parallel::over(plans.len(), of).into_iter().collect()
     }
 
-    /// Fits the system and estimates its variances in turn, from these variances on.
+    /// Fits the system and estimates its variances in turn, from these variances on, until they move the likelihood by no more than fits leave
+    /// unfound.
     pub fn weigh(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
         let (mut system, mut v, mut last) = (system.clone(), start.clone(), None);
-        let mut seen = self.see(&system)?;
+        let memo = Arc::new(Memo::default());
+        let mut seen = self.see_again(&system, &memo)?;
         for round in 0..self.settings.rounds.max(1) {
             if round > 0 && super::trace::stopped(monitor) {
                 break;
             }
-            let case = Case { worth: Some(self.settings.settled), ..self.under(&seen, &v, &self.counts) };
+            let under = self.under(&seen, &v, &self.counts);
+            let case = Case { worth: Some(self.settings.settled), memo: Some(memo.clone()), ..under };
             let fit = some(&case, self.settings.iterations);
             let fitted = fit.fit_system(&system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
             if let Termination::Failed(reason) = &fitted.outcome.termination {
                 return Err(reason.clone());
             }
             system = fitted.system.clone();
-            seen = self.see(&system)?;
-            v = self.evidence.estimate(&seen, &self.counts, &v);
+            seen = self.see_again(&system, &memo)?;
             last = Some(fitted);
+            let before = self.evidence.likelihood(&seen, &self.counts, &v);
+            v = self.evidence.estimate(&seen, &self.counts, &v);
+            if (self.evidence.likelihood(&seen, &self.counts, &v) - before).abs() <= self.settings.settled {
+                break;
+            }
         }
         let fitted = last.ok_or("it was not fitted")?;
         let likelihood = self.evidence.likelihood(&seen, &self.counts, &v) - 0.5 * prior_squares(&fitted);

@@ -197,7 +197,7 @@ fn outside(spec: &ToleranceSpec, table: &ToleranceTable, study: &Study, case: us
         let by = (low - value.value).max(value.value - high);
         let print = |v: f64| value.unit.print(v);
         (law && by > 1e-9 * value.value.abs())
-            .then(|| format!("{} is {}, {} outside {} to {}", c.name, print(value.value), print(by), print(low), print(high)))
+            .then(|| format!("{} is {}, {} outside {} to {}", c.name, print(value.value), value.unit.print_difference(by), print(low), print(high)))
     };
     let all: Vec<String> = spec.conditions.iter().filter_map(far).collect();
     (!all.is_empty()).then(|| all.join("; "))

@@ -5,6 +5,9 @@
 //! `|ln(computed / measured)|`, and sigma/measured for the floor (design.md section 4).
 
 mod approach;
+mod memo;
+
+use std::sync::Arc;
 
 use crate::explain::Explain;
 use crate::parallel;
@@ -15,6 +18,7 @@ use crate::model::{FreeParam, System};
 use crate::response::{BlockKind, Computed, Plan, ResponseError};
 
 pub use approach::Approach;
+pub use memo::Memo;
 
 /// The least-squares problem of a set of tests in the free parameters of a system.
 ///
@@ -27,13 +31,15 @@ pub struct Problem<'a> {
     pub system: System,
     /// Free parameters.
     pub free: Vec<FreeParam>,
+    /// What was computed of these tests a moment ago.
+    pub memo: Option<Arc<Memo>>,
 }
 
 impl<'a> Problem<'a> {
     /// A problem over the given tests.
     pub fn new(plans: Vec<&'a Plan>, system: System) -> Self {
         let free = system.free();
-        Problem { plans, system, free }
+        Problem { plans, system, free, memo: None }
     }
 
     /// Variables at the system's present values.
@@ -56,6 +62,18 @@ impl<'a> Problem<'a> {
     pub fn compute(&self, p: &[f64], sensitivities: bool) -> Result<Vec<Computed>, ResponseError> {
         let system = self.system_at(p);
         parallel::map(&self.plans, |plan| plan.evaluate(&system, &self.free, sensitivities)).into_iter().collect()
+    }
+
+    /// Responses with sensitivities, computed unless they are known.
+    fn sensed(&self, p: &[f64]) -> Result<Arc<Vec<Computed>>, ResponseError> {
+        let Some(memo) = &self.memo else { return self.compute(p, true).map(Arc::new) };
+        let system = self.system_at(p);
+        if let Some(known) = memo.find(&system, &self.free) {
+            return Ok(known);
+        }
+        let computed = Arc::new(self.compute(p, true)?);
+        memo.keep(&system, &self.free, computed.clone());
+        Ok(computed)
     }
 
     fn whitened(&self, computed: &[Computed]) -> Result<DVector<f64>, EvalError> {
@@ -96,11 +114,11 @@ impl LeastSquares for Problem<'_> {
         self.whitened(&computed)
     }
     fn jacobian(&self, p: &[f64]) -> Result<(DVector<f64>, DMatrix<f64>), EvalError> {
-        let computed = self.compute(p, true).map_err(|e| failed(&e))?;
+        let computed = self.sensed(p).map_err(|e| failed(&e))?;
         let n = self.free.len();
         let mut j = DMatrix::zeros(self.n_residuals(), n);
         let mut row = 0;
-        for (plan, c) in self.plans.iter().zip(&computed) {
+        for (plan, c) in self.plans.iter().zip(computed.iter()) {
             for i in 0..plan.len() {
                 for k in 0..n {
                     j[(row, k)] = c.slopes[i * n + k];

@@ -58,6 +58,7 @@ impl Case {
             },
             f_tol: None,
             worth: None,
+            memo: None,
         })
     }
 }

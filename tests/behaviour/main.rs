@@ -20,5 +20,6 @@ mod slopes;
 mod stopping;
 mod studies;
 mod tensioner;
+mod tolerance;
 mod trial;
 mod verbs;
