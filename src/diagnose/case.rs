@@ -35,6 +35,10 @@ pub struct Search {
     pub places: Option<Vec<String>>,
     /// Constants, as far as the study does not state them the default ones.
     pub settings: super::Settings,
+    /// Whether springs of a group and nominal masses may deviate though the study does not say so.
+    pub slack: bool,
+    /// Bodies whose mass may deviate by this part, as the study says.
+    pub mass_slack: Vec<(String, f64)>,
 }
 
 /// A model with its tests.

@@ -2,17 +2,21 @@
 
 use crate::identify::Monitor;
 use crate::model::Instance;
+use crate::parallel;
 
 use super::approach::in_step;
 use super::candidates::Name;
-use super::case::{Case, Fitted};
+use super::case::{Case, Fitted, begin};
 use super::fault::of_channel;
 use super::horizon;
 use super::search::{Against, Move, Step, step};
 use super::settings::Settings;
+use super::slack::{self, Slack};
 use super::weigh::{Scale, Weighed};
 use super::{DiagnoseError, trace};
 
+/// Times that the widths of the slack are estimated by the deviations that they admit.
+const WIDENED: usize = 2;
 /// Candidates that came closest to an addition and are held against it again at the end.
 const RIVALS: usize = 3;
 
@@ -47,8 +51,10 @@ pub struct Climb<'a> {
     pub monitor: &'a Monitor<'a>,
     /// Lines of progress.
     pub watch: &'a (dyn Fn(&str) + Sync),
-    /// Instances of the study's own model.
+    /// Instances of the study's own model, its slack with them.
     pub base: usize,
+    /// What deviates of what the study ties or fixes.
+    pub slack: Slack,
     /// What models are weighed on, under the counts of the model before the last addition.
     pub scale: Scale,
     /// The study's own model.
@@ -74,16 +80,23 @@ impl<'a> Climb<'a> {
         watch: &'a (dyn Fn(&str) + Sync),
     ) -> Result<Climb<'a>, DiagnoseError> {
         let settings = case.search.settings.clone();
-        let mut scale = Scale::new(case, &fitted.system, &settings);
+        let (case, fitted, slack) = with_slack(case, fitted, &settings, monitor, watch);
+        let mut scale = Scale::new(&case, &fitted.system, &settings);
         // Where it is time to stop, the fit is taken as it stands.
         let first = match scale.begin(&fitted.system, monitor) {
-            Err(_) if trace::stopped(monitor) => scale.as_it_stands(fitted).ok_or_else(|| "its response is not finite".to_string()),
+            Err(_) if trace::stopped(monitor) => scale.as_it_stands(&fitted).ok_or_else(|| "its response is not finite".to_string()),
             weighed => weighed,
         };
-        let first = first.map_err(failed)?;
-        let base = fitted.system.instances.len();
-        let (now, case) = (first.clone(), case.clone());
-        Ok(Climb { case, settings, monitor, watch, base, scale, first, now, added: vec![], order: vec![], tried: 1.0, turned: vec![] })
+        let mut first = first.map_err(failed)?;
+        for _ in 0..if slack.is_empty() { 0 } else { WIDENED } {
+            let system = slack.widened(&first.fitted, &settings);
+            let again = parallel::watched(&monitor.watch(), || scale.weigh(&system, &first.v, monitor));
+            let Ok(again) = again else { break };
+            first = again;
+        }
+        let base = first.fitted.system.instances.len();
+        let now = first.clone();
+        Ok(Climb { case, settings, monitor, watch, base, slack, scale, first, now, added: vec![], order: vec![], tried: 1.0, turned: vec![] })
     }
 
     /// Scores and weighs what may be missing from the present model, under its own counts.
@@ -145,6 +158,20 @@ impl<'a> Climb<'a> {
             (added.tied, added.without) = (vec![], None);
         }
         self.order = (0..self.added.len()).collect();
+    }
+}
+
+/// The fit with slack in what the study ties or fixes, begun from the one without; that one where nothing has slack or no fit with it comes out.
+fn with_slack(case: &Case, fitted: &Fitted, settings: &Settings, monitor: &Monitor, watch: &(dyn Fn(&str) + Sync)) -> (Case, Fitted, Slack) {
+    let (system, slack) = slack::given(case, &fitted.system, settings);
+    if slack.is_empty() || trace::stopped(monitor) {
+        return (case.clone(), fitted.clone(), Slack::default());
+    }
+    watch(&format!("fitting {} deviations of what the study ties or fixes", slack.len()));
+    let loose = Case { worth: Some(settings.settled), ..case.at(&system) };
+    match begin(&loose, &monitor.quiet()) {
+        Ok(began) => (Case { worth: None, ..began.case }.at(&case.system), began.fitted, slack),
+        Err(_) => (case.clone(), fitted.clone(), Slack::default()),
     }
 }
 

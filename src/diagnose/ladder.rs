@@ -15,6 +15,7 @@ use super::held_out::{HeldOutTests, Look};
 use super::results::*;
 use super::righted::righted;
 use super::search::Step;
+use super::slack::deviates;
 use super::unexplained::{Unexplained, unexplained};
 use super::verdict::{Grounds, Judged, judged};
 use super::weigh::{Scale, Weighed};
@@ -189,8 +190,8 @@ impl Climb<'_> {
             added,
             removed,
             tests: compare(&self.case, &fitted.system, &SEEN)?,
-            parameters: parameters(&self.case, fitted)?.0,
-            effects: effects(&fitted.system),
+            parameters: parameters(&self.case, fitted)?.0.into_iter().filter(|p| !self.slack.is_own(&p.name)).collect(),
+            effects: effects(&fitted.system).into_iter().zip(&fitted.system.instances).filter(|(_, i)| self.slack.is_empty() || !deviates(i)).map(|e| e.0).collect(),
             candidates: vec![],
             second_opinion: SecondOpinion::default(),
             effort: Effort::default(),
@@ -300,7 +301,7 @@ impl Climb<'_> {
             why,
             missing: self.missing(held.as_ref().zip(last.as_ref())),
             instruments: self.instruments(),
-            corrections: vec![],
+            corrections: self.slack.corrections(&self.now.fitted, &self.settings),
             remainder: left,
             model_error: self.scale.model_error(&self.now),
             scatter: self.scale.scatter(&self.now),
@@ -318,7 +319,7 @@ impl Climb<'_> {
             wall_s: started.elapsed().as_secs_f64(),
             result_study: None,
         };
-        Ok((result, system.clone()))
+        Ok((result, self.slack.held(system)))
     }
 
     fn held_out(&self, w: &Weighed) -> Result<Vec<TestResult>, DiagnoseError> {

@@ -25,6 +25,7 @@ mod search;
 mod secant;
 mod selection;
 mod settings;
+mod slack;
 mod trace;
 mod unexplained;
 mod verdict;

@@ -44,6 +44,18 @@ pub struct Settings {
     pub visible: f64,
     /// ...and this many times the least model error.
     pub visible_least: f64,
+    /// Width of the prior of the deviations of springs that a study ties or fixes, at most: what a workshop calls the same part...
+    pub slack_spring: f64,
+    /// ...of nominal masses...
+    pub slack_mass: f64,
+    /// ...and of either at least.
+    pub slack_least: f64,
+    /// Deviations that are given without being asked for, at most: each costs a column in every evaluation.
+    pub slack_members: usize,
+    /// Relative deviation from which one is told as a correction: a per cent is within what is nominal.
+    pub correction_least: f64,
+    /// The same in standard deviations.
+    pub correction_sure: f64,
     /// Part of a channel's rms that a gain of one test must move: less is scatter between tests.
     pub fault_gain: f64,
     /// The same of other faults of a channel.
@@ -121,6 +133,12 @@ impl Default for Settings {
             remainder: 1.0 / 3.0,
             visible: 2.0,
             visible_least: 3.0,
+            slack_spring: 0.05,
+            slack_mass: 0.03,
+            slack_least: 0.002,
+            slack_members: 40,
+            correction_least: 0.01,
+            correction_sure: 2.5,
             fault_gain: 0.03,
             fault_least: 0.01,
             fault_over: 3.0,

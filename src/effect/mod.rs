@@ -43,6 +43,7 @@ mod linear_law;
 mod linear_stiffness;
 mod load_stiffness;
 mod lugre;
+mod mass_deviation;
 mod maxwell;
 mod moving_mass;
 mod offset;
@@ -55,6 +56,7 @@ mod quadratic_stiffness;
 mod saturating_stiffness;
 mod smooth_coulomb;
 mod springpot;
+mod stiffness_deviation;
 mod stribeck;
 mod structural_damping;
 mod support_compliance;
@@ -183,6 +185,8 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Force(&Dispatch::<iwan::Iwan>::NEW),
     Effect::Force(&Dispatch::<added_mass::AddedMass>::NEW),
     Effect::Force(&Dispatch::<absorber::Absorber>::NEW),
+    Effect::Force(&Dispatch::<stiffness_deviation::StiffnessDeviation>::NEW),
+    Effect::Force(&Dispatch::<mass_deviation::MassDeviation>::NEW),
     Effect::Series(&backlash::Backlash),
     Effect::Series(&support_compliance::SupportCompliance),
     Effect::Coefficient(&interference_law::InterferenceLaw),

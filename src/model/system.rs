@@ -20,6 +20,8 @@ pub struct ParamValue {
     pub free: bool,
     /// Prior mean and standard deviation [SI].
     pub prior: Option<(f64, f64)>,
+    /// Relative width within which members of its group, or a nominal value, may deviate, as the study states it.
+    pub slack: Option<f64>,
     /// Unit for printing, as the engineer gave it, and its SI value.
     pub unit: (String, f64),
 }
@@ -27,7 +29,7 @@ pub struct ParamValue {
 impl ParamValue {
     /// A fixed value in SI.
     pub fn fixed(value: f64) -> Self {
-        ParamValue { value, min: f64::NEG_INFINITY, max: f64::INFINITY, free: false, prior: None, unit: (String::new(), 1.0) }
+        ParamValue { value, min: f64::NEG_INFINITY, max: f64::INFINITY, free: false, prior: None, slack: None, unit: (String::new(), 1.0) }
     }
     /// A value of a parameter in SI with the bounds within which it means something; settings are fixed, what else there is is free.
     pub fn of(param: &Param, value: f64) -> Self {

@@ -93,6 +93,27 @@ fn head<'a>(table: &TableView<'a>, model: &Model, dataset: &Dataset) -> Result<H
     Ok(Head { table: table.clone(), effect, at: names.join(","), site, only: None })
 }
 
+/// Deviations of the masses that a study fits: one along the first axis of every such body, unless it stands among the effects already.
+pub(super) fn masses(graph: &super::GraphSpec, model: &Model, stated: &[Instance]) -> Vec<Instance> {
+    let Ok(law) = crate::effect::find("mass_deviation") else { return vec![] };
+    let one = |(name, body): (String, &super::BodySpec)| -> Option<Instance> {
+        let (mass, (least, most)) = (body.mass.as_ref()?, body.mass_range?);
+        let places: Vec<usize> = body.free.iter().filter(|a| !a.rotational()).flat_map(|a| model.places_at(&format!("{name}.{}", a.name())).unwrap_or_default()).collect();
+        let site = Site::Places(places);
+        let there = stated.iter().any(|i| i.name() == "mass_deviation" && i.site == site);
+        let value = ParamValue {
+            min: least - mass.value,
+            max: most - mass.value,
+            free: true,
+            unit: (mass.unit.symbol.clone(), mass.unit.factor),
+            ..ParamValue::fixed(0.0)
+        };
+        let at = body.free.iter().filter(|a| !a.rotational()).map(|a| format!("{name}.{}", a.name())).collect::<Vec<_>>().join(",");
+        (!there && !at.is_empty()).then(|| Instance::new(law, at, site, vec![value]))
+    };
+    graph.weighed().filter_map(one).collect()
+}
+
 /// Whether the law stands in the study file.
 pub(super) fn is_formula(effect: &Effect) -> bool {
     matches!(effect, Effect::Force(law) if law.formula().is_some())
@@ -304,6 +325,12 @@ fn param(table: &TableView<'_>, info: &Info, p: &Param, dimension: Dimension) ->
     if asked.is_some() && inner("fixed").is_some() {
         return Err(at("free").refuse("free and fixed both stand there", "one of them"));
     }
+    if spec.slack.is_some() && info.name != "linear_stiffness" {
+        return Err(at("slack").refuse(
+            format!("slack of `{}`", info.name),
+            "slack at the k of linear_stiffness and at the mass of a body: what a study ties or fixes of the structure",
+        ));
+    }
     // Bounds of a setting, or `fixed = false`, ask for it to be fitted.
     let fitted = !spec.fixed && (!setting || inner("fixed").is_some() || spec.min.is_some() || spec.max.is_some());
     Ok(ParamValue {
@@ -312,6 +339,7 @@ fn param(table: &TableView<'_>, info: &Info, p: &Param, dimension: Dimension) ->
         max: spec.max.unwrap_or(p.max),
         free: asked.unwrap_or(fitted),
         prior: spec.prior.map(|p| (p.mean, p.sigma)),
+        slack: spec.slack,
         unit: (spec.start.unit.symbol.clone(), spec.start.unit.factor),
     })
 }

@@ -24,6 +24,10 @@ pub struct BodySpec {
     pub free: Vec<Axis>,
     /// Mass; none is massless.
     pub mass: Option<Quantity>,
+    /// Least and greatest mass [kg], where it is fitted.
+    pub mass_range: Option<(f64, f64)>,
+    /// Relative width within which it may deviate.
+    pub mass_slack: Option<f64>,
     /// Moment of inertia; none is massless in rotation.
     pub inertia: Option<Quantity>,
     /// How many equal bodies it stands for.
@@ -200,7 +204,26 @@ fn body(table: &TableView<'_>) -> Result<BodySpec, TomlError> {
             }
         })
     };
-    let (mass, inertia) = (positive("mass", Dimension::MASS)?, positive("inertia", Dimension::INERTIA)?);
+    let inertia = positive("inertia", Dimension::INERTIA)?;
+    let (mut mass_range, mut mass_slack) = (None, None);
+    let mass = match table.get("mass") {
+        Some(value) if value.is_table() => {
+            let spec = value.parameter(Dimension::MASS, &[])?;
+            let least = spec.min.unwrap_or(if spec.max.is_some() { 0.0 } else { spec.start.value });
+            if spec.start.value <= 0.0 || least < 0.0 {
+                return Err(value.refuse(format!("the mass of body `{name}` is {}", spec.start), "a start above 0 and a min of 0 or more"));
+            }
+            if spec.prior.is_some() || spec.fixed {
+                return Err(value.refuse("a mass has neither prior nor fixed", "start, min, max, slack"));
+            }
+            if spec.min.is_some() || spec.max.is_some() {
+                mass_range = Some((least, spec.max.unwrap_or(f64::INFINITY)));
+            }
+            mass_slack = spec.slack;
+            Some(spec.start)
+        }
+        _ => positive("mass", Dimension::MASS)?,
+    };
     let axes: Vec<(&str, Axis)> = Axis::ALL.into_iter().map(|a| (a.name(), a)).collect();
     let mut free = Vec::new();
     match table.get("free") {
@@ -225,7 +248,7 @@ fn body(table: &TableView<'_>) -> Result<BodySpec, TomlError> {
         None => {}
     }
     let count = table.optional("count", |v| v.integer(1, limits::COUNT))?.map(|n| n as usize);
-    Ok(BodySpec { name, fixed, free, mass, inertia, count })
+    Ok(BodySpec { name, fixed, free, mass, mass_range, mass_slack, inertia, count })
 }
 
 fn connector(table: &TableView<'_>) -> Result<ConnectorSpec, TomlError> {
@@ -318,4 +341,16 @@ pub(super) fn table_of<'a>(root: &TableView<'a>, spec: &GraphSpec, body: &str) -
     };
     let index = spec.bodies.iter().position(is)?;
     root.tables("body").ok()?.into_iter().nth(index)
+}
+
+impl GraphSpec {
+    /// Bodies whose mass a study states in full, with what it says of it.
+    pub(super) fn weighed(&self) -> impl Iterator<Item = (String, &BodySpec)> {
+        self.bodies.iter().filter(|b| b.mass.is_some()).flat_map(|b| expand(&b.name, b.count).into_iter().map(move |n| (n, b)))
+    }
+
+    /// Relative width within which the mass of each body may deviate, where the study states one.
+    pub fn mass_slack(&self) -> Vec<(String, f64)> {
+        self.weighed().filter_map(|(name, b)| Some((name, b.mass_slack?))).collect()
+    }
 }

@@ -112,7 +112,9 @@ impl Study {
         let (graph, model) = graph::read(&root)?;
         channels::check(&dataset, &model)?;
         let split = settings::split(&root, &dataset)?;
-        let instances = effects::read(&root, &model, &dataset)?;
+        let mut instances = effects::read(&root, &model, &dataset)?;
+        let free_masses = effects::masses(&graph, &model, &instances);
+        instances.extend(free_masses);
         mechanism::check(&model, &instances).map_err(|(dof, e)| {
             let table = graph::table_of(&root, &graph, &model.bodies[model.dofs[dof].body].name);
             table.unwrap_or_else(|| root.clone()).refuse(e.to_string(), e.accepted())

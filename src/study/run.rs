@@ -55,6 +55,8 @@ impl Case {
                 effects: study.search.effects.clone(),
                 places: study.search.places.clone(),
                 settings: study.search.constants.clone(),
+                slack: study.search.slack.unwrap_or(true),
+                mass_slack: study.graph.mass_slack(),
             },
             f_tol: None,
             worth: None,

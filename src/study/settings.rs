@@ -64,6 +64,8 @@ pub struct SearchSettings {
     pub places: Option<Vec<String>>,
     /// Effects added at most; none: as many as by default.
     pub max_added: Option<usize>,
+    /// Whether what the study ties or fixes may deviate a little beside what it states of it.
+    pub slack: Option<bool>,
     /// Constants of the search, those that are not stated as by default.
     pub constants: Settings,
 }
@@ -184,7 +186,7 @@ pub(super) fn fit(root: &TableView<'_>) -> Result<FitSettings, TomlError> {
 pub(super) fn search(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Result<SearchSettings, TomlError> {
     let Some(value) = root.get("search") else { return Ok(SearchSettings::default()) };
     let table = value.table()?;
-    let keys: Vec<&str> = ["effects", "places", "max_added"].into_iter().chain(STATED.iter().map(|s| s.key)).collect();
+    let keys: Vec<&str> = ["effects", "places", "max_added", "slack"].into_iter().chain(STATED.iter().map(|s| s.key)).collect();
     table.only(&keys)?;
     let list = |key: &str, check: &dyn Fn(&ValueView<'_>) -> Result<(), TomlError>| {
         table.optional(key, |v| {
@@ -209,6 +211,7 @@ pub(super) fn search(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> 
         effects: list("effects", &known)?,
         places: list("places", &there)?,
         max_added,
+        slack: table.optional("slack", |v| v.bool())?,
         constants: constants(&table, max_added)?,
     })
 }

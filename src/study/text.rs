@@ -78,13 +78,14 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
         if let Some((mean, sigma)) = value.prior {
             keys.push(format!("prior = {{ mean = {}, sigma = {} }}", print(mean), print(sigma)));
         }
+        keys.extend(value.slack.map(|w| format!("slack = {w:?}")));
         let setting = param.kind == Kind::Setting;
         match (setting, value.free) {
             (true, true) => keys.push("free = true".into()),
             (_, false) => keys.push("fixed = true".into()),
             (false, true) => {}
         }
-        let implied = value.min == param.min && value.max == param.max && value.prior.is_none();
+        let implied = value.min == param.min && value.max == param.max && value.prior.is_none() && value.slack.is_none();
         let _ = match setting && !value.free && implied {
             true => writeln!(text, "{} = {}", param.name, print(value.value)),
             false => writeln!(text, "{} = {{ {} }}", param.name, keys.join(", ")),
@@ -133,7 +134,19 @@ impl Study {
             } else {
                 let _ = writeln!(text, "free = {}", list(&body.free.iter().map(|a| a.name()).collect::<Vec<_>>()));
             }
-            quantity(&mut text, "mass", body.mass.as_ref());
+            match &body.mass {
+                Some(mass) if body.mass_range.is_some() || body.mass_slack.is_some() => {
+                    let mut keys = vec![format!("start = {}", quoted(&mass.to_string()))];
+                    let si = |v: f64| quoted(&mass.unit.print(v));
+                    if let Some((least, most)) = body.mass_range {
+                        keys.push(format!("min = {}", si(least)));
+                        keys.extend(most.is_finite().then(|| format!("max = {}", si(most))));
+                    }
+                    keys.extend(body.mass_slack.map(|w| format!("slack = {w:?}")));
+                    let _ = writeln!(text, "mass = {{ {} }}", keys.join(", "));
+                }
+                mass => quantity(&mut text, "mass", mass.as_ref()),
+            }
             quantity(&mut text, "inertia", body.inertia.as_ref());
             if let Some(count) = body.count {
                 let _ = writeln!(text, "count = {count}");

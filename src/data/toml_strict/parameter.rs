@@ -17,6 +17,8 @@ pub struct ParameterSpec {
     pub prior: Option<PriorSpec>,
     /// Not identified.
     pub fixed: bool,
+    /// Relative width within which what it stands for may deviate.
+    pub slack: Option<f64>,
     /// Line in the file.
     pub line: usize,
 }
@@ -35,10 +37,10 @@ impl<'a> ValueView<'a> {
     pub fn parameter(&self, dimension: Dimension, more: &[&str]) -> Result<ParameterSpec, TomlError> {
         if !self.is_table() {
             let start = self.quantity(dimension)?;
-            return Ok(ParameterSpec { start, min: None, max: None, prior: None, fixed: false, line: self.line() });
+            return Ok(ParameterSpec { start, min: None, max: None, prior: None, fixed: false, slack: None, line: self.line() });
         }
         let table = self.table()?;
-        table.only(&[&["start", "min", "max", "prior", "fixed"], more].concat())?;
+        table.only(&[&["start", "min", "max", "prior", "fixed", "slack"], more].concat())?;
         let start = table.quantity("start", dimension)?;
         let min = table.optional("min", |v| v.quantity(dimension))?;
         let max = table.optional("max", |v| v.quantity(dimension))?;
@@ -55,8 +57,18 @@ impl<'a> ValueView<'a> {
             return Err(table.refuse(format!("start {start} is {side} {bound}"), "a start within min and max"));
         }
         let prior = table.optional("prior", |v| prior(&v, dimension))?;
-        Ok(ParameterSpec { start, min: min.map(|q| q.value), max: max.map(|q| q.value), prior, fixed, line: self.line() })
+        let slack = table.optional("slack", slack)?;
+        Ok(ParameterSpec { start, min: min.map(|q| q.value), max: max.map(|q| q.value), prior, fixed, slack, line: self.line() })
     }
+}
+
+/// A relative width: `"5 %"`, `0.05`.
+fn slack(value: ValueView<'_>) -> Result<f64, TomlError> {
+    let width = value.quantity(Dimension::DIMENSIONLESS)?;
+    if width.value > 0.0 && width.value < 1.0 {
+        return Ok(width.value);
+    }
+    Err(value.refuse(format!("a slack of {width}"), "a part above 0 and below 100 %; `[search] slack = false` takes none"))
 }
 
 fn prior(value: &ValueView<'_>, dimension: Dimension) -> Result<PriorSpec, TomlError> {
