@@ -70,6 +70,9 @@ fn told(result: &LadderResult) -> String {
     for i in &result.instruments {
         text += &format!("Instrument: {} at {}: {}.\n", i.effect, i.at, i.why);
     }
+    for c in &result.corrections {
+        text += &format!("Correction: {}.\n", c.describe());
+    }
     if result.unexplained_remainder && result.verdict == Verdict::Missing {
         text +=
             &format!("They leave a model error of {} beyond the noise that nothing in the library explains.\n", percent(result.remainder));

@@ -1,5 +1,6 @@
 //! The dataset: `dataset.toml` and the files it names, read and checked.
 
+use super::bench::{self, Instruments, Rig};
 use super::condition::{Conditions, conditions};
 use super::frf::Frf;
 use super::record::TimeRecord;
@@ -20,6 +21,10 @@ pub struct Dataset {
     pub licence: Option<String>,
     /// Assumptions the dataset declares, for the report.
     pub assumptions: Vec<String>,
+    /// Limits of the test bench.
+    pub rig: Rig,
+    /// What its instruments may err by.
+    pub instruments: Instruments,
     pub tests: Vec<Test>,
 }
 
@@ -98,7 +103,7 @@ impl Dataset {
     /// As [`Dataset::load`], from a dataset.toml already parsed.
     pub fn from_toml(toml: &TomlFile, data: Option<&Path>) -> Result<Self, DataError> {
         let root = toml.root();
-        root.only(&["schema", "folder", "title", "source", "licence", "license", "assumptions", "test"])?;
+        root.only(&["schema", "folder", "title", "source", "licence", "license", "assumptions", "rig", "instruments", "test"])?;
         schema(&root)?;
         let beside = toml.path().parent().unwrap_or(Path::new("")).to_path_buf();
         let folder = match (data, root.optional("folder", |v| v.string())?) {
@@ -127,6 +132,8 @@ impl Dataset {
             source: text("source")?,
             licence: text("licence")?.or(text("license")?),
             assumptions: assumptions.into_iter().map(str::to_string).collect(),
+            rig: bench::rig(&root)?,
+            instruments: bench::instruments(&root)?,
             tests,
         })
     }

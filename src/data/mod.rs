@@ -4,6 +4,7 @@
 //! scatter, [`History::motion`] into displacement, velocity and acceleration; [`Frf`] carries the noise of each line; [`ModalTable`] and
 //! [`EnergyTable`] are tables. Noise comes from cycles, coherence or stated deviations, never from the misfit of a model.
 
+mod bench;
 mod channel;
 mod condition;
 mod dataset;
@@ -26,6 +27,7 @@ mod tables;
 pub mod toml_strict;
 pub mod uff;
 
+pub use bench::{Instruments, Rig};
 pub use channel::{ChannelSpec, Role, Sigma};
 pub use condition::{Condition, Conditions};
 pub use dataset::{Dataset, Record, Test, TestKind, schema};

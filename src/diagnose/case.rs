@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::data::TestKind;
+use crate::data::{Rig, TestKind};
 use crate::effect::Dim;
 use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Measure, Monitor, Prior, UncertaintyOptions};
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
@@ -39,6 +39,8 @@ pub struct Search {
     pub slack: bool,
     /// Bodies whose mass may deviate by this part, as the study says.
     pub mass_slack: Vec<(String, f64)>,
+    /// What the test bench can do, within which a next test is proposed.
+    pub rig: Rig,
 }
 
 /// A model with its tests.

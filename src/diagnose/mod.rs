@@ -43,6 +43,7 @@ pub use unexplained::{Missed, Unexplained};
 #[cfg(test)]
 pub(crate) mod testing {
     pub use super::candidates::{Scene, candidates};
+    pub use super::next::within;
     pub use super::refit::{Bench, cost, whitened};
     pub use super::score::{Score, score};
 }

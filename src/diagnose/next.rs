@@ -19,7 +19,9 @@ use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::identify::{Monitor, Termination};
-use crate::response::{CycleDrive, Plan, Variation};
+use crate::data::Rig;
+use crate::response::{BlockKind, CycleDrive, Plan, Variation};
+use crate::units::Dimension;
 
 use super::Case;
 use super::candidates::Name;
@@ -148,7 +150,10 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
     }
     let names: Vec<String> = rivals.iter().map(|(n, _)| format!("{} at {}", n.effect, n.at)).collect();
     let none =
-        || format!("no test from a third of the least to {REACH:.0} times the most that was tested separates it from {}", names.join(", "));
+        || {
+        let bench = if case.search.rig == Rig::default() { "" } else { ", within the limits of the bench ([rig])," };
+        format!("no test from a third of the least to {REACH:.0} times the most that was tested{bench} separates it from {}", names.join(", "))
+    };
     match found {
         Some(found) if found.breaks || found.cut_short => Ok(found),
         Some(found) => Err(format!("{}; the best found: {}", none(), found.describe)),
@@ -204,6 +209,28 @@ fn variations<'a>(plans: &[&'a Plan]) -> Vec<Proposal<'a>> {
     list
 }
 
+/// Whether the test bench can run this test: its drive, and what the model says that it would read.
+pub(crate) fn within(rig: &Rig, plan: &Plan, values: &[f64]) -> bool {
+    let read = |role: &str| {
+        let own = plan.blocks.iter().filter(|b| b.role == role && b.kind == BlockKind::Loop);
+        own.flat_map(|b| &values[b.range.clone()]).fold(0.0f64, |m, v| m.max(v.abs()))
+    };
+    let mut most = [("force", rig.force_max), ("displacement", rig.displacement_max)].map(|(role, limit)| read(role) <= limit).iter().all(|w| *w);
+    if let Some(d) = plan.cycle_drive() {
+        let (w, reach) = (std::f64::consts::TAU * d.frequency, d.mean.abs() + d.amplitude);
+        most &= rig.frequency.0 <= d.frequency && d.frequency <= rig.frequency.1;
+        most &= match d.unit.dimension {
+            Dimension::LENGTH => {
+                reach <= rig.displacement_max && w * d.amplitude <= rig.velocity_max && w * w * d.amplitude <= rig.acceleration_max
+            }
+            Dimension::FORCE => reach <= rig.force_max,
+            _ => true,
+        };
+    }
+    let lines = plan.blocks.iter().filter(|b| b.kind == BlockKind::Frf).flat_map(|b| &b.abscissa);
+    most && lines.into_iter().all(|f| rig.frequency.0 <= *f && *f <= rig.frequency.1) && plan.excitation().is_none_or(|f| f <= rig.force_max)
+}
+
 /// What a model says of a new test.
 struct Seen {
     values: DVector<f64>,
@@ -218,7 +245,7 @@ impl Tied<'_> {
         plan.with_noise_of(p.base, &values);
         plan.measured.clone_from(&values);
         plan = plan.with_instruments(&values);
-        values.iter().all(|v| v.is_finite()).then_some((plan, values))
+        (values.iter().all(|v| v.is_finite()) && within(&self.case.search.rig, &plan, &values)).then_some((plan, values))
     }
 
     /// Moves proposals to those weighed, the nearest of the most promising first, until enough of them separate well; whether the time was

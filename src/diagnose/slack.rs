@@ -14,6 +14,9 @@ use super::case::{Case, Fitted};
 use super::results::Correction;
 use super::settings::Settings;
 
+/// What deviates.
+const SPRING: &str = "linear_stiffness.k";
+const MASS: &str = "mass";
 /// The effects that stand for deviations.
 const FAMILY: &str = "deviation";
 
@@ -31,6 +34,8 @@ struct Member {
     parameter: &'static str,
     /// The spring's place, the body.
     at: String,
+    /// Of a spring the index of the instance that its group shares; a nominal mass has a number of its own.
+    group: usize,
     /// What the study says [SI]; of a free stiffness its value when the slack was given.
     nominal: f64,
     /// Whether the width of its prior is estimated with those of its kind; one that the study states is not.
@@ -47,8 +52,8 @@ pub struct Slack {
 pub fn given(case: &Case, system: &System, settings: &Settings) -> (System, Slack) {
     let mut with = system.clone();
     let mut slack = Slack::default();
-    let mut add = |parameter: &'static str, effect: &str, place: usize, at: String, nominal: f64, stated: Option<f64>, width: f64, unit: (String, f64)| {
-        let Ok(effect) = find(effect) else { return };
+    let mut add = |member: Member, effect: &str, place: usize, stated: Option<f64>, width: f64, unit: (String, f64)| {
+        let (Ok(effect), nominal) = (find(effect), member.nominal) else { return };
         let stands = system.instances.iter().any(|i| i.name() == effect.info().name && matches!(&i.site, Site::Places(p) if p.contains(&place)));
         if stands || !(nominal.is_finite() && nominal > 0.0) {
             return;
@@ -61,17 +66,20 @@ pub fn given(case: &Case, system: &System, settings: &Settings) -> (System, Slac
             unit,
             ..ParamValue::fixed(0.0)
         };
-        slack.members.push(Member { instance: with.instances.len(), parameter, at, nominal, estimated: stated.is_none() });
+        slack.members.push(Member { instance: with.instances.len(), estimated: stated.is_none(), ..member });
         with.instances.push(Instance::new(effect, system.model.place_name(place), Site::Places(vec![place]), vec![value]));
     };
     for (at, width) in springs(case, system) {
         let (i, place) = at;
         let k = &system.instances[i].params[0];
-        add("linear_stiffness.k", "stiffness_deviation", place, system.model.place_name(place), k.value, width, settings.slack_spring, k.unit.clone());
+        let at = system.model.place_name(place);
+        let member = Member { instance: 0, parameter: SPRING, at, group: i, nominal: k.value, estimated: true };
+        add(member, "stiffness_deviation", place, width, settings.slack_spring, k.unit.clone());
     }
     for (place, width) in masses(case, system) {
         let (body, mass) = body_at(system, place);
-        add("mass", "mass_deviation", place, body, mass, width, settings.slack_mass, (String::new(), 1.0));
+        let member = Member { instance: 0, parameter: MASS, at: body, group: system.instances.len() + place, nominal: mass, estimated: true };
+        add(member, "mass_deviation", place, width, settings.slack_mass, ("kg".into(), 1.0));
     }
     if slack.members.iter().filter(|m| m.estimated).count() > settings.slack_members {
         return (system.clone(), Slack::default());
@@ -148,13 +156,13 @@ impl Slack {
     /// The system with the widths that its deviations, as they were fitted, speak for.
     pub fn widened(&self, fitted: &Fitted, settings: &Settings) -> System {
         let mut system = fitted.system.clone();
-        let spread = deviations(fitted);
+        let spread = Covariance::of(fitted);
         for (kind, least, most) in
-            [("linear_stiffness.k", settings.slack_least, settings.slack_spring), ("mass", settings.slack_least, settings.slack_mass)]
+            [(SPRING, settings.slack_least, settings.slack_spring), (MASS, settings.slack_least, settings.slack_mass)]
         {
             let own: Vec<&Member> = self.members.iter().filter(|m| m.parameter == kind && m.estimated).collect();
             let square = |m: &&Member| {
-                let (value, variance) = (system.instances[m.instance].params[0].value, spread(m.instance));
+                let (value, variance) = (system.instances[m.instance].params[0].value, spread.variance(&[(m.instance, 1.0)]));
                 (value * value + variance) / (m.nominal * m.nominal)
             };
             let mean = own.iter().map(square).sum::<f64>() / own.len().max(1) as f64;
@@ -166,18 +174,36 @@ impl Slack {
         system
     }
 
-    /// Deviations that are large and sure.
+    /// Deviations that are large and sure, the largest first: of a spring from the mean of those of its group that do not deviate so, of a nominal
+    /// value from that.
     pub fn corrections(&self, fitted: &Fitted, settings: &Settings) -> Vec<Correction> {
-        let spread = deviations(fitted);
-        let of = |m: &Member| {
-            let relative = fitted.system.instances[m.instance].params[0].value / m.nominal;
-            let std = spread(m.instance).sqrt() / m.nominal;
-            let large = relative.abs() > settings.correction_least && relative.abs() > settings.correction_sure * std;
-            large.then(|| Correction { parameter: m.parameter.into(), at: m.at.clone(), relative, std })
+        let covariance = Covariance::of(fitted);
+        let value = |instance: usize| fitted.system.instances[instance].params[0].value;
+        // What a group has in common is its own parameter; a nominal value is what the study says.
+        let common = |m: &Member| if m.parameter == SPRING { value(m.group) } else { m.nominal };
+        let mut open: Vec<usize> = (0..self.members.len()).collect();
+        let mut told = Vec::new();
+        // Deviation of a member from the mean of those of its group that are open, and its standard deviation: own / mean - 1.
+        let of = |k: usize, open: &[usize]| {
+            let m = &self.members[k];
+            let others: Vec<usize> = open.iter().filter(|j| **j != k && self.members[**j].group == m.group).map(|j| self.members[*j].instance).collect();
+            let n = others.len().max(1) as f64;
+            let (own, mean) = (common(m) + value(m.instance), common(m) + others.iter().map(|o| value(*o)).sum::<f64>() / n);
+            let mut weights = vec![(m.instance, 1.0 / mean)];
+            weights.extend(others.iter().map(|o| (*o, -own / (n * mean * mean))));
+            if m.parameter == SPRING {
+                weights.push((m.group, 1.0 / mean - own / (mean * mean)));
+            }
+            (own / mean - 1.0, covariance.variance(&weights).sqrt())
         };
-        let mut all: Vec<Correction> = self.members.iter().filter_map(of).collect();
-        all.sort_by(|a, b| b.relative.abs().total_cmp(&a.relative.abs()));
-        all
+        loop {
+            let sure = open.iter().map(|k| (*k, of(*k, &open))).filter(|(_, (relative, std))| {
+                relative.abs() > settings.correction_least && relative.abs() > settings.correction_sure * std
+            });
+            let Some((k, (relative, std))) = sure.max_by(|a, b| a.1.0.abs().total_cmp(&b.1.0.abs())) else { return told };
+            open.retain(|j| *j != k);
+            told.push(Correction { parameter: self.members[k].parameter.into(), at: self.members[k].at.clone(), relative, std });
+        }
     }
 
     /// The system with its deviations held, as it is written: what is too small to matter goes with it, so that the errors are those that were told.
@@ -191,13 +217,26 @@ impl Slack {
     }
 }
 
-/// Variance of the first parameter of an instance, from the Jacobian of its fit with the rows of the priors; that of its prior where the tests
-/// say nothing.
-fn deviations(fitted: &Fitted) -> impl Fn(usize) -> f64 {
-    let j = &fitted.outcome.jacobian;
-    let size: Vec<f64> = j.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
-    let scaled = DMatrix::from_fn(j.nrows(), j.ncols(), |i, k| j[(i, k)] / size[k]);
-    let covariance = (scaled.transpose() * &scaled).pseudo_inverse(1e-12).unwrap_or_else(|_| DMatrix::zeros(j.ncols(), j.ncols()));
-    let free: Vec<usize> = fitted.free.iter().map(|f| f.instance).collect();
-    move |instance| free.iter().position(|i| *i == instance).map_or(0.0, |k| covariance[(k, k)] / (size[k] * size[k]))
+/// Covariance of the first parameters of instances, from the Jacobian of their fit with the rows of the priors.
+struct Covariance {
+    free: Vec<usize>,
+    all: DMatrix<f64>,
+}
+
+impl Covariance {
+    fn of(fitted: &Fitted) -> Self {
+        let j = &fitted.outcome.jacobian;
+        let size: Vec<f64> = j.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
+        let scaled = DMatrix::from_fn(j.nrows(), j.ncols(), |i, k| j[(i, k)] / size[k]);
+        let inverse = (scaled.transpose() * &scaled).pseudo_inverse(1e-12).unwrap_or_else(|_| DMatrix::zeros(j.ncols(), j.ncols()));
+        let all = DMatrix::from_fn(j.ncols(), j.ncols(), |a, b| inverse[(a, b)] / (size[a] * size[b]));
+        Covariance { free: fitted.free.iter().map(|f| f.instance).collect(), all }
+    }
+
+    /// Variance of a weighted sum of (instance, weight).
+    fn variance(&self, weights: &[(usize, f64)]) -> f64 {
+        let at = |instance: usize| self.free.iter().position(|i| *i == instance);
+        let known: Vec<(usize, f64)> = weights.iter().filter_map(|(i, w)| Some((at(*i)?, *w))).collect();
+        known.iter().flat_map(|(a, x)| known.iter().map(move |(b, y)| (*a, *b, x * y))).map(|(a, b, w)| w * self.all[(a, b)]).sum::<f64>().max(0.0)
+    }
 }

@@ -8,7 +8,7 @@ use crate::data::harmonic_of;
 use crate::effect::{Kind, Role};
 use crate::model::{FreeParam, System};
 use crate::parallel;
-use crate::response::{BlockKind, Coefficients, Computed, Plan, Tolerances, instruments};
+use crate::response::{BlockKind, Coefficients, Computed, Plan, instruments};
 
 use super::{Settings, beside};
 
@@ -111,7 +111,7 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
             size[channel.range.clone()].copy_from_slice(&sizes(&plan.measured[block.range.clone()], channel));
         }
         let noise = coefficients.noise(plan);
-        let instruments = instruments(plan, &coefficients, &signal, &peaks[t], &Tolerances::GOOD);
+        let instruments = instruments(plan, &coefficients, &signal, &peaks[t]);
         Record { coefficients, channels, noise, size, instruments }
     };
     let mut records = parallel::over(plans.len(), of);

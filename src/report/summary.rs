@@ -225,14 +225,15 @@ fn missing(input: &ReportInput) -> String {
     let verdict = input.ladder.map(|l| l.verdict).or(input.diagnosis.map(|d| d.verdict));
     if named.is_empty() {
         if verdict == Some(Verdict::Unexplained) {
-            return card("bad", TITLE, "Unexplained", &["Something is, but no effect of the library explains it.".into()]);
+            let said = "Something is, but no effect of the library explains it.".to_string();
+            return card("bad", TITLE, "Unexplained", &[vec![said], not_physics(input)].concat());
         }
         if verdict == Some(Verdict::Interrupted) {
             return card("bad", TITLE, "Not known", &["The search was interrupted before it had found anything.".into()]);
         }
         let seen: Vec<String> = input.diagnosis.map_or(&[][..], |d| &d.would_have_been_seen).iter().take(3).map(|s| esc(s)).collect();
         let seen = if seen.is_empty() { String::new() } else { format!("These would have been seen: {}", list(&seen)) };
-        return card("good", TITLE, "Nothing found", &[seen]);
+        return card("good", TITLE, "Nothing found", &[vec![seen], not_physics(input)].concat());
     }
     let big: Vec<String> = named.iter().map(|(e, at, _)| format!("{} at {}", esc(&words(e)), esc(at))).collect();
     let mut small = Vec::new();
@@ -252,7 +253,15 @@ fn missing(input: &ReportInput) -> String {
     };
     small.push(unexplained.into());
     small.push(evidence(input, named[0].0, named[0].1));
+    small.extend(not_physics(input));
     card("bad", TITLE, &list(&big), &small)
+}
+
+/// What a ladder found that is not missing physics: instruments at fault, corrections of what the study ties or fixes.
+fn not_physics(input: &ReportInput) -> Vec<String> {
+    let Some(l) = input.ladder else { return vec![] };
+    let instruments = l.instruments.iter().map(|i| format!("Instrument: {}", esc(&i.why)));
+    instruments.chain(l.corrections.iter().map(|c| format!("Correction: {}", esc(&c.describe())))).collect()
 }
 
 /// The p-value of a missing effect.

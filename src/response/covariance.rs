@@ -27,13 +27,15 @@ pub struct Tolerances {
     pub offset: f64,
     /// Quadratic and cubic part of a sensor's characteristic at its largest reading in any test.
     pub linearity: f64,
-    /// Delay, in parts of the period of a cycle or of the shortest period of an FRF: a tenth of a degree.
+    /// Delay, in parts of the period of a cycle or of the shortest period of an FRF: a tenth of a degree...
     pub delay: f64,
+    /// ...or in seconds, where it is stated so.
+    pub delay_time: Option<f64>,
 }
 
 impl Tolerances {
     /// Those of the instruments of a good bench.
-    pub const GOOD: Tolerances = Tolerances { gain: 0.005, calibration: 0.005, offset: 0.002, linearity: 0.0015, delay: 3e-4 };
+    pub const GOOD: Tolerances = Tolerances { gain: 0.005, calibration: 0.005, offset: 0.002, linearity: 0.0015, delay: 3e-4, delay_time: None };
 }
 
 /// Standard deviation of a point beside a jump, in parts of the jump: it may lie on either side of it, or between where it is read while
@@ -191,7 +193,7 @@ impl Covariance {
 /// What instruments within tolerance add to the covariance of a test, in its coefficients, one column for one standard deviation of each.
 /// `signal`: what the channels read, computed: the noise of a measured one would stand in the columns and in the residuals, and the two would
 /// agree. `peaks`: largest reading of the channel of each block in any test.
-pub fn instruments(plan: &Plan, coefficients: &Coefficients, signal: &[f64], peaks: &[f64], by: &Tolerances) -> DMatrix<f64> {
+pub fn instruments(plan: &Plan, coefficients: &Coefficients, signal: &[f64], peaks: &[f64]) -> DMatrix<f64> {
     let mut columns: Vec<DVector<f64>> = Vec::new();
     for (block, peak) in plan.blocks.iter().zip(peaks) {
         let mut add = |values: Vec<f64>| {
@@ -199,7 +201,7 @@ pub fn instruments(plan: &Plan, coefficients: &Coefficients, signal: &[f64], pea
             whole.rows_mut(block.range.start, block.range.len()).copy_from_slice(&values);
             columns.push(whole);
         };
-        of_block(plan, block, &signal[block.range.clone()], *peak, by).into_iter().for_each(&mut add);
+        of_block(plan, block, &signal[block.range.clone()], *peak).into_iter().for_each(&mut add);
     }
     if columns.is_empty() {
         return DMatrix::zeros(coefficients.count, 0);
@@ -207,7 +209,10 @@ pub fn instruments(plan: &Plan, coefficients: &Coefficients, signal: &[f64], pea
     coefficients.turned(&DMatrix::from_columns(&columns))
 }
 
-fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64, by: &Tolerances) -> Vec<Vec<f64>> {
+fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64) -> Vec<Vec<f64>> {
+    let by = &plan.tolerances;
+    // In parts of a period of this frequency.
+    let delayed = |frequency: f64| by.delay_time.map_or(by.delay, |t| t * frequency);
     let largest = signal.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let gain = |by: f64| signal.iter().map(|v| by * v).collect::<Vec<f64>>();
     let constant = vec![by.offset * largest; signal.len()];
@@ -220,7 +225,8 @@ fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64, by: &Toleranc
             // Over a period of 1, so that the derivative is per period.
             let noise = sigma.iter().sum::<f64>() / sigma.len().max(1) as f64;
             let wave = FourierInput::fit(&block.abscissa, signal, noise, std::f64::consts::TAU);
-            let delay = block.abscissa.iter().map(|p| -by.delay * wave.at_phase(*p).1).collect();
+            let late = delayed(plan.cycle_drive().map_or(1.0, |d| d.frequency));
+            let delay = block.abscissa.iter().map(|p| -late * wave.at_phase(*p).1).collect();
             let bent = |power: i32| signal.iter().map(|v| by.linearity * peak * (v / peak).powi(power)).collect::<Vec<f64>>();
             let mut columns = vec![gain(by.gain), constant, delay];
             if peak > 0.0 && block.role == "force" {
@@ -232,7 +238,7 @@ fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64, by: &Toleranc
         BlockKind::Frf => {
             // H exp(-i w tau): a turn by -w tau.
             let top = block.abscissa.iter().fold(0.0f64, |m, f| m.max(*f));
-            let turn = |f: f64| -std::f64::consts::TAU * by.delay * f / top;
+            let turn = |f: f64| -std::f64::consts::TAU * delayed(top) * f / top;
             let delay = signal.chunks(2).zip(&block.abscissa).flat_map(|(h, f)| match h {
                 [re, im] => [-turn(*f) * im, turn(*f) * re],
                 _ => [0.0; 2],

@@ -103,6 +103,8 @@ pub struct Plan {
     pub unsettled: Vec<Unsettled>,
     /// Scatter of each block between cycles; empty for other kinds of tests.
     pub scatter: Vec<Scatter>,
+    /// What its instruments may err by.
+    pub tolerances: Tolerances,
     /// The covariance that the test is held against; none: sigma is all there is.
     pub covariance: Option<Arc<Covariance>>,
     work: Work,
@@ -162,6 +164,7 @@ impl Plan {
             left_out: vec![],
             unsettled: vec![],
             scatter: vec![],
+            tolerances: Tolerances::GOOD,
             covariance: None,
             work: Work::Energy(EnergyPlan::default()),
         };
@@ -213,7 +216,7 @@ impl Plan {
     /// computed.
     pub fn with_instruments(&self, signal: &[f64]) -> Plan {
         let coefficients = Coefficients::of(self);
-        let shared = instruments(self, &coefficients, signal, &self.peaks(), &Tolerances::GOOD);
+        let shared = instruments(self, &coefficients, signal, &self.peaks());
         let noise = coefficients.noise(self);
         Plan { covariance: Some(Arc::new(Covariance::new(coefficients, &noise, &shared))), ..self.clone() }
     }

@@ -13,12 +13,12 @@
 //! | `split = { select = [...], held_out = [...] }` | test ids; every other test is fitted |
 //! | `[[leave_out]]` | `test`, `quantity` (natural_frequency, modal_damping), `mode`, `why`: a row that is computed and compared with nothing |
 //! | `fit = { loss, width, max_iterations, starts, points, frf_tolerance }` | loss: squares, huber, soft_l1, cauchy; width in units of the noise; points of a loop that are compared; part of \|H\| that the model of an FRF may be off by itself, beside the noise |
-//! | `search = { effects, places, max_added }` | what the search for missing effects may try; beside these its constants, by the names of [`crate::diagnose::Settings`], such as `model_error_least`, `scatter_most`, `facts_most` |
-//! | `[[body]]` | `name`, `fixed = true` or `free = ["x", ...]`, `mass`, `inertia`, `count` (then `name1` ... ) |
+//! | `search = { effects, places, max_added, slack }` | what the search for missing effects may try; beside these its constants, by the names of [`crate::diagnose::Settings`], such as `model_error_least`, `scatter_most`, `facts_most` |
+//! | `[[body]]` | `name`, `fixed = true` or `free = ["x", ...]`, `mass` (or `{ start, min, max, slack }`), `inertia`, `count` (then `name1` ... ) |
 //! | `[[connector]]` | `name`, and `from`, `to` or `chain = "body with count"`; `ground` need not be declared |
 //! | `[[load]]` | a load that stays: `at` (`m8.x`), `force`, or `condition = "load"` and `factor` (a test that does not state it is not loaded), `via = ["138.3 N"]` values passed through before, `steps` from one to the next |
 //! | `[[effect]]` | `effect`, `at` (place, range `c1-7.x`, list of places; for a channel effect `test.role` or `*.role`), its parameters |
-//! | parameter | `"20 N/mm"` or `{ start, min, max, prior = { mean, sigma }, fixed = true }`; settings are fitted where bounds, `fixed = false` or `free = true` say so |
+//! | parameter | `"20 N/mm"` or `{ start, min, max, prior = { mean, sigma }, fixed = true, slack }`; settings are fitted where bounds, `fixed = false` or `free = true` say so |
 //! | formula | `expression`, `states = { z = "rate" }`, `active`; every other key is a parameter ([`crate::effect::formula`]) |
 //! | coefficient effects | `of = "viscous.c"` (`viscous#2.c` for the second there), `condition`, `reference` |
 //! | `per = "i"` in an effect | values of its own at every value of the condition, `monotone = "rising"` or `"falling"` their order; `only = { i = "0.3 mm" }`: the values at one |

@@ -18,9 +18,22 @@ use crate::effect::formula::Motion;
 use crate::explain::Explain;
 use crate::identify::Tolerances;
 use crate::model::{Instance, Site, System};
-use crate::response::{BlockKind, Plan};
+use crate::response::{self, BlockKind, Plan};
 
 use super::{Study, StudyError, formula};
+
+/// What the dataset's instruments may err by.
+fn tolerances(stated: &crate::data::Instruments) -> response::Tolerances {
+    let good = response::Tolerances::GOOD;
+    response::Tolerances {
+        gain: stated.gain.unwrap_or(good.gain),
+        calibration: stated.gain.unwrap_or(good.calibration),
+        offset: stated.offset.unwrap_or(good.offset),
+        linearity: stated.linearity.unwrap_or(good.linearity),
+        delay_time: stated.delay,
+        ..good
+    }
+}
 
 impl Case {
     /// Plans every test of the study and takes over its split, orders, loss, settings of fit and search.
@@ -30,6 +43,7 @@ impl Case {
             for left in study.leave_out.iter().filter(|l| l.test == test.id) {
                 plan.leave_out(left.quantity, f64::from(left.mode), &left.why);
             }
+            plan.tolerances = tolerances(&study.dataset.instruments);
             if let Some(points) = study.fit.points {
                 plan = plan.thinned(points);
             }
@@ -57,6 +71,7 @@ impl Case {
                 settings: study.search.constants.clone(),
                 slack: study.search.slack.unwrap_or(true),
                 mass_slack: study.graph.mass_slack(),
+                rig: study.dataset.rig,
             },
             f_tol: None,
             worth: None,

@@ -17,6 +17,7 @@ mod round_trip;
 mod settling;
 mod shapes;
 mod slopes;
+mod slack;
 mod stopping;
 mod studies;
 mod tensioner;

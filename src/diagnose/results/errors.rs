@@ -28,6 +28,18 @@ pub struct Correction {
     pub std: f64,
 }
 
+impl Correction {
+    /// In words.
+    pub fn describe(&self) -> String {
+        let (more, than) = match self.parameter.as_str() {
+            "mass" => (["heavier", "lighter"], "its nominal mass"),
+            _ => (["stiffer", "softer"], "its group or its nominal stiffness"),
+        };
+        let which = more[usize::from(self.relative < 0.0)];
+        format!("{} is {:.2} +- {:.2} % {which} than {than}", self.at, 100.0 * self.relative.abs(), 100.0 * self.std)
+    }
+}
+
 /// The model's own error in a channel.
 #[derive(Clone, Debug, Serialize)]
 pub struct OwnError {

@@ -9,6 +9,7 @@ use crate::explain::Explain;
 
 use super::{Study, StudyError};
 
+mod bench;
 mod formula;
 mod every_field;
 mod every_key;
