@@ -19,7 +19,6 @@ use super::blocktri::{BlockTri, Layout, Levels};
 use super::spatial::{self, Joint};
 
 mod broyden;
-mod combined;
 mod effort;
 mod kept;
 mod link;

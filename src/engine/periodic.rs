@@ -3,7 +3,7 @@
 //! From rest the drive is ramped up to its value at the start of the cycle (the declared loading path of history-dependent laws), then
 //! cycles are marched until they repeat. What decays slowly is found by shooting: Newton's method on the state at the start of the
 //! cycle, with the monodromy matrix from the march's own sensitivities; directions that never decay (an element that stays stuck) keep
-//! what the loading path left there.
+//! what the loading path left there. A large system: [`large`].
 
 use nalgebra::DMatrix;
 
@@ -12,10 +12,10 @@ use crate::model::{Bound, Model};
 use super::EngineError;
 use super::march::{Loads, March, Probe, State};
 
-mod extrapolate;
+mod large;
+mod secants;
 mod shooting;
 
-use extrapolate::{SEEN, limit};
 use shooting::{Shooting, solve_fixed_point};
 
 /// One steady cycle.
@@ -35,21 +35,11 @@ pub struct Cycle {
 
 /// Change per cycle, relative to the largest value in the cycle, at which it counts as repeating.
 const TOLERANCE: f64 = 1e-10;
-/// The same of a large system, whose sensitivities repeat within [`SENSED`] or are taken as they are after [`ROUNDS`] cycles.
-const REPEATS: f64 = 1e-7;
-const SENSED: f64 = 1e-5;
-const ROUNDS: usize = 12;
-/// What creeps takes ever more cycles for ever less: after so many, more than any test is run in before it is recorded, this change per
-/// cycle will do.
-const LONG: usize = 20;
-const CREEPS: f64 = 1e-5;
 /// Largest state for which the monodromy matrix is formed.
 const SHOOT: usize = 200;
 const CYCLES: usize = 300;
 /// Cycles in which the change per cycle must halve, or it never ends: at rounding, or in a motion that does not repeat.
 const STUCK: usize = 40;
-/// The same of a large system, each cycle of which takes its time.
-const STUCK_LARGE: usize = 10;
 /// Cycles of the loading path that are marched with sensitivities.
 const PATH_CYCLES: usize = 3;
 /// What a step with sensitivities costs before their first column, in columns.
@@ -71,7 +61,7 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
     if z.len() > SHOOT {
         march = March::new(model, bound, loads, STIFF_RADIUS)?;
         let state = ramp(model, bound, loads, rise, columns, STIFF_RADIUS)?;
-        return repeated(&mut march, state, &mut z, steps, probes, columns);
+        return large::steady(&mut march, state, &mut z, &large::Wanted { steps, probes, columns });
     }
     let mut state = ramp(model, bound, loads, rise, 0, RADIUS)?;
     let mut cycles = 0;
@@ -169,63 +159,6 @@ impl Path<'_> {
         }
         Ok(state)
     }
-}
-
-/// Cycles of a large system, values and sensitivities together, until both repeat; what is left then is below [`REPEATS`]. From every few
-/// of them their limit is taken ([`limit`]), and taken back where the next cycle moves more from there than the last one did.
-fn repeated(
-    march: &mut March,
-    mut state: State,
-    z: &mut Shooting,
-    steps: usize,
-    probes: &[Probe],
-    columns: usize,
-) -> Result<Cycle, EngineError> {
-    let (mut steady, mut followed, mut waited) = (false, false, 0);
-    let (mut least, mut halved) = (f64::INFINITY, 0);
-    let mut before = z.pack_columns(&state, columns);
-    let mut seen: Vec<State> = vec![];
-    // Where the cycles stood before their limit was taken, and how much the last of them moved.
-    let mut marched: Option<(State, f64)> = None;
-    for cycles in 1..=CYCLES {
-        let start = state.clone();
-        let mut cycle = record_with(march, &mut state, steps, probes, columns, Some(z))?;
-        let change = z.slow_change(&start, &state);
-        if let Some((stood, moved)) = marched.take()
-            && change > moved.max(REPEATS)
-        {
-            state = stood;
-            before = z.pack_columns(&state, columns);
-            continue;
-        }
-        if change < 0.5 * least {
-            (least, halved) = (change, cycles);
-        }
-        steady |= change < if cycles > LONG { CREEPS } else { REPEATS };
-        let after = z.pack_columns(&state, columns);
-        let settled = (0..columns).all(|c| (before.column(c) - after.column(c)).amax() <= SENSED * after.column(c).amax());
-        before = after;
-        waited += usize::from(steady);
-        let last = cycles == CYCLES || cycles > halved + STUCK_LARGE;
-        if steady && !state.fs.is_empty() && !followed {
-            follow(march, &mut state, steps)?;
-            followed = true;
-        } else if steady && (settled || waited > ROUNDS) || (last && change <= 1e-6) {
-            cycle.cycles = cycles;
-            return Ok(cycle);
-        } else if last && !steady {
-            return Err(EngineError::NotPeriodic { change, cycles });
-        }
-        seen.push(state.clone());
-        if seen.len() == SEEN {
-            if let Some(limit) = limit(&seen, z, columns, !steady) {
-                marched = Some((std::mem::replace(&mut state, limit), change));
-                before = z.pack_columns(&state, columns);
-            }
-            seen.clear();
-        }
-    }
-    Err(EngineError::NotPeriodic { change: f64::INFINITY, cycles: CYCLES })
 }
 
 fn cycle(march: &mut March, state: &mut State, z: &mut Shooting, steps: usize) -> Result<(), EngineError> {

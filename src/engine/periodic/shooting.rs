@@ -73,6 +73,12 @@ impl Shooting {
             *s = z[4 * m + i] * self.state_scale[i];
         }
     }
+    /// The state whose scaled vector is `z`, otherwise as `like`.
+    pub fn unpacked(&self, z: &DVector<f64>, like: &State) -> State {
+        let mut state = like.clone();
+        self.unpack(z, &mut state);
+        state
+    }
     /// Change of displacements and states, which velocities and accelerations follow.
     pub fn slow_change(&self, before: &State, after: &State) -> f64 {
         let moved = self.dofs.iter().map(|d| (after.q[*d] - before.q[*d]).abs() / self.scale[0]);
@@ -120,6 +126,22 @@ impl Shooting {
             }
             _ => state.ds[(r - 4 * m) * columns + c] / self.state_scale[r - 4 * m],
         })
+    }
+    /// The inverse of [`Shooting::pack_columns`].
+    pub fn unpack_columns(&self, z: &DMatrix<f64>, state: &mut State) {
+        let (m, columns) = (self.dofs.len(), z.ncols());
+        for c in 0..columns {
+            for (i, d) in self.dofs.iter().enumerate() {
+                let at = d * columns + c;
+                state.dq[at] = z[(i, c)] * self.scale[0];
+                state.dv[at] = z[(m + i, c)] * self.scale[1];
+                state.da[at] = z[(2 * m + i, c)] * self.scale[2];
+                state.dw[at] = z[(3 * m + i, c)] * self.scale[3];
+            }
+            for (i, scale) in self.state_scale.iter().enumerate() {
+                state.ds[i * columns + c] = z[(4 * m + i, c)] * scale;
+            }
+        }
     }
     /// The quasi-Newton step on the start of the cycle: `state` is where a cycle from `before` has ended, `inverse` that of `I - M`.
     pub fn correct(&self, state: &mut State, before: &State, inverse: &DMatrix<f64>) {
