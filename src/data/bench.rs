@@ -91,7 +91,7 @@ mod tests {
     use crate::data::toml_strict::TomlFile;
 
     fn read(text: &str) -> Result<(Rig, Instruments), TomlError> {
-        let file = TomlFile::parse("dataset.toml".as_ref(), text, "data")?;
+        let file = TomlFile::parse("dataset.toml".as_ref(), text.to_string(), "data")?;
         Ok((rig(&file.root())?, instruments(&file.root())?))
     }
 

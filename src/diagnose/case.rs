@@ -16,6 +16,7 @@ use super::approach::approached;
 use super::damping::{constant_damping, fitted_ratio};
 use super::factors::factors;
 use super::results::*;
+use super::slack::Slack;
 use super::weigh::Scale;
 
 /// Relative change of the cost at which a fit ends that decides between candidates, or stands above the noise.
@@ -72,6 +73,8 @@ pub struct Case {
     pub worth: Option<f64>,
     /// What was computed of its fit tests a moment ago.
     pub memo: Option<Arc<Memo>>,
+    /// What deviates in its system of what the study ties or fixes.
+    pub deviations: Slack,
 }
 
 /// A fitted case.

@@ -2,7 +2,6 @@
 
 use crate::identify::Monitor;
 use crate::model::Instance;
-use crate::parallel;
 
 use super::approach::in_step;
 use super::candidates::Name;
@@ -14,11 +13,6 @@ use super::settings::Settings;
 use super::slack::{self, Slack};
 use super::weigh::{Scale, Weighed};
 use super::{DiagnoseError, trace};
-
-/// Times that the widths of the slack are estimated by the deviations that they admit.
-const WIDENED: usize = 2;
-/// Candidates that came closest to an addition and are held against it again at the end.
-const RIVALS: usize = 3;
 
 /// An effect that was added.
 pub struct Added {
@@ -87,13 +81,7 @@ impl<'a> Climb<'a> {
             Err(_) if trace::stopped(monitor) => scale.as_it_stands(&fitted).ok_or_else(|| "its response is not finite".to_string()),
             weighed => weighed,
         };
-        let mut first = first.map_err(failed)?;
-        for _ in 0..if slack.is_empty() { 0 } else { WIDENED } {
-            let system = slack.widened(&first.fitted, &settings);
-            let again = parallel::watched(&monitor.watch(), || scale.weigh(&system, &first.v, monitor));
-            let Ok(again) = again else { break };
-            first = again;
-        }
+        let first = first.map_err(failed)?;
         let base = first.fitted.system.instances.len();
         let now = first.clone();
         Ok(Climb { case, settings, monitor, watch, base, slack, scale, first, now, added: vec![], order: vec![], tried: 1.0, turned: vec![] })
@@ -134,7 +122,7 @@ impl<'a> Climb<'a> {
                     let instance = s.weighed.fitted.system.instances.last()?;
                     (!of_channel(instance) && instance.target.is_none()).then(|| (s.name.clone(), instance.clone()))
                 });
-                added.rivals = elsewhere.take(RIVALS).collect();
+                added.rivals = elsewhere.take(self.settings.race.closest).collect();
                 added.without = Some(self.now.clone());
             }
             self.added.push(added);
@@ -170,7 +158,7 @@ fn with_slack(case: &Case, fitted: &Fitted, settings: &Settings, monitor: &Monit
     watch(&format!("fitting {} deviations of what the study ties or fixes", slack.len()));
     let loose = Case { worth: Some(settings.settled), ..case.at(&system) };
     match begin(&loose, &monitor.quiet()) {
-        Ok(began) => (Case { worth: None, ..began.case }.at(&case.system), began.fitted, slack),
+        Ok(began) => (Case { worth: None, deviations: slack.clone(), ..began.case }.at(&case.system), began.fitted, slack),
         Err(_) => (case.clone(), fitted.clone(), Slack::default()),
     }
 }

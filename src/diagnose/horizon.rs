@@ -11,9 +11,6 @@ use super::case::Case;
 use super::search::{Against, Move, Step, Stood, step};
 use super::weigh::{Scale, Weighed};
 
-/// Candidates that are followed along the whole record, those that are worth most on its beginning.
-const FOLLOWED: usize = 4;
-
 /// A step on the beginnings `near`, taken on the whole.
 ///
 /// # Errors
@@ -35,7 +32,7 @@ pub fn near(
     let Some(taken) = found.taken.take() else { return Ok(found) };
     let pair = (taken.names.len() > 1).then(|| (taken.names.clone(), taken.weighed.fitted.system.clone()));
     let alone = found.stood.iter().filter(|s| s.admissible).map(|s| (vec![s.name.clone()], s.weighed.fitted.system.clone()));
-    let all: Vec<_> = pair.into_iter().chain(alone).take(FOLLOWED).collect();
+    let all: Vec<_> = pair.into_iter().chain(alone).take(whole.settings.race.followed).collect();
     watch(&format!("following the whole record with {}", all.len()));
     let tried = found.visible.len().max(1) as f64;
     let follow = |(names, system): &(Vec<Name>, crate::model::System)| -> Option<Move> {

@@ -5,11 +5,6 @@ use crate::model::{Instance, System};
 
 use super::refit::{Bench, Refit, proof};
 
-/// Parameters of one name and dimension that make two laws kin.
-const SHARED: usize = 2;
-/// Part of the cost that the kin must save for the values to be worth a start.
-const AHEAD: f64 = 0.1;
-
 impl Bench<'_> {
     /// Fits every refitted candidate that stands behind its kin at its place from the values of the best of them; what that betters takes
     /// its place.
@@ -37,10 +32,10 @@ impl Bench<'_> {
         let own = refits[k].result.as_ref().ok()?;
         let place = |r: &Refit| &self.names[r.candidate].at;
         let ahead = refits.iter().filter(|r| place(r) == place(&refits[k])).filter_map(|r| r.result.as_ref().ok());
-        let ahead = ahead.filter(|p| p.fitted.outcome.cost < (1.0 - AHEAD) * own.fitted.outcome.cost);
+        let ahead = ahead.filter(|p| p.fitted.outcome.cost < (1.0 - self.race().kin_ahead) * own.fitted.outcome.cost);
         let begun = ahead.filter_map(|p| {
             let (kin, others) = p.fitted.system.instances.split_last()?;
-            let begun = carried(own.fitted.system.instances.last()?, kin)?;
+            let begun = carried(own.fitted.system.instances.last()?, kin, self.race().shared)?;
             let mut system = System { instances: others.to_vec(), ..p.fitted.system.clone() };
             system.instances.push(begun);
             Some((p.fitted.outcome.cost, system))
@@ -50,7 +45,7 @@ impl Bench<'_> {
 }
 
 /// The law with the values of its kin; none where they share too little.
-fn carried(law: &Instance, kin: &Instance) -> Option<Instance> {
+fn carried(law: &Instance, kin: &Instance, least: usize) -> Option<Instance> {
     let (own, theirs) = (law.effect.info(), kin.effect.info());
     if own.name == theirs.name {
         return None;
@@ -64,7 +59,7 @@ fn carried(law: &Instance, kin: &Instance) -> Option<Instance> {
             shared += 1;
         }
     }
-    (shared >= SHARED).then_some(begun)
+    (shared >= least).then_some(begun)
 }
 
 #[cfg(test)]
@@ -89,21 +84,21 @@ mod tests {
     #[test]
     fn a_law_takes_what_it_shares_with_its_kin() {
         let far = law("bouc_wen", &[("f", 3.0), ("d", 1e-6), ("n", 1.0)]);
-        let begun = carried(&far, &law("elastic_slip", &[("f", 26.0), ("d", 7e-5)])).unwrap();
+        let begun = carried(&far, &law("elastic_slip", &[("f", 26.0), ("d", 7e-5)]), 2).unwrap();
         assert_eq!((value(&begun, "f"), value(&begun, "d")), (26.0, 7e-5));
         // What the kin does not have keeps its own value.
         assert_eq!(value(&begun, "n"), 1.0);
         // Within its own bounds.
         let mut bounded = far.clone();
         bounded.params.iter_mut().for_each(|p| p.max = 10.0);
-        assert_eq!(value(&carried(&bounded, &law("elastic_slip", &[("f", 26.0), ("d", 7e-5)])).unwrap(), "f"), 10.0);
+        assert_eq!(value(&carried(&bounded, &law("elastic_slip", &[("f", 26.0), ("d", 7e-5)]), 2).unwrap(), "f"), 10.0);
     }
 
     #[test]
     fn one_name_in_common_makes_no_kin() {
         let slip = law("elastic_slip", &[("f", 26.0), ("d", 7e-5)]);
-        assert!(carried(&slip, &slip).is_none());
-        assert!(carried(&law("coulomb", &[("f", 1.0)]), &slip).is_none());
-        assert!(carried(&law("viscous", &[("c", 1.0)]), &slip).is_none());
+        assert!(carried(&slip, &slip, 2).is_none());
+        assert!(carried(&law("coulomb", &[("f", 1.0)]), &slip, 2).is_none());
+        assert!(carried(&law("viscous", &[("c", 1.0)]), &slip, 2).is_none());
     }
 }

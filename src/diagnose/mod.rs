@@ -15,6 +15,7 @@ mod kin;
 mod ladder;
 mod next;
 mod picks;
+mod race;
 mod reason;
 mod refit;
 pub mod results;
@@ -35,7 +36,9 @@ pub use approach::approached;
 pub use case::{Case, Fitted, Search, compare, fit, unit_of};
 pub use error::DiagnoseError;
 pub use ladder::{diagnose, ladder};
+pub use race::Race;
 pub use reason::{Fault, Reason};
+pub use slack::Slack;
 pub use settings::{STATED, Settings, Stated};
 pub use unexplained::{Missed, Unexplained};
 
@@ -43,7 +46,7 @@ pub use unexplained::{Missed, Unexplained};
 #[cfg(test)]
 pub(crate) mod testing {
     pub use super::candidates::{Scene, candidates};
-    pub use super::next::within;
+    pub(crate) use super::next::within;
     pub use super::refit::{Bench, cost, whitened};
     pub use super::score::{Score, score};
 }

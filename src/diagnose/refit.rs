@@ -11,36 +11,12 @@ use crate::response::Plan;
 use super::DiagnoseError;
 use super::candidates::{Name, Trial};
 use super::case::{COARSE, Case, Fitted};
+use super::race::Race;
 use super::results::SplitName;
 use super::score::{Score, Scores};
 use super::search::promised;
 use super::secant::Secant;
 
-/// Iterations after which those of a candidate's starts go on that are level with its best ([`is_level`]), by this part of what it has gained or by the way
-/// they have come; and after which that is asked again.
-const TRIED: u64 = 2;
-const LEVEL_WITH: f64 = 0.8;
-const CHOICE: u64 = 4;
-/// Iterations from there, after which the best of its starts stands for every picked candidate; and of a leg of the race between these.
-const FIRST_LOOK: u64 = 4;
-/// Legs at most, and those within which a refit must come up with the best at the rate of its last one.
-const LEGS: usize = 40;
-const AHEAD: f64 = 10.0;
-/// Factor on the least cost within which a refit is worth other starts.
-const HOPEFUL: f64 = 10.0;
-/// Part of the fall of the best of earlier refits by which a candidate must have fallen after its first iterations to be looked at further.
-const FOLLOWING: f64 = 0.05;
-/// Iterations of a refit from another start.
-const REFIT_ITERATIONS: u64 = 40;
-
-/// Part of the largest slope of a candidate's own parameters below which a combination of them does nothing; how far it is then moved, in
-/// logarithms; and the part of the cost below which that changed nothing either.
-const FLAT: f64 = 1e-3;
-const OFF: [f64; 4] = [-1.4, -0.6, 0.6, 1.4];
-const UNMOVED: f64 = 1e-6;
-
-/// Part of the cost that a setting must take away to be fitted.
-pub const WORTH_FREEING: f64 = 0.1;
 /// Residuals of one test, whitened.
 pub type Whitened = Vec<Vec<f64>>;
 
@@ -125,10 +101,16 @@ pub struct Bench<'a> {
 }
 
 impl Bench<'_> {
+    /// Constants of the race.
+    pub(super) fn race(&self) -> &Race {
+        &self.case.search.settings.race
+    }
+
     /// Refits the picked candidates, in parallel; the order of the list is kept. Each begins at the best of its shapes and goes on from the
     /// one that does best; then they race, and what can no longer come up with the best is shown as it is.
     /// `leader`: the best of earlier refits, which sets the measure.
     pub fn refit_all(&self, picked: &[Score], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
+        let race = self.race();
         // Which is worth it shows in coarser steps as well.
         let rough = self.case.coarser();
         let look = Bench { case: rough.as_ref().unwrap_or(self.case), ..*self };
@@ -136,12 +118,12 @@ impl Bench<'_> {
         let secants = parallel::map(picked, |best| look.secants(best, unexplained));
         let first = secants.iter().enumerate().flat_map(|(k, s)| s.iter().flatten().map(move |s| (k, &s.system)));
         let first: Vec<(usize, &System)> = first.collect();
-        let begun = parallel::map(&first, |(k, system)| (*k, fit_some(look.case, system, TRIED, self.monitor)));
+        let begun = parallel::map(&first, |(k, system)| (*k, fit_some(look.case, system, self.race().tried, self.monitor)));
         let worth = |fits: &[(usize, Result<Fitted, String>)]| -> Vec<bool> {
             let mut least = vec![f64::INFINITY; picked.len()];
             fits.iter().for_each(|(k, f)| least[*k] = least[*k].min(cost_of(f)));
             let of = |(k, f): &(usize, Result<Fitted, String>)| {
-                f.as_ref().is_ok_and(|f| is_level(f.outcome.start_cost, f.outcome.cost, least[*k], unexplained))
+                f.as_ref().is_ok_and(|f| is_level(f.outcome.start_cost, f.outcome.cost, least[*k], unexplained, race.level_with))
             };
             fits.iter().map(of).collect()
         };
@@ -149,11 +131,11 @@ impl Bench<'_> {
             let worth = worth(&fits);
             parallel::map_into(fits, |n, (k, f)| {
                 let on =
-                    |f: Fitted| if worth[n] && follows(f.outcome.cost, leader, unexplained) { look.go_on(f, iterations) } else { Ok(f) };
+                    |f: Fitted| if worth[n] && follows(f.outcome.cost, leader, unexplained, race.following) { look.go_on(f, iterations) } else { Ok(f) };
                 (k, f.and_then(on))
             })
         };
-        let tried = gone_on(gone_on(begun, CHOICE - TRIED), FIRST_LOOK);
+        let tried = gone_on(gone_on(begun, race.choice.saturating_sub(race.tried)), race.leg);
         let failed = |s: &Result<Vec<Secant>, String>| Err(s.as_ref().err().cloned().unwrap_or_default());
         let mut looks: Vec<Result<Fitted, String>> = secants.iter().map(failed).collect();
         for (k, look) in tried {
@@ -169,12 +151,12 @@ impl Bench<'_> {
         let mut fitted = looks;
         if rough.is_some() {
             let may = look.may_lead(&fitted, leader, unexplained);
-            fitted = parallel::map_into(fitted, |k, l| l.and_then(|f| if may[k] { self.from(&f.system, FIRST_LOOK).or(Ok(f)) } else { Ok(f) }));
+            fitted = parallel::map_into(fitted, |k, l| l.and_then(|f| if may[k] { self.from(&f.system, race.leg).or(Ok(f)) } else { Ok(f) }));
         }
-        self.race(&mut fitted, leader, watch);
+        self.run(&mut fitted, leader, watch);
         let drops = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop);
         let expected = drops.chain(leader.map(|l| l.drop)).fold(0.0, f64::max);
-        let near = among_three(fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).collect());
+        let near = among_three(fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).collect(), race.hopeful);
         let off = parallel::over(fitted.len(), |k| match &fitted[k] {
             Ok(f) if f.outcome.cost <= near || picked[k].drop >= expected => self.off_plateau(f),
             _ => vec![],
@@ -185,7 +167,7 @@ impl Bench<'_> {
         self.exchange(&mut fitted, off, 0.0);
         let more_free = |f: &Result<Fitted, String>| f.as_ref().ok().filter(|f| f.outcome.cost <= near).and_then(|f| self.freed(f));
         let more_free = fitted.iter().map(|f| more_free(f).into_iter().collect()).collect();
-        self.exchange(&mut fitted, more_free, WORTH_FREEING);
+        self.exchange(&mut fitted, more_free, race.freeing);
         parallel::map_into(fitted, |k, fitted| {
             let score = &picked[k];
             let candidate = self.trials[score.trial].candidate;
@@ -199,9 +181,9 @@ impl Bench<'_> {
     }
 
     /// Goes on with the refits that may yet lead, a leg at a time.
-    fn race(&self, fitted: &mut [Result<Fitted, String>], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) {
+    fn run(&self, fitted: &mut [Result<Fitted, String>], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) {
         let unexplained = self.unexplained();
-        for leg in 0..LEGS {
+        for leg in 0..self.race().legs {
             let may = self.may_lead(fitted, leader, unexplained);
             let open = |k: &usize| may[*k] && fitted[*k].as_ref().is_ok_and(|f| f.outcome.termination == Termination::MaxIterations);
             let open: Vec<usize> = (0..fitted.len()).filter(open).collect();
@@ -212,7 +194,7 @@ impl Bench<'_> {
                 let least = fitted.iter().map(cost_of).fold(f64::INFINITY, f64::min);
                 watch(&format!("refitting {} of {} further: costs from {least:.4e}, {unexplained:.4e} before", open.len(), fitted.len()));
             }
-            let further = parallel::map(&open, |k| fitted[*k].clone().and_then(|f| self.go_on(f, FIRST_LOOK)));
+            let further = parallel::map(&open, |k| fitted[*k].clone().and_then(|f| self.go_on(f, self.race().leg)));
             // A refit that fails farther on leaves what it has reached.
             open.into_iter().zip(further).filter(|(_, f)| f.is_ok()).for_each(|(k, f)| fitted[k] = f);
         }
@@ -225,7 +207,7 @@ impl Bench<'_> {
         let of = |f: &Result<Fitted, String>| {
             f.as_ref().is_ok_and(|f| {
                 let now = nats(f.outcome.cost);
-                now + AHEAD * (now - nats(f.outcome.start_cost)) >= nats(least) - self.tie
+                now + self.race().ahead * (now - nats(f.outcome.start_cost)) >= nats(least) - self.tie
             })
         };
         fitted.iter().map(of).collect()
@@ -238,9 +220,9 @@ impl Bench<'_> {
         let starts: Vec<(usize, System)> = starts.into_iter().enumerate().flat_map(|(k, s)| s.into_iter().map(move |s| (k, s))).collect();
         let stands: Vec<f64> = fitted.iter().map(cost_of).collect();
         let moved = parallel::map(&starts, |(k, system)| {
-            let look = fit_some(self.case, system, FIRST_LOOK, self.monitor)?;
+            let look = fit_some(self.case, system, self.race().leg, self.monitor)?;
             let o = &look.outcome;
-            if o.cost - stands[*k] < o.start_cost - o.cost { self.go_on(look, REFIT_ITERATIONS) } else { Ok(look) }
+            if o.cost - stands[*k] < o.start_cost - o.cost { self.go_on(look, self.race().iterations) } else { Ok(look) }
         });
         for ((k, _), moved) in starts.iter().zip(moved) {
             if cost_of(&moved) < (1.0 - worth) * cost_of(&fitted[*k]) {
@@ -280,7 +262,7 @@ impl Bench<'_> {
         let svd = slopes.svd(false, true);
         let (Some(v), size) = (svd.v_t, svd.singular_values.max()) else { return vec![] };
         let (least, at) = (svd.singular_values.min(), svd.singular_values.imin());
-        if least > FLAT * size {
+        if least > self.race().flat * size {
             return vec![];
         }
         let direction = v.row(at) / v.row(at).amax();
@@ -293,10 +275,10 @@ impl Bench<'_> {
                 let p = &mut system.instances[last].params[fitted.free[*k].param];
                 p.value = (p.value * (t * direction[c]).exp()).clamp(p.min, p.max);
             }
-            let changed = cost_at(&system).is_ok_and(|cost| (cost - here).abs() > UNMOVED * here);
+            let changed = cost_at(&system).is_ok_and(|cost| (cost - here).abs() > self.race().unmoved * here);
             changed.then_some(system)
         };
-        parallel::map(&OFF, step).into_iter().flatten().collect()
+        parallel::map(&self.race().off, step).into_iter().flatten().collect()
     }
 
     /// More iterations for what has used up its own.
@@ -327,16 +309,16 @@ fn cost_of(fitted: &Result<Fitted, String>) -> f64 {
 }
 
 /// A cost that only the best three reach, and those within a factor of the best.
-fn among_three(mut costs: Vec<f64>) -> f64 {
+fn among_three(mut costs: Vec<f64>, hopeful: f64) -> f64 {
     costs.sort_by(f64::total_cmp);
     let best = costs.first().copied().unwrap_or(0.0);
-    (HOPEFUL * best).min(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
+    (hopeful * best).min(costs.get(2).or(costs.last()).copied().unwrap_or(0.0))
 }
 
 /// Whether a start of a candidate whose best start has come to `least` is worth going on with: it has gained nearly as much of what is
 /// `unexplained`, or has no farther to go to there than it has come. A start in the right valley may begin above all the others.
-fn is_level(start: f64, cost: f64, least: f64, unexplained: f64) -> bool {
-    cost <= least || unexplained - cost >= LEVEL_WITH * (unexplained - least) || cost - least <= start - cost
+fn is_level(start: f64, cost: f64, least: f64, unexplained: f64, level_with: f64) -> bool {
+    cost <= least || unexplained - cost >= level_with * (unexplained - least) || cost - least <= start - cost
 }
 
 /// What earlier refits have come to.
@@ -349,8 +331,8 @@ pub struct Leader {
 }
 
 /// Whether a candidate has fallen at all beside the best of earlier refits.
-fn follows(cost: f64, leader: Option<Leader>, unexplained: f64) -> bool {
-    leader.is_none_or(|l| unexplained - cost >= FOLLOWING * (unexplained - l.cost))
+fn follows(cost: f64, leader: Option<Leader>, unexplained: f64, following: f64) -> bool {
+    leader.is_none_or(|l| unexplained - cost >= following * (unexplained - l.cost))
 }
 
 /// The case with one start and no more than so many iterations.
@@ -373,7 +355,7 @@ fn ended(fitted: Result<Fitted, DiagnoseError>) -> Result<Fitted, String> {
 
 /// Fits a system in full.
 pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, String> {
-    proof(case, fit_some(case, system, REFIT_ITERATIONS, monitor)?)
+    proof(case, fit_some(case, system, case.search.settings.race.iterations, monitor)?)
 }
 
 /// A fitted system held against the fit tests.
@@ -394,17 +376,17 @@ mod tests {
     #[test]
     fn a_start_that_falls_from_above_to_the_best_is_gone_on_with() {
         // What study 05 did with a film at its shelf: the start in the right valley began above the model without a film.
-        assert!(is_level(4003.0, 3639.0, 3446.0, 3457.0) && is_level(4003.0, 3435.0, 3421.0, 3457.0));
+        assert!(is_level(4003.0, 3639.0, 3446.0, 3457.0, 0.8) && is_level(4003.0, 3435.0, 3421.0, 3457.0, 0.8));
         assert!(
-            !is_level(3700.0, 3639.0, 3446.0, 3457.0)
-                && is_level(3457.0, 3448.0, 3446.0, 3457.0)
-                && !is_level(3457.0, 3454.0, 3446.0, 3457.0)
+            !is_level(3700.0, 3639.0, 3446.0, 3457.0, 0.8)
+                && is_level(3457.0, 3448.0, 3446.0, 3457.0, 0.8)
+                && !is_level(3457.0, 3454.0, 3446.0, 3457.0, 0.8)
         );
     }
 
     #[test]
     fn what_a_leader_has_taken_is_the_measure_of_a_first_look() {
-        assert!(follows(900.0, None, 1000.0) && follows(900.0, Some(Leader { cost: 100.0, drop: 0.0 }), 1000.0));
-        assert!(!follows(960.0, Some(Leader { cost: 100.0, drop: 0.0 }), 1000.0));
+        assert!(follows(900.0, None, 1000.0, 0.05) && follows(900.0, Some(Leader { cost: 100.0, drop: 0.0 }), 1000.0, 0.05));
+        assert!(!follows(960.0, Some(Leader { cost: 100.0, drop: 0.0 }), 1000.0, 0.05));
     }
 }

@@ -16,9 +16,6 @@ use super::score::{Score, Scores, score};
 use super::weigh::{Scale, Weighed};
 use super::{DiagnoseError, trace};
 
-/// Part of the cost before it that a refit leaves where it explains all that matters.
-const EXPLAINED: f64 = 0.01;
-
 /// A candidate that was weighed.
 pub struct Stood {
     /// Its name.
@@ -94,7 +91,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let best = best_per_candidate(&scores.list, &trials);
     let price = Price::new(a, &names, squares);
     let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
-    let picked = if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &scores.selected, &trials, scale.settings.refits) };
+    let picked = if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &scores.selected, &trials, &scale.settings) };
     let bench = Bench { case: &race, base: system, names: &names, trials: &trials, scores: &scores, squares, tie: scale.settings.tie, monitor: a.monitor };
     let started = std::time::Instant::now();
     let cost = bench.unexplained();
@@ -108,7 +105,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         gain: s.gain,
     });
     if taken.is_none() && a.need.is_none() {
-        taken = in_pairs(a, &stood, &bench, picks::pair(&hopeful, &scores.selected, &names, &trials));
+        taken = in_pairs(a, &stood, &bench, picks::pair(&hopeful, &scores.selected, &names, &trials, bench.race()));
         if let Some(pair) = &taken {
             let of = |r: &Refit| pair.names.contains(&names[r.candidate]);
             refits.iter().zip(&mut reasons).filter(|(r, _)| of(r)).for_each(|(_, w)| *w = Reason::InPair { nats: pair.gain });
@@ -218,8 +215,8 @@ fn refitted(bench: &Bench, hopeful: &[Score], picked: &[Score], cost: f64, watch
     sort(&mut refits);
     let leads = refits.first().and_then(|r| r.result.as_ref().ok()).map(|p| p.fitted.outcome.cost);
     let leader = leads.map(|cost| Leader { cost, drop: refits[0].score.drop });
-    let explained = leads.is_some_and(|c| c < EXPLAINED * cost);
-    let further = picks::second(hopeful, &refits, explained, cost, bench.names, bench.trials);
+    let explained = leads.is_some_and(|c| c < bench.race().explained * cost);
+    let further = picks::second(hopeful, &refits, explained, cost, bench.names, bench.trials, bench.race());
     if !(further.is_empty() || trace::stopped(bench.monitor)) {
         watch(&format!("refitting {} more", further.len()));
         refits.extend(bench.refit_all(&further, leader, watch));

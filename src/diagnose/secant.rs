@@ -14,14 +14,6 @@ use super::refit::{Bench, cost, started, whitened};
 use super::results::SplitName;
 use super::score::Score;
 
-/// Parts of the strength that the score expects.
-const PARTS: [f64; 3] = [1.0, 0.3, 0.1];
-/// Secants of a candidate that refits begin at: the cheapest alone is not always that of the best fit.
-const GIVING: usize = 2;
-/// Shapes of a candidate that are looked at: its best, as far as they promise at least this part of the best of them.
-const SHAPES: usize = 3;
-const PROMISING: f64 = 0.3;
-
 /// The model with a candidate at a finite strength.
 pub struct Secant {
     /// The system, everything of the candidate free.
@@ -46,7 +38,7 @@ impl Bench<'_> {
         let failed = giving.iter().find_map(|s| s.as_ref().err().cloned());
         let mut found: Vec<Secant> = giving.into_iter().flatten().collect();
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        found.truncate(GIVING);
+        found.truncate(self.race().giving);
         let still = parallel::map(&shapes, |s| self.secant(&[*s], 1.0, false));
         let still = still.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
         found.extend(still.filter(|s| s.cost < unexplained));
@@ -60,7 +52,7 @@ impl Bench<'_> {
             (Ok(_), Err(_)) => a,
             _ => b,
         };
-        let parts = parallel::map(&PARTS, |part| self.secant(added, *part, true));
+        let parts = parallel::map(&self.race().parts, |part| self.secant(added, *part, true));
         parts.into_iter().reduce(cheapest).unwrap_or_else(|| Err("it was not begun".into()))
     }
 
@@ -68,7 +60,7 @@ impl Bench<'_> {
     fn shapes(&self, best: &Score) -> Vec<Score> {
         let of = |s: &Score| self.trials[s.trial].candidate;
         let own = self.scores.list.iter().filter(|s| of(s) == of(best));
-        own.filter(|s| s.drop > PROMISING * best.drop).take(SHAPES).copied().collect()
+        own.filter(|s| s.drop > self.race().promising * best.drop).take(self.race().shapes).copied().collect()
     }
 
     /// The system with the candidates at this part of their strengths, the own parameters giving way or standing still.

@@ -4,6 +4,8 @@ use serde::Serialize;
 
 use crate::evidence;
 
+use super::race::Race;
+
 /// How missing physics is searched for, and when it is believed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Settings {
@@ -18,7 +20,7 @@ pub struct Settings {
     pub promise: f64,
     /// The same of an effect in series, whose score at opening zero says little.
     pub promise_series: f64,
-    /// Fits and estimates of variances in turn.
+    /// Fits and estimates of variances in turn; and estimates of the counts and of the widths of slack by what is then left.
     pub rounds: usize,
     /// Iterations of each of these fits.
     pub iterations: u64,
@@ -66,6 +68,8 @@ pub struct Settings {
     pub like_others: f64,
     /// Tests from which a fault of one of them can be told from physics.
     pub fault_tests: usize,
+    /// Which candidates are refitted, from where, for how long.
+    pub race: Race,
     /// What the likelihood assumes.
     #[serde(flatten)]
     pub evidence: evidence::Settings,
@@ -144,6 +148,7 @@ impl Default for Settings {
             fault_over: 3.0,
             like_others: 2.5,
             fault_tests: 3,
+            race: Race::default(),
             evidence: evidence::Settings::default(),
         }
     }

@@ -156,6 +156,9 @@ impl Slack {
     /// The system with the widths that its deviations, as they were fitted, speak for.
     pub fn widened(&self, fitted: &Fitted, settings: &Settings) -> System {
         let mut system = fitted.system.clone();
+        if self.is_empty() {
+            return system;
+        }
         let spread = Covariance::of(fitted);
         for (kind, least, most) in
             [(SPRING, settings.slack_least, settings.slack_spring), (MASS, settings.slack_least, settings.slack_mass)]
@@ -172,6 +175,21 @@ impl Slack {
             }
         }
         system
+    }
+
+    /// Nats that the deviations cost: `1/2 ln |I + W S'V^-1 S W|`, S their columns beside what the other parameters can do, W the widths they
+    /// were fitted under. A model that needs no deviations has narrow widths and pays nothing.
+    pub fn price(&self, fitted: &Fitted) -> f64 {
+        if self.is_empty() {
+            return 0.0;
+        }
+        let covariance = Covariance::of(fitted);
+        let at = |m: &Member| covariance.free.iter().position(|i| *i == m.instance);
+        let width = |m: &Member| fitted.options.priors.iter().find(|p| Some(p.index) == at(m)).map(|p| p.sigma);
+        let known: Vec<(usize, f64)> = self.members.iter().filter_map(|m| Some((at(m)?, width(m)?))).collect();
+        // In units of the widths, the posterior covariance of the deviations is (I + W S'V^-1 S W)^-1.
+        let own = DMatrix::from_fn(known.len(), known.len(), |i, j| covariance.all[(known[i].0, known[j].0)] / (known[i].1 * known[j].1));
+        own.cholesky().map_or(0.0, |c| -c.l().diagonal().iter().map(|d| d.ln()).sum::<f64>())
     }
 
     /// Deviations that are large and sure, the largest first: of a spring from the mean of those of its group that do not deviate so, of a nominal

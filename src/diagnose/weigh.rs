@@ -14,9 +14,6 @@ use super::refit::some;
 use super::results::SplitName;
 use super::settings::Settings;
 
-/// Times that the counts are set anew by what the model then leaves: they settle in two.
-const TEMPERED: usize = 2;
-
 /// A model with its variances.
 #[derive(Clone)]
 pub struct Weighed {
@@ -124,17 +121,18 @@ impl Scale {
             if let Termination::Failed(reason) = &fitted.outcome.termination {
                 return Err(reason.clone());
             }
-            system = fitted.system.clone();
+            system = self.case.deviations.widened(&fitted, &self.settings);
             seen = self.see_again(&system, &memo)?;
             last = Some(fitted);
             let before = self.evidence.likelihood(&seen, &self.counts, &v);
             v = self.evidence.estimate(&seen, &self.counts, &v);
-            if (self.evidence.likelihood(&seen, &self.counts, &v) - before).abs() <= self.settings.settled {
+            if self.case.deviations.is_empty() && (self.evidence.likelihood(&seen, &self.counts, &v) - before).abs() <= self.settings.settled {
                 break;
             }
         }
         let fitted = last.ok_or("it was not fitted")?;
         let likelihood = self.evidence.likelihood(&seen, &self.counts, &v) - 0.5 * prior_squares(&fitted);
+        let likelihood = likelihood - self.case.deviations.price(&fitted);
         Ok(Weighed { fitted, seen, v, likelihood })
     }
 
@@ -152,7 +150,7 @@ impl Scale {
         self.counts = self.evidence.independent();
         parallel::watched(&monitor.watch(), || {
             let mut now = self.weigh(system, &Variances::start(&self.evidence), monitor)?;
-            for _ in 0..TEMPERED {
+            for _ in 0..self.settings.rounds {
                 now = self.tempered(&now, monitor)?;
             }
             Ok(now)

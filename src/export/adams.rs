@@ -336,7 +336,7 @@ impl File {
             } else {
                 (format!("(RTOD*A{letter}({i}, {j}))"), format!("(RTOD*W{letter}({i}, {j}, {j}))"))
             };
-            if law.info.name == "added_mass" {
+            if ["added_mass", "mass_deviation"].contains(&law.info.name) {
                 self.added_mass(m, model, parts, joint, law);
                 continue;
             }

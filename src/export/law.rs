@@ -16,7 +16,7 @@ pub(super) fn memoryless(effect: &str, p: &[String], si: &[f64], x: &str, v: &st
     let (a, b, c, d) = (at(0), at(1), at(2), at(3));
     Some(match effect {
         "preload" => a.to_string(),
-        "linear_stiffness" => format!("{a}*{x}"),
+        "linear_stiffness" | "stiffness_deviation" => format!("{a}*{x}"),
         "viscous" => format!("{a}*{v}"),
         "quadratic_stiffness" => format!("{a}*{x}**2"),
         "cubic_stiffness" => format!("{a}*{x}**3"),

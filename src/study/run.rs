@@ -13,7 +13,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::data::{FrfDoubt, OUT_OF_FAMILY, frf_doubts, out_of_family};
 use crate::diagnose::results::{Finding, SplitName, TestResult};
-use crate::diagnose::{Case, DiagnoseError, Search};
+use crate::diagnose::{Case, DiagnoseError, Search, Slack};
 use crate::effect::formula::Motion;
 use crate::explain::Explain;
 use crate::identify::Tolerances;
@@ -76,6 +76,7 @@ impl Case {
             f_tol: None,
             worth: None,
             memo: None,
+            deviations: Slack::default(),
         })
     }
 }

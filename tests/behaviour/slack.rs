@@ -138,8 +138,8 @@ fn a_slack_that_means_nothing_is_refused() {
         assert!(STUDY.contains(from));
         std::fs::write(&file, STUDY.replacen(from, to, 1)).unwrap();
         let (done, answer) = misfit("check", dir.path());
-        let error = &answer["error"];
-        let of = |key: &str| error[key].as_str().unwrap_or_default().to_string();
+        let problem = &answer["problems"][0];
+        let of = |key: &str| problem[key].as_str().unwrap_or_default().to_string();
         assert!(!done && of("message").contains(said) && of("accepted").contains(accepted) && of("where").contains("line"), "{answer}");
     };
     let k = "k = { start = \"100 N/mm\", min = \"0 N/mm\" }";

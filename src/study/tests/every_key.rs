@@ -7,6 +7,8 @@ title = "every key"
 source = "a bench"
 licence = "CC-BY-4.0"
 assumptions = ["room temperature"]
+rig = { force_max = "2 kN", displacement_max = "20 mm", velocity_max = "1 m/s", acceleration_max = "50 m/s2", frequency_min = "0.1 Hz", frequency_max = "900 Hz" }
+instruments = { gain = "1 %", offset = "0.1 %", delay = "0.1 ms", linearity = "0.1 %" }
 [[test]]
 id = "loop"
 kind = "cycle"
@@ -131,6 +133,7 @@ frf_tolerance = 0.03
 effects = ["film"]
 places = ["c1.x"]
 max_added = 2
+slack = true
 model_error_least = 0.002
 model_error_spread = 0.5
 scatter_prior = 0.01
@@ -174,7 +177,7 @@ to = "m1"
 [[effect]]
 effect = "linear_stiffness"
 at = ["c1.x", "d1.x", "base.x"]
-k = { start = "20 N/mm", min = "1 N/mm", max = "90 N/mm", prior = { mean = "20 N/mm", sigma = "2 N/mm" }, fixed = false }
+k = { start = "20 N/mm", min = "1 N/mm", max = "90 N/mm", prior = { mean = "20 N/mm", sigma = "2 N/mm" }, fixed = false, slack = "5 %" }
 [[effect]]
 effect = "linear_stiffness"
 at = ["d1.psi", "base.psi"]

@@ -1,0 +1,106 @@
+//! Constants of the race between candidates: which are refitted, from where, for how long. None of them decides what is believed; what a race
+//! misses is not found.
+
+use serde::Serialize;
+
+/// How candidates are picked, begun and refitted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Race {
+    /// Picked for its score when its predicted fall is at least this part of the best: the score is a slope, off by factors far from the truth.
+    pub worth: f64,
+    /// Part of the sparse combination of all columns from which its members are refitted...
+    pub carries: f64,
+    /// ...and how many of them.
+    pub of_opinion: usize,
+    /// Leaders whose laws are tried at other places...
+    pub leaders: usize,
+    /// ...the part of the greatest fall of the cost that makes one...
+    pub leads: f64,
+    /// ...and the places tried for all of them together.
+    pub elsewhere: usize,
+    /// Candidates refitted at the leader's place, with those that already are: it may have crowded them out of the list...
+    pub at_place: usize,
+    /// ...and the part of the leader's predicted fall that they promise.
+    pub rivals: f64,
+    /// Part of the cost without a candidate below which a refit has explained all that the race can tell.
+    pub explained: f64,
+    /// Parts of the strength that the score expects at which a candidate's best shape is computed: a law that is not smooth does something else there.
+    pub parts: [f64; 3],
+    /// Secants of a candidate that refits begin at: the cheapest alone is not always that of the best fit.
+    pub giving: usize,
+    /// Shapes of a candidate that are looked at, the best...
+    pub shapes: usize,
+    /// ...as far as they promise at least this part of the best of them.
+    pub promising: f64,
+    /// Iterations after which those of a candidate's starts go on that are level with its best...
+    pub tried: u64,
+    /// ...by this part of what it has gained, or by the way they have come: a start in the right valley may begin above all the others...
+    pub level_with: f64,
+    /// ...and after which that is asked again.
+    pub choice: u64,
+    /// Iterations of a leg; after one the best of its starts stands for a candidate.
+    pub leg: u64,
+    /// Legs at most.
+    pub legs: usize,
+    /// Legs within which a refit must come up with the best at the rate of its last one, which only slackens.
+    pub ahead: f64,
+    /// Part of the fall of the best of earlier refits by which a later one must have fallen after its first iterations to be looked at further.
+    pub following: f64,
+    /// Factor on the least cost within which a refit is worth other starts.
+    pub hopeful: f64,
+    /// Iterations of a refit from another start.
+    pub iterations: u64,
+    /// Part of the largest slope of a candidate's own parameters below which a combination of them does nothing: it has come to rest on a plateau...
+    pub flat: f64,
+    /// ...how far it is then moved, in logarithms...
+    pub off: [f64; 4],
+    /// ...and the part of the cost below which that changed nothing either.
+    pub unmoved: f64,
+    /// Part of the cost that a setting must take away to be fitted.
+    pub freeing: f64,
+    /// Parameters of one name and dimension that make two laws kin, the values of one a start for the other...
+    pub shared: usize,
+    /// ...where it saves this part of the cost.
+    pub kin_ahead: f64,
+    /// Candidates that came closest to an addition at other places and are held against it again at the end.
+    pub closest: usize,
+    /// Candidates that are followed along the whole of a record whose beginning they explain.
+    pub followed: usize,
+}
+
+impl Default for Race {
+    fn default() -> Self {
+        Race {
+            worth: 0.05,
+            carries: 0.1,
+            of_opinion: 3,
+            leaders: 2,
+            leads: 0.5,
+            elsewhere: 6,
+            at_place: 6,
+            rivals: 0.2,
+            explained: 0.01,
+            parts: [1.0, 0.3, 0.1],
+            giving: 2,
+            shapes: 3,
+            promising: 0.3,
+            tried: 2,
+            level_with: 0.8,
+            choice: 4,
+            leg: 4,
+            legs: 40,
+            ahead: 10.0,
+            following: 0.05,
+            hopeful: 10.0,
+            iterations: 40,
+            flat: 1e-3,
+            off: [-1.4, -0.6, 0.6, 1.4],
+            unmoved: 1e-6,
+            freeing: 0.1,
+            shared: 2,
+            kin_ahead: 0.1,
+            closest: 3,
+            followed: 4,
+        }
+    }
+}
