@@ -3,6 +3,8 @@
 mod floor;
 mod measure;
 mod settings;
+#[cfg(test)]
+mod tests;
 mod visible;
 
 use serde::{Deserialize, Serialize};
