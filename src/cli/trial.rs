@@ -87,13 +87,18 @@ fn structure(text: &str) -> Result<Structure, String> {
     }
 }
 
-pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
-    let (kinds, only) = (args.kinds.clone(), args.only.clone());
-    let drawn = Options { seed: args.seed, kinds, structure: args.models, data: args.data, only };
-    if !drawn.only.is_empty() && drawn.data == Data::Clean {
+/// What the command line asks for.
+fn options(args: &Args) -> Result<Options, Failure> {
+    if !args.only.is_empty() && args.data == Data::Clean {
         let said = "clean data have none of the imperfections of --only";
         return Err(Failure::new("cli", "--only", said, "--only with --data realistic, or without --data"));
     }
+    let (kinds, only) = (args.kinds.clone(), args.only.clone());
+    Ok(Options { seed: args.seed, kinds, structure: args.models, data: args.data, only })
+}
+
+pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let drawn = options(args)?;
     if let (Some(index), Some(dir)) = (args.case, &args.write) {
         let folder = dir.join(format!("case-{index}"));
         trial::write_case(&drawn, index as usize, None, &folder)?;

@@ -60,7 +60,9 @@ impl Lived {
             ladder.instruments.iter().map(|m| (name(&m.effect, &m.at), m.tied_with.as_slice())).collect();
         let is = |said: &(String, &[String]), t: &String| said.0 == *t || said.1.contains(t);
         let among = if made.instrument.is_some() { &instruments } else { &physics };
-        let first = among.first();
+        // A nonlinearity that the base has may stand before what was asked for.
+        let hidden = |said: &&(String, &[String])| truth.iter().any(|t| is(said, t));
+        let first = among.iter().find(|f| hidden(f) || !quirks.iter().any(|q| is(f, q)));
         let mut stand_ins: Vec<&str> = truth.iter().filter(|t| t.starts_with("outside:")).filter_map(|t| t.rsplit(" at ").next()).collect();
         let mut wrong = Vec::new();
         for said in &physics {

@@ -9,6 +9,9 @@ use super::super::generate::Generated;
 const STEPS: usize = 4;
 const HALVINGS: usize = 3;
 const SLOPE: f64 = 1e-3;
+/// Error of the true law in a test that its fit reckons with beside the noise, relative to the channel: strengths and gains differ by so much,
+/// and tests without noise must not outweigh all others.
+const DISCREPANCY: f64 = 0.01;
 
 /// What a channel of a record shows: the mean of the cycles that are kept, every line or sample.
 fn recorded(test: &Test, channel: &[f64]) -> Vec<f64> {
@@ -33,14 +36,16 @@ impl Truth<'_> {
         bench.read(&params, &planted, &self.flaws, &self.case.tests, test)
     }
 
-    /// Measured less computed of the tests that are fitted or decide, in standard deviations.
+    /// Measured less computed of the tests that are fitted or decide, in standard deviations of noise and
+    /// [`DISCREPANCY`].
     fn residuals(&self, factors: &[f64]) -> DVector<f64> {
         let mut all = Vec::new();
         for (test, m) in self.case.tests.iter().zip(&self.case.measured).filter(|(t, _)| t.split != "held_out") {
             let r = self.read(factors, test);
             for ((c, m), s) in r.channels.iter().zip(&m.channels).zip(&m.sigma) {
+                let own = DISCREPANCY * rms(m);
                 let rows = recorded(test, m).into_iter().zip(shown(test, c)).zip(shown(test, s));
-                all.extend(rows.map(|((m, c), s)| (m - c) * averaged(test) / s));
+                all.extend(rows.map(|((m, c), s)| (m - c) / (s / averaged(test)).hypot(own)));
             }
         }
         DVector::from_vec(all)

@@ -139,13 +139,14 @@ fn unequal(case: &mut Generated, only: Option<Imperfection>) {
         let count = within(draw, s.loops);
         let flawed = case.instrument.as_ref().map(|f| f.test.clone());
         while case.tests.len() > count {
-            let at = draw.below(case.tests.len());
-            let test = &case.tests[at];
-            let alike = case.tests.iter().filter(|t| t.split == test.split).count();
-            let least = if test.split == "fit" { 3 } else { 1 };
-            if alike > least && Some(&test.id) != flawed.as_ref() {
-                case.tests.remove(at);
-            }
+            let spare = |at: &usize| {
+                let test = &case.tests[*at];
+                let alike = case.tests.iter().filter(|t| t.split == test.split).count();
+                alike > if test.split == "fit" { 2 } else { 1 } && Some(&test.id) != flawed.as_ref()
+            };
+            let spare: Vec<usize> = (0..case.tests.len()).filter(spare).collect();
+            let Some(at) = draw.pick(&spare) else { break };
+            case.tests.remove(at);
         }
     }
     let about = case.bench.bodies == 0 && draw.chance(s.mean);
