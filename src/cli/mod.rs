@@ -22,6 +22,7 @@ mod simulate;
 mod table;
 mod text;
 mod trial;
+mod trial_realistic;
 
 use std::process::ExitCode;
 

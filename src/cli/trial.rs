@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use crate::identify::{Monitor, interrupt_flag};
-use crate::trial::{self, CaseResult, Counts, Kept, Kind, NONCENTRALITY, Options, Structure, TrialError};
+use crate::trial::{self, CaseResult, Counts, Data, Imperfection, Kept, Kind, NONCENTRALITY, Options, Structure, TrialError};
 
 use super::failure::Failure;
 use super::progress::Progress;
@@ -28,11 +28,19 @@ pub(super) struct Args {
     /// connector: one, under loops; sparse: the same at one frequency; chain: under loops and frequency responses; both: connector and chain
     #[arg(long, value_name = "WHAT", default_value = "both", value_parser = structure)]
     pub models: Structure,
+    /// clean: the base right but for what is hidden, white noise; realistic: the base wrong elsewhere too, coloured noise, scatter between tests,
+    /// wrong or no sigma, sensors and gains within tolerance, unequal records, hidden effects of 2 to 30 standard deviations
+    #[arg(long, value_name = "KIND", default_value = "clean", default_value_if("only", clap::builder::ArgPredicate::IsPresent, "realistic"), value_parser = data)]
+    pub data: Data,
+    /// Realistic data with one imperfection alone, these in turn: white (none), noise, cycles, scatter, sensor, sigma, gains, base, records; with
+    /// --kinds none each is a null row: `misfit trial --kinds none --only scatter,sensor`
+    #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = imperfection)]
+    pub only: Vec<Imperfection>,
     /// Folder of the finished cases [default: runs/trial-SEED]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Goes on with the trial in DIR, with its seed and kinds
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "seed", "kinds", "models"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "seed", "kinds", "models", "data", "only"])]
     pub resume: Option<PathBuf>,
     /// Writes every case that was not found into DIR, as a study with its truth
     #[arg(long, value_name = "DIR")]
@@ -56,6 +64,19 @@ fn kind(text: &str) -> Result<Kind, String> {
     Kind::WORDS.iter().find(|w| w.0 == text).map(|w| w.1).ok_or_else(|| format!("one of {}", words.join(", ")))
 }
 
+fn data(text: &str) -> Result<Data, String> {
+    match text {
+        "clean" => Ok(Data::Clean),
+        "realistic" => Ok(Data::Realistic),
+        _ => Err("clean or realistic".into()),
+    }
+}
+
+fn imperfection(text: &str) -> Result<Imperfection, String> {
+    let words: Vec<&str> = Imperfection::WORDS.iter().map(|w| w.0).collect();
+    Imperfection::WORDS.iter().find(|w| w.0 == text).map(|w| w.1).ok_or_else(|| format!("one of {}", words.join(", ")))
+}
+
 fn structure(text: &str) -> Result<Structure, String> {
     match text {
         "connector" => Ok(Structure::Connector),
@@ -66,8 +87,18 @@ fn structure(text: &str) -> Result<Structure, String> {
     }
 }
 
+/// What the command line asks for.
+fn options(args: &Args) -> Result<Options, Failure> {
+    if !args.only.is_empty() && args.data == Data::Clean {
+        let said = "clean data have none of the imperfections of --only";
+        return Err(Failure::new("cli", "--only", said, "--only with --data realistic, or without --data"));
+    }
+    let (kinds, only) = (args.kinds.clone(), args.only.clone());
+    Ok(Options { seed: args.seed, kinds, structure: args.models, data: args.data, only })
+}
+
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
-    let drawn = Options { seed: args.seed, kinds: args.kinds.clone(), structure: args.models };
+    let drawn = options(args)?;
     if let (Some(index), Some(dir)) = (args.case, &args.write) {
         let folder = dir.join(format!("case-{index}"));
         trial::write_case(&drawn, index as usize, None, &folder)?;
@@ -125,6 +156,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     } else {
         format!("Cases: {}\n", folder.join("cases.jsonl").display())
     };
+    if options.data == Data::Realistic {
+        value["settings"] = json!(trial::SETTINGS);
+    }
     let text = tell(&options, &told, &results) + &rest;
     Ok(Outcome { json: value, text, code: if interrupted { INTERRUPTED } else { 0 } })
 }
@@ -162,6 +196,9 @@ fn tell(options: &Options, told: &trial::Table, results: &[CaseResult]) -> Strin
     text += &table(&["truth", "said", "count"], &rows);
     if let Some(ratio) = told.held_out_over_floor {
         text += &format!("\nHeld-out error over floor, median: {}\n", significant(ratio, 3));
+    }
+    if let Some(realistic) = &told.realistic {
+        text += &super::trial_realistic::tell(realistic);
     }
     for r in results.iter().filter(|r| r.failed()) {
         text += &format!("case {}: {} -> {}; {}\n", r.index, r.truth.join(" + "), r.said.join(" + "), r.ended);

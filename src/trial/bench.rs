@@ -12,10 +12,38 @@ const CALIBRATION: f64 = 0.005;
 const OFFSET: f64 = 0.005;
 const DELAY: f64 = 3e-4;
 
-/// Samples per cycle of a loop.
+/// Samples per cycle of a loop of the clean kind.
 pub const SAMPLES: usize = 128;
-/// Cycles that are kept.
+/// Cycles that are kept of one.
 pub const KEPT: usize = 4;
+
+/// How a loop is recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// Samples per cycle.
+    pub samples: usize,
+    /// Cycles kept.
+    pub kept: usize,
+    /// Cycles over which the drive of a connector grows, in the record and not declared.
+    pub run_up: usize,
+}
+
+impl Default for Record {
+    fn default() -> Self {
+        Record { samples: SAMPLES, kept: KEPT, run_up: 0 }
+    }
+}
+
+/// A spring, a damper and a mass of a chain over those of their groups.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// Factor on the stiffness.
+    pub stiffness: f64,
+    /// Factor on the damping.
+    pub damping: f64,
+    /// Factor on the mass.
+    pub mass: f64,
+}
 
 /// What is hidden.
 #[derive(Clone, Debug)]
@@ -58,6 +86,8 @@ pub struct Bench {
     pub force: f64,
     /// Largest displacement of a connector [m].
     pub travel: f64,
+    /// The parts of a chain over their groups, from the ground; empty: all alike.
+    pub parts: Vec<Part>,
 }
 
 /// A test of the bench.
@@ -73,6 +103,34 @@ pub struct Test {
     pub split: &'static str,
     /// Test condition: its value as written and its place in its span, from -1/2 to 1/2.
     pub condition: Option<(String, f64)>,
+    /// How it is recorded.
+    pub record: Record,
+}
+
+impl Test {
+    /// Channels that are read.
+    pub fn channels(&self) -> usize {
+        match &self.drive {
+            Drive::Loop { bodies, .. } | Drive::Hit { bodies, .. } => bodies.len().max(1),
+            Drive::Frf { .. } => 1,
+        }
+    }
+
+    /// Samples of a loop, from the start of its record.
+    pub fn length(&self) -> usize {
+        match &self.drive {
+            Drive::Loop { discard, .. } => (discard + self.record.kept) * self.record.samples,
+            Drive::Hit { samples, .. } => *samples,
+            Drive::Frf { lines, .. } => lines.len(),
+        }
+    }
+}
+
+impl Planted {
+    /// Whether its law has a response about a mean: those in closed form over frequency alone have none at rest.
+    pub fn has_mean(&self) -> bool {
+        !matches!(&self.hidden, Hidden::Force(Law::Hysteretic { .. } | Law::Fractional { .. }))
+    }
 }
 
 /// The drive.
@@ -109,6 +167,18 @@ pub struct Response {
 }
 
 impl Bench {
+    /// Stiffness and damping of connector `i` of a chain, counted from the base [N/m, N s/m].
+    pub fn link(&self, params: &[f64], i: usize) -> (f64, f64) {
+        let j = if i == 0 { 0 } else { 2 };
+        let (stiffness, damping) = self.parts.get(i).map_or((1.0, 1.0), |p| (p.stiffness, p.damping));
+        (params[j] * stiffness, params[j + 1] * damping)
+    }
+
+    /// Mass of body `i` of a chain, counted from 0 [kg].
+    pub fn mass_of(&self, i: usize) -> f64 {
+        self.mass * self.parts.get(i).map_or(1.0, |p| p.mass)
+    }
+
     /// Highest drive of these tests [Hz].
     fn highest(tests: &[Test]) -> f64 {
         let top = |t: &Test| match &t.drive {
@@ -125,18 +195,18 @@ impl Bench {
         let here = |f: &&Flaw, role: &str| (f.test == "*" || f.test == test.id) && f.role == role;
         match &test.drive {
             Drive::Loop { frequency, amplitude, mean, discard, bodies } => {
-                let cycles = discard + KEPT;
+                let (cycles, n) = (discard + test.record.kept, test.record.samples);
                 let u = test.condition.as_ref().map_or(0.0, |c| c.1);
                 let (mut channels, role) = if self.bodies == 0 {
-                    (vec![connector::march(self, params, planted, (*frequency, *amplitude, *mean), cycles, u)], "force")
+                    (vec![connector::march(self, params, planted, (*frequency, *amplitude, *mean), (cycles, test.record), u)], "force")
                 } else {
-                    (chain::march(self, params, planted, (*frequency, *amplitude, *mean), cycles, bodies), "displacement")
+                    (chain::march(self, params, planted, (*frequency, *amplitude, *mean), (cycles, n), bodies), "displacement")
                 };
-                let sigma = channels.iter().map(|c| vec![test.noise * rms(&c[c.len() - SAMPLES..]); c.len()]).collect();
+                let sigma = channels.iter().map(|c| vec![test.noise * rms(&c[c.len() - n..]); c.len()]).collect();
                 for flaw in flaws.iter().filter(|f| here(f, role)) {
                     // A mass of the load cell: its share of the spring's force at the highest drive.
                     let inertia = -flaw.size * self.params[0] * amplitude * (frequency / highest).powi(2);
-                    channels.iter_mut().for_each(|c| spoil(c, flaw, frequency / highest, inertia));
+                    channels.iter_mut().for_each(|c| spoil(c, flaw, n, frequency / highest, inertia));
                 }
                 Response { channels, sigma }
             }
@@ -145,7 +215,7 @@ impl Bench {
                 let mut channels = chain::ring(self, params, planted, &hit, *dt, *samples, bodies);
                 let sigma = channels.iter().map(|c| vec![test.noise * rms(c); c.len()]).collect();
                 for flaw in flaws.iter().filter(|f| here(f, "displacement")) {
-                    channels.iter_mut().for_each(|c| spoil(c, flaw, 0.0, 0.0));
+                    channels.iter_mut().for_each(|c| spoil(c, flaw, SAMPLES, 0.0, 0.0));
                 }
                 Response { channels, sigma }
             }
@@ -190,7 +260,7 @@ impl Bench {
                         for &(effect, size) in errors {
                             let mut changed = c.clone();
                             // In parts of the test's own period.
-                            spoil(&mut changed, &Flaw { effect, test: "*".into(), role: "", size }, 1.0, 0.0);
+                            spoil(&mut changed, &Flaw { effect, test: "*".into(), role: "", size }, test.record.samples, 1.0, 0.0);
                             changed.iter_mut().zip(c).for_each(|(a, b)| *a -= b);
                             add(row, &[(&changed, s)]);
                         }
@@ -224,32 +294,32 @@ impl Bench {
 }
 
 /// The last cycle of a loop; every line of a frequency response.
-fn shown<'a>(test: &Test, c: &'a [f64]) -> &'a [f64] {
-    if matches!(test.drive, Drive::Loop { .. }) { &c[c.len() - SAMPLES..] } else { c }
+pub fn shown<'a>(test: &Test, c: &'a [f64]) -> &'a [f64] {
+    if matches!(test.drive, Drive::Loop { .. }) { &c[c.len() - test.record.samples..] } else { c }
 }
 
 /// By how much the noise of what is seen is less than that of a sample.
-fn averaged(test: &Test) -> f64 {
-    if matches!(test.drive, Drive::Loop { .. }) { (KEPT as f64).sqrt() } else { 1.0 }
+pub fn averaged(test: &Test) -> f64 {
+    if matches!(test.drive, Drive::Loop { .. }) { (test.record.kept as f64).sqrt() } else { 1.0 }
 }
 
-/// What a flaw does to a record from phase 0; `share` is the drive over the highest one.
-fn spoil(c: &mut [f64], flaw: &Flaw, share: f64, inertia: f64) {
+/// What a flaw does to a record from phase 0; `samples` make a cycle, `share` is the drive over the highest one.
+fn spoil(c: &mut [f64], flaw: &Flaw, samples: usize, share: f64, inertia: f64) {
     let n = c.len();
-    let last = &c[n.saturating_sub(SAMPLES)..];
+    let last = &c[n.saturating_sub(samples)..];
     let amplitude = 0.5 * (last.iter().fold(f64::MIN, |a, b| a.max(*b)) - last.iter().fold(f64::MAX, |a, b| a.min(*b)));
     match flaw.effect {
         "gain" => c.iter_mut().for_each(|c| *c *= 1.0 + flaw.size),
         "offset" => c.iter_mut().for_each(|c| *c += flaw.size * amplitude),
         "drift" => c.iter_mut().enumerate().for_each(|(k, c)| *c += flaw.size * amplitude * (k as f64 / n as f64 - 0.5)),
         "moving_mass" => {
-            c.iter_mut().enumerate().for_each(|(k, c)| *c += inertia * (std::f64::consts::TAU * k as f64 / SAMPLES as f64).sin());
+            c.iter_mut().enumerate().for_each(|(k, c)| *c += inertia * (std::f64::consts::TAU * k as f64 / samples as f64).sin());
         }
         _ => {
             // The record starts at rest and is periodic at its end: linear between samples, the first held, the last cycle repeated.
-            let shift = flaw.size * share * SAMPLES as f64;
+            let shift = flaw.size * share * samples as f64;
             let old = c.to_vec();
-            let value = |j: usize| if j < n { old[j] } else { old[n - SAMPLES + (j - n) % SAMPLES] };
+            let value = |j: usize| if j < n { old[j] } else { old[n - samples + (j - n) % samples] };
             for (k, c) in c.iter_mut().enumerate() {
                 let at = (k as f64 - shift).max(0.0);
                 let (low, part) = (at.floor() as usize, at.fract());
@@ -259,7 +329,8 @@ fn spoil(c: &mut [f64], flaw: &Flaw, share: f64, inertia: f64) {
     }
 }
 
-fn rms(values: &[f64]) -> f64 {
+/// Root mean square about the mean.
+pub fn rms(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
 }

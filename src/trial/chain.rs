@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
-use super::bench::{Bench, Hidden, Planted, SAMPLES};
+use super::bench::{Bench, Hidden, Planted};
 use super::law::{Memory, Motion};
 
 /// Steps per radian of the fastest mode the chain can have.
@@ -13,14 +13,14 @@ const FINE: f64 = 12.0;
 /// Cycles over which the drive grows.
 const RAMP: f64 = 2.0;
 
-/// Displacement of the given bodies (from 1) at every sample, under a sine of force on the last: frequency, amplitude, mean. The drive
-/// grows over [`RAMP`] cycles.
+/// Displacement of the given bodies (from 1) at every sample, under a sine of force on the last: frequency, amplitude, mean; so many cycles
+/// with so many samples each. The drive grows over [`RAMP`] cycles.
 pub fn march(
     b: &Bench,
     params: &[f64],
     planted: &[Planted],
     (frequency, amplitude, mean): (f64, f64, f64),
-    cycles: usize,
+    (cycles, per_cycle): (usize, usize),
     bodies: &[usize],
 ) -> Vec<Vec<f64>> {
     let drive = |time: f64| {
@@ -28,7 +28,7 @@ pub fn march(
         let grown = if t < RAMP { 0.5 - 0.5 * (0.5 * TAU * t / RAMP).cos() } else { 1.0 };
         (mean + amplitude * (TAU * t).sin()) * grown
     };
-    ring(b, params, planted, &drive, 1.0 / (frequency * SAMPLES as f64), cycles * SAMPLES, bodies)
+    ring(b, params, planted, &drive, 1.0 / (frequency * per_cycle as f64), cycles * per_cycle, bodies)
 }
 
 /// The same under any force from rest, at `samples` samples `between` apart [s].
@@ -42,7 +42,8 @@ pub fn ring(
     bodies: &[usize],
 ) -> Vec<Vec<f64>> {
     let n = b.bodies;
-    let [k_base, c_base, k, c] = [0, 1, 2, 3].map(|j| params[j]);
+    let links: Vec<(f64, f64)> = (0..n).map(|i| b.link(params, i)).collect();
+    let masses: Vec<f64> = (0..n).map(|i| b.mass_of(i)).collect();
     let mut laws: Vec<_> = planted
         .iter()
         .filter_map(|p| match &p.hidden {
@@ -51,12 +52,14 @@ pub fn ring(
         })
         .collect();
     // Friction that sticks stiffens its connector.
-    let stiff = laws.iter().filter_map(|l| l.1.small(0.0)).map(|z| b.force * z.norm()).sum::<f64>() + k.max(k_base);
-    let fastest = 2.0 * (stiff / b.mass).sqrt();
+    let stiff =
+        laws.iter().filter_map(|l| l.1.small(0.0)).map(|z| b.force * z.norm()).sum::<f64>() + links.iter().map(|l| l.0).fold(0.0, f64::max);
+    let fastest = 2.0 * (stiff / masses.iter().copied().fold(f64::INFINITY, f64::min)).sqrt();
     let per_sample = (FINE * fastest * between).ceil().max(1.0) as usize;
     let dt = between / per_sample as f64;
     let (mut x, mut v, mut old) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let mut force = vec![0.0; n + 1];
+    let mut motions = vec![Motion::default(); laws.len()];
     let mut out = vec![Vec::with_capacity(samples); bodies.len()];
     for j in 0..samples * per_sample {
         if j % per_sample == 0 {
@@ -64,12 +67,12 @@ pub fn ring(
         }
         // Velocity at the whole step, from the two half steps before it.
         let at = |i: usize| (x[i], 1.5 * v[i] - 0.5 * old[i]);
-        let mut motions = [Motion::default(); 2];
+        motions.fill(Motion::default());
         for i in 0..n {
             let (x1, v1) = at(i);
             let (x0, v0) = if i > 0 { at(i - 1) } else { (0.0, 0.0) };
             let m = Motion { x: x1 - x0, v: v1 - v0, a: 0.0 };
-            let (k, c) = if i == 0 { (k_base, c_base) } else { (k, c) };
+            let (k, c) = links[i];
             force[i] = k * m.x + c * m.v;
             for (slot, _) in motions.iter_mut().zip(&laws).filter(|(_, l)| l.0 == i) {
                 *slot = m;
@@ -82,7 +85,7 @@ pub fn ring(
         old.copy_from_slice(&v);
         for i in 0..n {
             let load = if i + 1 == n { force_now } else { 0.0 };
-            v[i] += dt * (load - force[i] + force[i + 1]) / b.mass;
+            v[i] += dt * (load - force[i] + force[i + 1]) / masses[i];
         }
         x.iter_mut().zip(&v).for_each(|(x, v)| *x += dt * v);
     }
@@ -95,7 +98,8 @@ pub fn accelerance(b: &Bench, params: &[f64], planted: &[Planted], respond: usiz
     let mut dynamic = DMatrix::<Complex64>::zeros(n, n);
     for i in 0..n {
         let j = if i == 0 { 0 } else { 2 };
-        let mut z = params[j] + Complex64::i() * w * params[j + 1];
+        let (k, c) = b.link(params, i);
+        let mut z = k + Complex64::i() * w * c;
         for p in planted.iter().filter(|p| p.place == i) {
             match &p.hidden {
                 Hidden::Force(law) => z += b.force * p.size * law.small(w).unwrap_or_default(),
@@ -103,7 +107,7 @@ pub fn accelerance(b: &Bench, params: &[f64], planted: &[Planted], respond: usiz
                 _ => {}
             }
         }
-        dynamic[(i, i)] += z - w * w * b.mass;
+        dynamic[(i, i)] += z - w * w * b.mass_of(i);
         if i > 0 {
             dynamic[(i - 1, i - 1)] += z;
             dynamic[(i, i - 1)] -= z;

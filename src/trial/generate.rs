@@ -4,10 +4,11 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bench::{Bench, Drive, Flaw, Hidden, Planted, Test};
+use super::bench::{Bench, Drive, Flaw, Hidden, Planted, Record, Response, Test};
 use super::draw::Draw;
 use super::law::{Law, Sizes};
-use super::{Kind, Options, Structure};
+use super::life::{self, Life};
+use super::{Data, Kind, Options, Structure};
 
 /// Least noncentrality of what is hidden.
 pub const NONCENTRALITY: f64 = 25.0;
@@ -80,6 +81,10 @@ pub struct Generated {
     pub draw: Draw,
     /// What the search is restricted to, as a line of study.toml.
     pub search: Option<String>,
+    /// What model and instruments do not know; none in a clean case.
+    pub life: Option<Life>,
+    /// What was recorded, test by test, once it is.
+    pub measured: Vec<Response>,
 }
 
 /// Case `index`: always the same for the same options and seed.
@@ -93,9 +98,17 @@ pub fn generate(options: &Options, index: usize) -> Generated {
             Structure::Both => draw.chance(0.3),
         };
         let sparse = options.structure == Structure::Sparse;
-        let made = if chain { in_chain(kind, draw) } else { on_connector(kind, sparse, draw) };
+        let realistic = options.data == Data::Realistic;
+        let mut made = if chain { in_chain(kind, realistic, draw) } else { on_connector(kind, sparse, draw) };
+        let least = if realistic {
+            life::lived(&mut made, options.only(index));
+            life::SETTINGS.strength.0.powi(2)
+        } else {
+            sized(&mut made);
+            NONCENTRALITY
+        };
         let hidden = made.planted.len() + usize::from(made.instrument.is_some());
-        if hidden == 0 || made.noncentrality >= NONCENTRALITY || attempt + 1 == DRAWS {
+        if hidden == 0 || made.noncentrality >= least || attempt + 1 == DRAWS {
             return made;
         }
     }
@@ -142,7 +155,14 @@ fn on_connector(kind: Kind, sparse: bool, mut draw: Draw) -> Generated {
     planted.iter_mut().filter(|p| signed.contains(&p.effect.as_str())).for_each(|p| p.size *= draw.sign());
     let damper = draw.log(0.02, 0.2) * k / (sizes.w.0 * sizes.w.1).sqrt();
     let with_damper = !names.contains(&"viscous") && draw.chance(0.7);
-    let bench = Bench { bodies: 0, mass: 0.0, params: if with_damper { vec![k, damper] } else { vec![k] }, force: k * travel, travel };
+    let bench = Bench {
+        bodies: 0,
+        mass: 0.0,
+        params: if with_damper { vec![k, damper] } else { vec![k] },
+        force: k * travel,
+        travel,
+        parts: vec![],
+    };
     let noise = draw.log(0.003, 0.015);
     let middle = low * (high / low).powf(draw.between(0.35, 0.65));
     // The corners are fitted; what decides and what is held out lies between and among them.
@@ -152,9 +172,9 @@ fn on_connector(kind: Kind, sparse: bool, mut draw: Draw) -> Generated {
     let tests = corners.iter().chain(&between).zip(splits).enumerate().map(|(j, ((frequency, part), split))| {
         let u = draw.between(-0.5, 0.5);
         let value = if load { format!("{:.3} N", 100.0 + 80.0 * u) } else { format!("{:.4} mm", 0.4 + 0.4 * u) };
-        let frequency = round(if sparse { middle } else { *frequency });
+        let frequency = round(if sparse { middle } else { *frequency }, 3);
         let drive = Drive::Loop { frequency, amplitude: travel * part, mean: 0.0, discard: 2, bodies: vec![] };
-        Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: conditioned.then_some((value, u)) }
+        Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: conditioned.then_some((value, u)), record: Record::default() }
     });
     let tests: Vec<Test> = tests.collect();
     let (mut nuisances, mut instrument) = (Vec::new(), None);
@@ -173,11 +193,16 @@ fn on_connector(kind: Kind, sparse: bool, mut draw: Draw) -> Generated {
         let size = if effect == "moving_mass" { draw.log(0.02, 0.2) } else { draw.log(0.015, 0.1) * draw.sign() };
         instrument = Some(Flaw { effect, test, role: "force", size: if effect == "delay" { 0.2 * size } else { size } });
     }
-    finish(bench, tests, condition, planted, instrument, nuisances, draw)
+    drafted(bench, tests, condition, planted, (instrument, nuisances), draw)
 }
 
-fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
-    let bodies = if draw.chance(0.1) { 22 } else { 3 + draw.below(6) };
+fn in_chain(kind: Kind, realistic: bool, mut draw: Draw) -> Generated {
+    let (least, most) = life::SETTINGS.bodies;
+    let bodies = match realistic {
+        true => least + draw.below(most + 1 - least),
+        false if draw.chance(0.1) => 22,
+        false => 3 + draw.below(6),
+    };
     let (k, mass) = (draw.log(5e4, 5e5), draw.log(0.05, 0.3));
     let k_base = k * draw.log(0.5, 2.0);
     // First mode of a uniform chain, fixed at one end.
@@ -216,7 +241,7 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
         });
     }
     let params = vec![k_base, c * draw.log(0.5, 2.0), k, c];
-    let bench = Bench { bodies, mass, params, force: bench_force, travel };
+    let bench = Bench { bodies, mass, params, force: bench_force, travel, parts: vec![] };
     let noise = draw.log(0.003, 0.01);
     let all: Vec<usize> = (1..=bodies).filter(|b| bodies < 10 || b % 3 == 1).collect();
     // Transients have died away to a few parts in ten thousand.
@@ -226,9 +251,9 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
         let middle = (low * high).sqrt();
         let drives = [(low, 1.0, "fit"), (high, 0.6, "fit"), (middle, 0.4, "fit"), (middle, 0.8, "select"), (high, 1.0, "held_out")];
         for (j, (f, part, split)) in drives.into_iter().enumerate() {
-            let f = round(f);
+            let f = round(f, 3);
             let drive = Drive::Loop { frequency: f, amplitude: bench_force * part, mean: 0.0, discard: settle(f), bodies: all.clone() };
-            tests.push(Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: None });
+            tests.push(Test { id: format!("loop-{}", j + 1), drive, noise, split, condition: None, record: Record::default() });
         }
     }
     if hits {
@@ -243,7 +268,7 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
                 samples: HIT_PERIODS * HIT_SAMPLES,
                 bodies: two.clone(),
             };
-            tests.push(Test { id: format!("hit-{}", j + 1), drive, noise, split, condition: None });
+            tests.push(Test { id: format!("hit-{}", j + 1), drive, noise, split, condition: None, record: Record::default() });
         }
     }
     // Only laws with a limit at small motion have a frequency response.
@@ -258,6 +283,7 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
                 noise,
                 split,
                 condition: None,
+                record: Record::default(),
             });
         }
     }
@@ -272,44 +298,47 @@ fn in_chain(kind: Kind, mut draw: Draw) -> Generated {
         instrument =
             Some(Flaw { effect, test, role, size: draw.log(0.015, 0.1) * draw.sign() * if effect == "delay" { 0.2 } else { 1.0 } });
     }
-    finish(bench, tests, None, planted, instrument, nuisances, draw)
+    drafted(bench, tests, None, planted, (instrument, nuisances), draw)
 }
 
-/// Three significant digits, as one sets a generator.
-fn round(f: f64) -> f64 {
-    let scale = 10f64.powi(2 - f.log10().floor() as i32);
+/// So many significant digits.
+pub fn round(f: f64, digits: i32) -> f64 {
+    let scale = 10f64.powi(digits - 1 - f.log10().floor() as i32);
     (f * scale).round() / scale
 }
 
-/// Scales what is hidden until it can be seen, and draws the starts.
-fn finish(
+/// A case whose hidden effects have no size yet.
+fn drafted(
     bench: Bench,
     tests: Vec<Test>,
     condition: Option<(&'static str, &'static str)>,
-    mut planted: Vec<Planted>,
-    mut instrument: Option<Flaw>,
-    nuisances: Vec<Flaw>,
+    planted: Vec<Planted>,
+    (instrument, nuisances): (Option<Flaw>, Vec<Flaw>),
     mut draw: Draw,
 ) -> Generated {
     let starts = bench.params.iter().map(|_| draw.log(0.7, 1.4)).collect();
-    let fitted: Vec<Test> = tests.iter().filter(|t| t.split == "fit").cloned().collect();
-    let mut noncentrality = 0.0;
+    let (noncentrality, search, life, measured) = (0.0, None, None, vec![]);
+    Generated { bench, tests, condition, planted, instrument, nuisances, noncentrality, starts, draw, search, life, measured }
+}
+
+/// Scales what is hidden until it can be seen.
+fn sized(case: &mut Generated) {
+    let fitted: Vec<Test> = case.tests.iter().filter(|t| t.split == "fit").cloned().collect();
     for _ in 0..GROWTHS {
-        let seen = noncentralities(&bench, &planted, instrument.as_ref(), &fitted);
-        noncentrality = seen.iter().copied().reduce(f64::min).unwrap_or(0.0);
+        let seen = noncentralities(&case.bench, &case.planted, case.instrument.as_ref(), &fitted);
+        case.noncentrality = seen.iter().copied().reduce(f64::min).unwrap_or(0.0);
         if seen.iter().all(|n| *n >= NONCENTRALITY) {
             break;
         }
-        for (p, n) in planted.iter_mut().zip(&seen) {
+        for (p, n) in case.planted.iter_mut().zip(&seen) {
             if *n < NONCENTRALITY && p.size.abs() * GROWTH <= LARGEST {
                 p.size *= GROWTH;
             }
         }
-        if let Some(flaw) = instrument.as_mut().filter(|f| f.size.abs() < 0.2) {
+        if let Some(flaw) = case.instrument.as_mut().filter(|f| f.size.abs() < 0.2) {
             flaw.size *= GROWTH;
         }
     }
-    Generated { bench, tests, condition, planted, instrument, nuisances, noncentrality, starts, draw, search: None }
 }
 
 /// For each hidden effect (or the instrument's) the squared length of what it adds to the whitened fit tests, beyond what the free

@@ -10,7 +10,9 @@ use crate::effect::{Role, find};
 
 use super::Kind;
 use super::bench::{Drive, Flaw};
+use super::curve::{Realistic, realistic};
 use super::generate::Generated;
+use super::lived::{Lived, quirks};
 
 /// Root mean square of whitened residuals up to which a model is at the floor.
 const AT_FLOOR: f64 = 1.1;
@@ -62,6 +64,9 @@ pub struct CaseResult {
     pub evidence: Vec<String>,
     /// Wall time [s].
     pub wall_s: f64,
+    /// What is judged of a realistic case beside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lived: Option<Lived>,
 }
 
 /// A proposed next test, run on the bench.
@@ -129,6 +134,7 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
         next_test: None,
         evidence: vec![],
         wall_s,
+        lived: None,
     };
     let ladder = match ladder {
         Ok(ladder) => ladder,
@@ -145,7 +151,10 @@ pub fn judge(kind: Kind, index: usize, made: &Generated, ladder: Result<&LadderR
     let all = said_by(ladder);
     let is_nuisance = |m: &Named| made.nuisances.iter().any(|f| is_there(f, m.effect, m.at));
     let is_hidden = |m: &Named| hidden.iter().any(|h| *h == format!("{} at {}", m.effect, m.at) || m.tied_with.contains(h));
-    let named = all.iter().filter(|m| is_hidden(m) || !is_nuisance(m));
+    // Nor is a nonlinearity that the base has.
+    let quirks = quirks(made);
+    let is_quirk = |m: &Named| quirks.iter().any(|q| *q == format!("{} at {}", m.effect, m.at) || m.tied_with.contains(q));
+    let named = all.iter().filter(|m| is_hidden(m) || !(is_nuisance(m) || is_quirk(m)));
     for m in named.clone() {
         r.said.push(format!("{} at {}", m.effect, m.at));
         r.tied.push(m.tied_with.to_vec());
@@ -292,6 +301,9 @@ pub struct Table {
     pub confusion: Vec<Confusion>,
     /// Median of held-out error over floor.
     pub held_out_over_floor: Option<f64>,
+    /// Of realistic cases: recovery over strength, claims without ground, null rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub realistic: Option<Realistic>,
 }
 
 /// What the ladder after the next test says. The test separates the effect that was named, the last of `among`, from each of the others: the
@@ -337,6 +349,7 @@ pub fn table(results: &[CaseResult]) -> Table {
         by_kind,
         confusion: confusion.into_iter().map(|((truth, said), count)| Confusion { truth, said, count }).collect(),
         held_out_over_floor: held.get(held.len() / 2).copied(),
+        realistic: realistic(results),
     }
 }
 

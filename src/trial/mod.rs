@@ -6,12 +6,15 @@
 mod bench;
 mod chain;
 mod connector;
+mod curve;
 mod draw;
 mod error;
 mod generate;
 mod judge;
 mod kept;
 mod law;
+mod life;
+mod lived;
 mod write;
 
 #[cfg(test)]
@@ -27,14 +30,16 @@ use crate::diagnose::{self, Case};
 use crate::identify::Monitor;
 use crate::study::Study;
 
-use bench::{Drive, Hidden, Planted, Test};
+use bench::{Drive, Planted, Test};
 use generate::{Generated, generate};
-use law::Law;
 
+pub use curve::{Bin, NullRow, OfStructure, Realistic, Share};
 pub use error::TrialError;
 pub use generate::NONCENTRALITY;
 pub use judge::{CaseResult, Confusion, Counts, Followed, Table, table};
 pub use kept::Kept;
+pub use life::{Imperfection, SETTINGS, Settings};
+pub use lived::Lived;
 
 /// What is hidden in a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -78,8 +83,19 @@ pub enum Structure {
     Both,
 }
 
+/// What the data of a case are like.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Data {
+    /// The base right but for what is hidden, white noise.
+    #[default]
+    Clean,
+    /// As life is: [`Imperfection`].
+    Realistic,
+}
+
 /// What is drawn.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Options {
     /// Seed of all draws.
     pub seed: u64,
@@ -87,6 +103,12 @@ pub struct Options {
     pub kinds: Vec<Kind>,
     /// What is tested.
     pub structure: Structure,
+    /// What the data are like.
+    #[serde(default)]
+    pub data: Data,
+    /// Of realistic data, the imperfections that each case has alone, in turn; empty: all at once.
+    #[serde(default)]
+    pub only: Vec<Imperfection>,
 }
 
 impl Options {
@@ -96,6 +118,12 @@ impl Options {
         const MIX: [Kind; 10] = [One, None, One, Two, One, Outside, One, Instrument, One, None];
         let list: &[Kind] = if self.kinds.is_empty() { &MIX } else { &self.kinds };
         list[index % list.len()]
+    }
+
+    /// The imperfection that case `index` has alone; none: all.
+    pub fn only(&self, index: usize) -> Option<Imperfection> {
+        let turn = index / self.kinds.len().max(1);
+        (!self.only.is_empty()).then(|| self.only[turn % self.only.len()])
     }
 }
 
@@ -109,10 +137,14 @@ impl Generated {
         }
     }
 
-    /// Whether its laws have a response about this mean: those in closed form over frequency alone have none at rest.
+    /// Whether its laws have a response about this mean.
     fn runs_about(&self, mean: f64) -> bool {
-        let creeps = |p: &Planted| matches!(&p.hidden, Hidden::Force(Law::Hysteretic { .. } | Law::Fractional { .. }));
-        mean == 0.0 || !self.planted.iter().any(creeps)
+        mean == 0.0 || self.planted.iter().all(Planted::has_mean)
+    }
+
+    /// Stated over true standard deviation of the noise of test `at`; none where it is not stated, as in clean cases.
+    fn stated(&self, at: usize) -> Option<f64> {
+        self.life.as_ref()?.tests.get(at)?.stated
     }
 
     /// Adds a proposed test to those that are fitted, and has the search look among these effects alone; not what the bench cannot run.
@@ -124,6 +156,11 @@ impl Generated {
         }
         let drive = Drive::Loop { frequency: next.frequency, amplitude: next.amplitude, mean: next.mean, discard, bodies };
         self.tests.push(Test { id: "next".into(), drive, split: "fit", ..base });
+        // It is run as the test that it varies was.
+        let before = self.tests.iter().position(|t| t.id == next.test);
+        if let (Some(life), Some(at)) = (&mut self.life, before) {
+            life.tests.extend(life.tests.get(at).cloned());
+        }
         let effects: Vec<String> = among.iter().map(|n| format!("\"{}\"", n.split(" at ").next().unwrap_or(n))).collect();
         self.search = Some(format!("search = {{ effects = [{}] }}\n", effects.join(", ")));
         true
@@ -161,6 +198,9 @@ pub fn run_case(options: &Options, index: usize, monitor: &Monitor) -> Result<Op
     }
     let mut result = judge::judge(options.kind(index), index, &made, climbed.as_ref(), started.elapsed().as_secs_f64());
     if let Ok(ladder) = &climbed {
+        if made.life.is_some() {
+            result.lived = Some(Lived::judge(&made, options.only(index), &result.truth, ladder));
+        }
         result.next_test = next_test(options, index, ladder, &result, monitor)?;
     }
     Ok(Some(result))

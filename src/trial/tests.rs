@@ -4,7 +4,7 @@ use approx::assert_relative_eq;
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 
-use super::bench::{Bench, Hidden, Planted, SAMPLES};
+use super::bench::{Bench, Hidden, Planted, Record, SAMPLES};
 use super::law::{Law, Memory, Motion};
 use super::*;
 
@@ -13,7 +13,7 @@ fn planted(law: Law, size: f64) -> Planted {
 }
 
 fn one() -> Bench {
-    Bench { bodies: 0, mass: 0.0, params: vec![2e4, 30.0], force: 20.0, travel: 1e-3 }
+    Bench { bodies: 0, mass: 0.0, params: vec![2e4, 30.0], force: 20.0, travel: 1e-3, parts: vec![] }
 }
 
 /// Work of the last cycle of a record of force over a sine of displacement.
@@ -28,7 +28,7 @@ fn losses_per_cycle_are_those_of_the_closed_forms() {
     let b = one();
     let (f, a) = (2.0, 1e-3);
     let own = PI * 30.0 * TAU * f * a * a;
-    let loss = |law: Law| work(&connector::march(&b, &b.params, &[planted(law, 0.3)], (f, a, 0.0), 4, 0.0), a) - own;
+    let loss = |law: Law| work(&connector::march(&b, &b.params, &[planted(law, 0.3)], (f, a, 0.0), (4, Record::default()), 0.0), a) - own;
     let size: f64 = 6.0;
     // Coulomb: 4 F X. A slider behind a spring: 4 F (X - d). Sliders of uniform density, all slipping: 4 F (X - 2d/3).
     assert_relative_eq!(loss(Law::Dry), 4.0 * size * a, max_relative = 0.01);
@@ -43,7 +43,7 @@ fn losses_per_cycle_are_those_of_the_closed_forms() {
     // Hard free play of a plain spring: k (X - g/2) at the top, no loss.
     let stiff = Bench { params: vec![2e4], ..one() };
     let gap = Planted { effect: String::new(), hidden: Hidden::Gap, size: 0.4, place: 0 };
-    let force = connector::march(&stiff, &stiff.params, &[gap], (f, a, 0.0), 4, 0.0);
+    let force = connector::march(&stiff, &stiff.params, &[gap], (f, a, 0.0), (4, Record::default()), 0.0);
     let top = force.iter().fold(0.0, |t: f64, f| t.max(*f));
     assert_relative_eq!(top, 2e4 * (a - 2e-4), max_relative = 1e-6);
     assert!(work(&force, a).abs() < 1e-3 * 2e4 * a * a);
@@ -67,11 +67,11 @@ fn a_marched_relaxation_is_its_closed_form() {
 
 #[test]
 fn the_chain_marches_to_its_frequency_response() {
-    let b = Bench { bodies: 5, mass: 0.1, params: vec![2e5, 60.0, 1.5e5, 40.0], force: 50.0, travel: 4e-4 };
+    let b = Bench { bodies: 5, mass: 0.1, params: vec![2e5, 60.0, 1.5e5, 40.0], force: 50.0, travel: 4e-4, parts: vec![] };
     let slack = planted(Law::Relaxing { tau: 3e-3, x1: b.travel }, 0.5);
     let slack = Planted { place: 2, ..slack };
     let (f, a) = (20.0, 50.0);
-    let x = &chain::march(&b, &b.params, std::slice::from_ref(&slack), (f, a, 0.0), 30, &[3])[0];
+    let x = &chain::march(&b, &b.params, std::slice::from_ref(&slack), (f, a, 0.0), (30, SAMPLES), &[3])[0];
     let last = &x[x.len() - SAMPLES..];
     let h: Complex64 = chain::accelerance(&b, &b.params, std::slice::from_ref(&slack), 3, f) / -(TAU * f).powi(2);
     let got: Complex64 = last
@@ -85,7 +85,7 @@ fn the_chain_marches_to_its_frequency_response() {
 
 #[test]
 fn a_case_follows_from_seed_and_index() {
-    let options = Options { seed: 7, kinds: vec![], structure: Structure::Both };
+    let options = Options { seed: 7, kinds: vec![], structure: Structure::Both, ..Options::default() };
     let read = |folder: &Path| {
         let mut all: Vec<(String, Vec<u8>)> = std::fs::read_dir(folder.join("data"))
             .unwrap()
@@ -105,7 +105,7 @@ fn a_case_follows_from_seed_and_index() {
 #[test]
 fn what_is_hidden_can_be_seen() {
     for structure in [Structure::Connector, Structure::Sparse, Structure::Chain] {
-        let options = Options { seed: 11, kinds: vec![], structure };
+        let options = Options { seed: 11, kinds: vec![], structure, ..Options::default() };
         for index in 0..10 {
             let made = generate(&options, index);
             let hidden = made.planted.len() + usize::from(made.instrument.is_some());
@@ -121,7 +121,7 @@ fn what_is_hidden_can_be_seen() {
 #[test]
 fn a_trial_cut_short_goes_on_and_a_bad_line_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    let options = Options { seed: 5, kinds: vec![Kind::None], structure: Structure::Connector };
+    let options = Options { seed: 5, kinds: vec![Kind::None], structure: Structure::Connector, ..Options::default() };
     let kept = Kept::create(folder.path(), &options).unwrap();
     let made = generate(&options, 0);
     let error = crate::model::ModelError::invalid("x", "made up", "nothing").into();
@@ -141,7 +141,7 @@ fn a_trial_cut_short_goes_on_and_a_bad_line_is_named() {
 #[test]
 fn a_hit_rings_as_the_closed_form_says() {
     let (k, m) = (2e5, 0.1);
-    let b = Bench { bodies: 1, mass: m, params: vec![k, 0.0, k, 0.0], force: 50.0, travel: 4e-4 };
+    let b = Bench { bodies: 1, mass: m, params: vec![k, 0.0, k, 0.0], force: 50.0, travel: 4e-4, parts: vec![] };
     let w = f64::sqrt(k / m);
     let (length, peak, dt) = (0.5 * TAU / w * 0.8, 30.0, TAU / w / 400.0);
     let hit = |t: f64| if t < length { peak * (PI * t / length).sin() } else { 0.0 };
@@ -163,13 +163,13 @@ fn a_hit_rings_as_the_closed_form_says() {
 /// nothing.
 #[test]
 fn two_at_once_a_neighbour_exchanged_and_a_gain_of_one_test_are_found() {
-    let both = Options { seed: 424_243, kinds: vec![], structure: Structure::Both };
+    let both = Options { seed: 424_243, kinds: vec![], structure: Structure::Both, ..Options::default() };
     let two = run_case(&both, 23, &Monitor::default()).unwrap().unwrap();
     assert!(two.truth.len() == 2 && two.strict && two.extra == 0, "{:?} {:?}", two.truth, two.said);
-    let pairs = Options { seed: 5, kinds: vec![Kind::Two], structure: Structure::Chain };
+    let pairs = Options { seed: 5, kinds: vec![Kind::Two], structure: Structure::Chain, ..Options::default() };
     let exchanged = run_case(&pairs, 43, &Monitor::default()).unwrap().unwrap();
     assert!(exchanged.strict && exchanged.extra == 0, "{:?} {:?}", exchanged.truth, exchanged.said);
-    let chains = Options { seed: 777, kinds: vec![], structure: Structure::Chain };
+    let chains = Options { seed: 777, kinds: vec![], structure: Structure::Chain, ..Options::default() };
     let gain = run_case(&chains, 7, &Monitor::default()).unwrap().unwrap();
     assert!(gain.strict && gain.said == ["gain at frf-1.response"], "{:?} {:?}", gain.truth, gain.said);
 }

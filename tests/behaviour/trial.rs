@@ -56,6 +56,24 @@ fn a_trial_is_not_written_over_and_unknown_kinds_are_named() {
     assert!(usage["error"]["message"].as_str().unwrap().contains("three"), "{usage}");
 }
 
+#[test]
+fn each_imperfection_alone_is_a_row_that_goes_on_where_it_was_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out").display().to_string();
+    let options = ["--kinds", "none", "--models", "connector", "--only", "white,sigma", "--seed", "6", "--out", &out];
+    let first = trial(&[&options[..], &["--cases", "1"]].concat());
+    assert_eq!(first["realistic"]["null_rows"].as_array().unwrap().len(), 1, "{first}");
+    let both = trial(&["--resume", &out, "--cases", "2"]);
+    let rows = both["realistic"]["null_rows"].as_array().unwrap();
+    let named: Vec<&str> = rows.iter().map(|r| r["imperfection"].as_str().unwrap()).collect();
+    assert_eq!(named, ["white", "sigma"], "{both}");
+    assert!(rows.iter().all(|r| r["false_effect"]["of"] == 1 && r["unexplained"]["of"] == 1), "{both}");
+    assert_eq!(both["realistic"]["structures"][0]["quiet"]["of"], 2, "{both}");
+    assert!(both["settings"]["scatter"].as_f64().unwrap() > 0.0 && both["cases"] == 2, "{both}");
+    let clean = misfit(&["trial", "--json", "--data", "clean", "--only", "noise"]).json();
+    assert!(clean["error"]["accepted"].as_str().unwrap().contains("--data realistic"), "{clean}");
+}
+
 /// The first effect that a ladder names on a generated case, and the one that is hidden there.
 fn named_and_hidden(seed: &str, case: &str) -> [String; 2] {
     let folder = tempfile::tempdir().unwrap();
