@@ -52,10 +52,7 @@ pub(super) fn rig(root: &TableView<'_>) -> Result<Rig, TomlError> {
     };
     let frequency = (limit("frequency_min", Dimension::FREQUENCY, 0.0)?, limit("frequency_max", Dimension::FREQUENCY, f64::INFINITY)?);
     if frequency.0 >= frequency.1 {
-        return Err(value.refuse(
-            format!("the bench runs from {} to {} Hz", frequency.0, frequency.1),
-            "frequency_min below frequency_max",
-        ));
+        return Err(value.refuse(format!("the bench runs from {} to {} Hz", frequency.0, frequency.1), "frequency_min below frequency_max"));
     }
     Ok(Rig {
         force_max: limit("force_max", Dimension::FORCE, f64::INFINITY)?,

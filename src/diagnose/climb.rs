@@ -84,7 +84,21 @@ impl<'a> Climb<'a> {
         let first = first.map_err(failed)?;
         let base = first.fitted.system.instances.len();
         let now = first.clone();
-        Ok(Climb { case, settings, monitor, watch, base, slack, scale, first, now, added: vec![], order: vec![], tried: 1.0, turned: vec![] })
+        Ok(Climb {
+            case,
+            settings,
+            monitor,
+            watch,
+            base,
+            slack,
+            scale,
+            first,
+            now,
+            added: vec![],
+            order: vec![],
+            tried: 1.0,
+            turned: vec![],
+        })
     }
 
     /// Scores and weighs what may be missing from the present model, under its own counts.
@@ -150,7 +164,13 @@ impl<'a> Climb<'a> {
 }
 
 /// The fit with slack in what the study ties or fixes, begun from the one without; that one where nothing has slack or no fit with it comes out.
-fn with_slack(case: &Case, fitted: &Fitted, settings: &Settings, monitor: &Monitor, watch: &(dyn Fn(&str) + Sync)) -> (Case, Fitted, Slack) {
+fn with_slack(
+    case: &Case,
+    fitted: &Fitted,
+    settings: &Settings,
+    monitor: &Monitor,
+    watch: &(dyn Fn(&str) + Sync),
+) -> (Case, Fitted, Slack) {
     let (system, slack) = slack::given(case, &fitted.system, settings);
     if slack.is_empty() || trace::stopped(monitor) {
         return (case.clone(), fitted.clone(), Slack::default());

@@ -191,7 +191,12 @@ impl Climb<'_> {
             removed,
             tests: compare(&self.case, &fitted.system, &SEEN)?,
             parameters: parameters(&self.case, fitted)?.0.into_iter().filter(|p| !self.slack.is_own(&p.name)).collect(),
-            effects: effects(&fitted.system).into_iter().zip(&fitted.system.instances).filter(|(_, i)| self.slack.is_empty() || !deviates(i)).map(|e| e.0).collect(),
+            effects: effects(&fitted.system)
+                .into_iter()
+                .zip(&fitted.system.instances)
+                .filter(|(_, i)| self.slack.is_empty() || !deviates(i))
+                .map(|e| e.0)
+                .collect(),
             candidates: vec![],
             second_opinion: SecondOpinion::default(),
             effort: Effort::default(),
@@ -331,13 +336,7 @@ impl Climb<'_> {
         let of = |k: &usize| {
             let a = &self.added[*k];
             let proven = held.and_then(|(h, last)| Some(last.density > h.look(a.without.as_ref()?)?.density));
-            Missing {
-                effect: a.name.effect.into(),
-                at: a.name.at.clone(),
-                of: a.name.of.clone(),
-                tied_with: tied_with(a),
-                proven,
-            }
+            Missing { effect: a.name.effect.into(), at: a.name.at.clone(), of: a.name.of.clone(), tied_with: tied_with(a), proven }
         };
         self.order.iter().filter(|k| !self.is_fault(**k)).map(of).collect()
     }

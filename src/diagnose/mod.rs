@@ -38,8 +38,8 @@ pub use error::DiagnoseError;
 pub use ladder::{diagnose, ladder};
 pub use race::Race;
 pub use reason::{Fault, Reason};
-pub use slack::Slack;
 pub use settings::{STATED, Settings, Stated};
+pub use slack::Slack;
 pub use unexplained::{Missed, Unexplained};
 
 /// What tests of whole studies look into.

@@ -18,8 +18,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::identify::{Monitor, Termination};
 use crate::data::Rig;
+use crate::identify::{Monitor, Termination};
 use crate::response::{BlockKind, CycleDrive, Plan, Variation};
 use crate::units::Dimension;
 
@@ -149,10 +149,12 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
         found.describe += &format!(" (the search for this test was cut short after {:.0} s)", clock.started.elapsed().as_secs_f64());
     }
     let names: Vec<String> = rivals.iter().map(|(n, _)| format!("{} at {}", n.effect, n.at)).collect();
-    let none =
-        || {
+    let none = || {
         let bench = if case.search.rig == Rig::default() { "" } else { ", within the limits of the bench ([rig])," };
-        format!("no test from a third of the least to {REACH:.0} times the most that was tested{bench} separates it from {}", names.join(", "))
+        format!(
+            "no test from a third of the least to {REACH:.0} times the most that was tested{bench} separates it from {}",
+            names.join(", ")
+        )
     };
     match found {
         Some(found) if found.breaks || found.cut_short => Ok(found),
@@ -215,7 +217,8 @@ pub(crate) fn within(rig: &Rig, plan: &Plan, values: &[f64]) -> bool {
         let own = plan.blocks.iter().filter(|b| b.role == role && b.kind == BlockKind::Loop);
         own.flat_map(|b| &values[b.range.clone()]).fold(0.0f64, |m, v| m.max(v.abs()))
     };
-    let mut most = [("force", rig.force_max), ("displacement", rig.displacement_max)].map(|(role, limit)| read(role) <= limit).iter().all(|w| *w);
+    let mut most =
+        [("force", rig.force_max), ("displacement", rig.displacement_max)].map(|(role, limit)| read(role) <= limit).iter().all(|w| *w);
     if let Some(d) = plan.cycle_drive() {
         let (w, reach) = (std::f64::consts::TAU * d.frequency, d.mean.abs() + d.amplitude);
         most &= rig.frequency.0 <= d.frequency && d.frequency <= rig.frequency.1;
@@ -228,7 +231,8 @@ pub(crate) fn within(rig: &Rig, plan: &Plan, values: &[f64]) -> bool {
         };
     }
     let lines = plan.blocks.iter().filter(|b| b.kind == BlockKind::Frf).flat_map(|b| &b.abscissa);
-    most && lines.into_iter().all(|f| rig.frequency.0 <= *f && *f <= rig.frequency.1) && plan.excitation().is_none_or(|f| f <= rig.force_max)
+    most && lines.into_iter().all(|f| rig.frequency.0 <= *f && *f <= rig.frequency.1)
+        && plan.excitation().is_none_or(|f| f <= rig.force_max)
 }
 
 /// What a model says of a new test.

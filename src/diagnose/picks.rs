@@ -27,7 +27,15 @@ pub fn first(best: &[Score], selected: &[(usize, f64)], trials: &[Trial], settin
 
 /// By the refits, the cheapest first: other effects where the leader acts, which it may have crowded out of the list; and, unless the
 /// leader already explains everything, the effects of the leaders at other places. `unexplained`: the cost without a candidate.
-pub fn second(best: &[Score], refits: &[Refit], explained: bool, unexplained: f64, names: &[Name], trials: &[Trial], race: &Race) -> Vec<Score> {
+pub fn second(
+    best: &[Score],
+    refits: &[Refit],
+    explained: bool,
+    unexplained: f64,
+    names: &[Name],
+    trials: &[Trial],
+    race: &Race,
+) -> Vec<Score> {
     let candidate = |s: &Score| trials[s.trial].candidate;
     let done = |s: &Score| refits.iter().any(|r| r.candidate == candidate(s));
     let acts = |c: usize| {

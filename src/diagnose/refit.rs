@@ -130,8 +130,9 @@ impl Bench<'_> {
         let gone_on = |fits: Vec<(usize, Result<Fitted, String>)>, iterations: u64| -> Vec<(usize, Result<Fitted, String>)> {
             let worth = worth(&fits);
             parallel::map_into(fits, |n, (k, f)| {
-                let on =
-                    |f: Fitted| if worth[n] && follows(f.outcome.cost, leader, unexplained, race.following) { look.go_on(f, iterations) } else { Ok(f) };
+                let on = |f: Fitted| {
+                    if worth[n] && follows(f.outcome.cost, leader, unexplained, race.following) { look.go_on(f, iterations) } else { Ok(f) }
+                };
                 (k, f.and_then(on))
             })
         };
@@ -151,7 +152,8 @@ impl Bench<'_> {
         let mut fitted = looks;
         if rough.is_some() {
             let may = look.may_lead(&fitted, leader, unexplained);
-            fitted = parallel::map_into(fitted, |k, l| l.and_then(|f| if may[k] { self.from(&f.system, race.leg).or(Ok(f)) } else { Ok(f) }));
+            fitted =
+                parallel::map_into(fitted, |k, l| l.and_then(|f| if may[k] { self.from(&f.system, race.leg).or(Ok(f)) } else { Ok(f) }));
         }
         self.run(&mut fitted, leader, watch);
         let drops = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop);

@@ -92,7 +92,16 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let price = Price::new(a, &names, squares);
     let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
     let picked = if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &scores.selected, &trials, &scale.settings) };
-    let bench = Bench { case: &race, base: system, names: &names, trials: &trials, scores: &scores, squares, tie: scale.settings.tie, monitor: a.monitor };
+    let bench = Bench {
+        case: &race,
+        base: system,
+        names: &names,
+        trials: &trials,
+        scores: &scores,
+        squares,
+        tie: scale.settings.tie,
+        monitor: a.monitor,
+    };
     let started = std::time::Instant::now();
     let cost = bench.unexplained();
     let refits = refitted(&bench, &hopeful, &picked, cost, watch);

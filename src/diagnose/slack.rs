@@ -54,7 +54,8 @@ pub fn given(case: &Case, system: &System, settings: &Settings) -> (System, Slac
     let mut slack = Slack::default();
     let mut add = |member: Member, effect: &str, place: usize, stated: Option<f64>, width: f64, unit: (String, f64)| {
         let (Ok(effect), nominal) = (find(effect), member.nominal) else { return };
-        let stands = system.instances.iter().any(|i| i.name() == effect.info().name && matches!(&i.site, Site::Places(p) if p.contains(&place)));
+        let stands =
+            system.instances.iter().any(|i| i.name() == effect.info().name && matches!(&i.site, Site::Places(p) if p.contains(&place)));
         if stands || !(nominal.is_finite() && nominal > 0.0) {
             return;
         }
@@ -78,7 +79,8 @@ pub fn given(case: &Case, system: &System, settings: &Settings) -> (System, Slac
     }
     for (place, width) in masses(case, system) {
         let (body, mass) = body_at(system, place);
-        let member = Member { instance: 0, parameter: MASS, at: body, group: system.instances.len() + place, nominal: mass, estimated: true };
+        let member =
+            Member { instance: 0, parameter: MASS, at: body, group: system.instances.len() + place, nominal: mass, estimated: true };
         add(member, "mass_deviation", place, width, settings.slack_mass, ("kg".into(), 1.0));
     }
     if slack.members.iter().filter(|m| m.estimated).count() > settings.slack_members {
@@ -119,7 +121,9 @@ fn masses(case: &Case, system: &System) -> Vec<(usize, Option<f64>)> {
         (!model.on_connector(p) && weighs(dof) && first).then_some(dof)
     };
     let inertial = |p: usize| {
-        let at = |i: &&Instance| i.effect.info().role == Role::Force && i.name() == "added_mass" && matches!(&i.site, Site::Places(l) if l.contains(&p));
+        let at = |i: &&Instance| {
+            i.effect.info().role == Role::Force && i.name() == "added_mass" && matches!(&i.site, Site::Places(l) if l.contains(&p))
+        };
         system.instances.iter().filter(|i| i.params.iter().any(|p| p.free)).any(|i| at(&i))
     };
     let stated = |dof: usize| {
@@ -204,7 +208,8 @@ impl Slack {
         // Deviation of a member from the mean of those of its group that are open, and its standard deviation: own / mean - 1.
         let of = |k: usize, open: &[usize]| {
             let m = &self.members[k];
-            let others: Vec<usize> = open.iter().filter(|j| **j != k && self.members[**j].group == m.group).map(|j| self.members[*j].instance).collect();
+            let others: Vec<usize> =
+                open.iter().filter(|j| **j != k && self.members[**j].group == m.group).map(|j| self.members[*j].instance).collect();
             let n = others.len().max(1) as f64;
             let (own, mean) = (common(m) + value(m.instance), common(m) + others.iter().map(|o| value(*o)).sum::<f64>() / n);
             let mut weights = vec![(m.instance, 1.0 / mean)];
@@ -255,6 +260,11 @@ impl Covariance {
     fn variance(&self, weights: &[(usize, f64)]) -> f64 {
         let at = |instance: usize| self.free.iter().position(|i| *i == instance);
         let known: Vec<(usize, f64)> = weights.iter().filter_map(|(i, w)| Some((at(*i)?, *w))).collect();
-        known.iter().flat_map(|(a, x)| known.iter().map(move |(b, y)| (*a, *b, x * y))).map(|(a, b, w)| w * self.all[(a, b)]).sum::<f64>().max(0.0)
+        known
+            .iter()
+            .flat_map(|(a, x)| known.iter().map(move |(b, y)| (*a, *b, x * y)))
+            .map(|(a, b, w)| w * self.all[(a, b)])
+            .sum::<f64>()
+            .max(0.0)
     }
 }

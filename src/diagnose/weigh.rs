@@ -126,7 +126,9 @@ impl Scale {
             last = Some(fitted);
             let before = self.evidence.likelihood(&seen, &self.counts, &v);
             v = self.evidence.estimate(&seen, &self.counts, &v);
-            if self.case.deviations.is_empty() && (self.evidence.likelihood(&seen, &self.counts, &v) - before).abs() <= self.settings.settled {
+            if self.case.deviations.is_empty()
+                && (self.evidence.likelihood(&seen, &self.counts, &v) - before).abs() <= self.settings.settled
+            {
                 break;
             }
         }

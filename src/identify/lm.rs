@@ -285,9 +285,7 @@ impl<'a> ConstrainedLm<'a> {
                     return Trial::Ended(Termination::Converged(Convergence::Cost));
                 }
                 self.reject(k, at.cost, format!("cost {cost:e}, gain ratio {ratio:.3e}"), 0.0);
-                let worth = self.worth(at.cost, at.r.len());
-                // A shorter step promises less.
-                if self.crawl.crawls(at.cost, worth) || (self.tolerances.drop > 0.0 && predicted <= worth) {
+                if self.crawl.crawls(at.cost, self.worth(at.cost, at.r.len())) {
                     return Trial::Ended(Termination::Stalled);
                 }
                 // A shorter step changes no digit that is asked for.

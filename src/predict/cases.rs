@@ -196,8 +196,9 @@ fn outside(spec: &ToleranceSpec, table: &ToleranceTable, study: &Study, case: us
         let (low, high) = tested.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         let by = (low - value.value).max(value.value - high);
         let print = |v: f64| value.unit.print(v);
-        (law && by > 1e-9 * value.value.abs())
-            .then(|| format!("{} is {}, {} outside {} to {}", c.name, print(value.value), value.unit.print_difference(by), print(low), print(high)))
+        (law && by > 1e-9 * value.value.abs()).then(|| {
+            format!("{} is {}, {} outside {} to {}", c.name, print(value.value), value.unit.print_difference(by), print(low), print(high))
+        })
     };
     let all: Vec<String> = spec.conditions.iter().filter_map(far).collect();
     (!all.is_empty()).then(|| all.join("; "))

@@ -35,7 +35,8 @@ pub struct Tolerances {
 
 impl Tolerances {
     /// Those of the instruments of a good bench.
-    pub const GOOD: Tolerances = Tolerances { gain: 0.005, calibration: 0.005, offset: 0.002, linearity: 0.0015, delay: 3e-4, delay_time: None };
+    pub const GOOD: Tolerances =
+        Tolerances { gain: 0.005, calibration: 0.005, offset: 0.002, linearity: 0.0015, delay: 3e-4, delay_time: None };
 }
 
 /// Standard deviation of a point beside a jump, in parts of the jump: it may lie on either side of it, or between where it is read while

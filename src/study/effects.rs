@@ -98,7 +98,12 @@ pub(super) fn masses(graph: &super::GraphSpec, model: &Model, stated: &[Instance
     let Ok(law) = crate::effect::find("mass_deviation") else { return vec![] };
     let one = |(name, body): (String, &super::BodySpec)| -> Option<Instance> {
         let (mass, (least, most)) = (body.mass.as_ref()?, body.mass_range?);
-        let places: Vec<usize> = body.free.iter().filter(|a| !a.rotational()).flat_map(|a| model.places_at(&format!("{name}.{}", a.name())).unwrap_or_default()).collect();
+        let places: Vec<usize> = body
+            .free
+            .iter()
+            .filter(|a| !a.rotational())
+            .flat_map(|a| model.places_at(&format!("{name}.{}", a.name())).unwrap_or_default())
+            .collect();
         let site = Site::Places(places);
         let there = stated.iter().any(|i| i.name() == "mass_deviation" && i.site == site);
         let value = ParamValue {

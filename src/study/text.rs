@@ -207,12 +207,16 @@ impl Study {
         let (mut own, mut default) = (search.constants.clone(), Settings::default());
         let stated = STATED.iter().map(|s| (s.key, *(s.field)(&mut own), *(s.field)(&mut default)));
         let stated: Vec<(&str, f64)> = stated.filter(|(_, own, default)| own != default).map(|(key, own, _)| (key, own)).collect();
-        if search.effects.is_some() || search.places.is_some() || search.max_added.is_some() || !stated.is_empty() {
+        if search.effects.is_some() || search.places.is_some() || search.max_added.is_some() || search.slack.is_some() || !stated.is_empty()
+        {
             text.push_str("\n[search]\n");
             for (key, names) in [("effects", &search.effects), ("places", &search.places)] {
                 if let Some(names) = names {
                     let _ = writeln!(text, "{key} = {}", list(names));
                 }
+            }
+            if let Some(slack) = search.slack {
+                let _ = writeln!(text, "slack = {slack}");
             }
             if let Some(n) = search.max_added {
                 let _ = writeln!(text, "max_added = {n}");

@@ -13,6 +13,7 @@ const MASSES: [f64; N] = [0.004, -0.006, 0.003, 0.0, 0.005, -0.004];
 const STUDY: &str = r#"schema = 1
 dataset = "data"
 split = { select = ["frf-3-2"], held_out = ["frf-6-4"] }
+search = { slack = true }
 [[body]]
 name = "m"
 count = 6
@@ -112,7 +113,12 @@ fn springs_of_a_group_that_are_not_alike_are_corrections_and_no_physics() {
     assert!(held < 1.5, "{held}");
     // The odd spring beside the mean of the four others.
     let first = &result["corrections"][0];
-    assert_eq!((first["parameter"].as_str(), first["at"].as_str()), (Some("linear_stiffness.k"), Some("c3.x")), "{}", result["corrections"]);
+    assert_eq!(
+        (first["parameter"].as_str(), first["at"].as_str()),
+        (Some("linear_stiffness.k"), Some("c3.x")),
+        "{}",
+        result["corrections"]
+    );
     let put_in = (1.0 + SPRINGS[3]) / (1.0 + (SPRINGS[1] + SPRINGS[2] + SPRINGS[4] + SPRINGS[5]) / 4.0) - 1.0;
     let (relative, std) = (first["relative"].as_f64().unwrap(), first["std"].as_f64().unwrap());
     println!("{relative:.4} +- {std:.4}, put in {put_in:.4}; held-out at {held:.2} sigma");
@@ -122,7 +128,7 @@ fn springs_of_a_group_that_are_not_alike_are_corrections_and_no_physics() {
 /// Without slack the same chain stands far from its noise.
 #[test]
 fn without_slack_the_chain_does_not_come_to_its_noise() {
-    let dir = folder(&STUDY.replace("[[body]]", "[search]\nslack = false\nmax_added = 0\n[[body]]"));
+    let dir = folder(&STUDY.replace("slack = true", "slack = false, max_added = 0"));
     let (_, result) = misfit("ladder", dir.path());
     assert!(result["corrections"].as_array().unwrap().is_empty());
     let tests = result["rungs"][0]["tests"].as_array().unwrap();
@@ -145,9 +151,14 @@ fn a_slack_that_means_nothing_is_refused() {
     let k = "k = { start = \"100 N/mm\", min = \"0 N/mm\" }";
     let with = |slack: &str| k.replace(" }", &format!(", slack = {slack} }}"));
     refused(k, &with("\"0 %\""), "a slack of 0 %", "above 0 and below 100 %");
-    refused(k, &with("\"100 %\""), "a slack of 100 %", "slack = false");
+    refused(k, &with("\"100 %\""), "a slack of 100 %", "or no slack");
     refused(k, &with("\"3 mm\""), "mm", "");
-    refused("c = { start = \"0.003 N s/mm\", min = \"0 N s/mm\" }", "c = { start = \"0.003 N s/mm\", slack = \"5 %\" }", "slack of `viscous`", "mass of a body");
+    refused(
+        "c = { start = \"0.003 N s/mm\", min = \"0 N s/mm\" }",
+        "c = { start = \"0.003 N s/mm\", slack = \"5 %\" }",
+        "slack of `viscous`",
+        "mass of a body",
+    );
     refused("mass = \"0.1 kg\"", "mass = { start = \"0.1 kg\", slack = \"0 %\" }", "a slack of 0 %", "below 100 %");
     refused("mass = \"0.1 kg\"", "mass = { start = \"0.1 kg\", min = \"0.2 kg\" }", "below min", "within");
     refused("mass = \"0.1 kg\"", "mass = { start = \"0 kg\", max = \"0.2 kg\" }", "the mass of body `m` is 0 kg", "above 0");

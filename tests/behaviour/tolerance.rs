@@ -72,7 +72,12 @@ fn folder(tested: &[f64], cases: &[f64]) -> tempfile::TempDir {
     std::fs::write(data.join("dataset.toml"), toml).unwrap();
     let row = |(k, i): (usize, &f64)| {
         let energy = 1e3 * PI * damping(i * 1e-3) * TAU * 3.0 * 0.3e-3 * 0.3e-3;
-        format!("{{ case = \"{}\", W_D = \"{energy:.6} mJ\", conditions = {{ i_min = \"{} mm\", i_max = \"{} mm\" }} }}", k + 1, i - 0.01, i + 0.01)
+        format!(
+            "{{ case = \"{}\", W_D = \"{energy:.6} mJ\", conditions = {{ i_min = \"{} mm\", i_max = \"{} mm\" }} }}",
+            k + 1,
+            i - 0.01,
+            i + 0.01
+        )
     };
     let rows: Vec<String> = cases.iter().enumerate().map(row).collect();
     let table = format!(

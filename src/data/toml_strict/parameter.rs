@@ -68,7 +68,7 @@ fn slack(value: ValueView<'_>) -> Result<f64, TomlError> {
     if width.value > 0.0 && width.value < 1.0 {
         return Ok(width.value);
     }
-    Err(value.refuse(format!("a slack of {width}"), "a part above 0 and below 100 %; `[search] slack = false` takes none"))
+    Err(value.refuse(format!("a slack of {width}"), "a part above 0 and below 100 %, or no slack"))
 }
 
 fn prior(value: &ValueView<'_>, dimension: Dimension) -> Result<PriorSpec, TomlError> {

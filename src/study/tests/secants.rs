@@ -21,7 +21,16 @@ fn a_slider_takes_from_the_spring_beside_it() {
     let plans = case.plans_of(SplitName::Fit);
     let (names, trials) = candidates(&case, &fitted.system, &plans, &Scene::new(&plans, &fitted.system));
     let scores = score(&plans, &fitted.system, &trials, &vec![false; fitted.free.len()], &[], 1).unwrap();
-    let bench = Bench { case: &case, base: &fitted.system, names: &names, trials: &trials, scores: &scores, squares: 0.0, tie: 0.0, monitor: &monitor };
+    let bench = Bench {
+        case: &case,
+        base: &fitted.system,
+        names: &names,
+        trials: &trials,
+        scores: &scores,
+        squares: 0.0,
+        tie: 0.0,
+        monitor: &monitor,
+    };
     let slider = |s: &&Score| names[trials[s.trial].candidate].effect == "elastic_slip" && names[trials[s.trial].candidate].at == "c5.x";
     let best = *scores.list.iter().find(slider).unwrap();
     let before = cost(&whitened(&plans, &fitted.system).unwrap());
