@@ -36,8 +36,8 @@ pub struct Search {
     pub places: Option<Vec<String>>,
     /// Constants, as far as the study does not state them the default ones.
     pub settings: super::Settings,
-    /// Whether springs of a group and nominal masses may deviate though the study does not say so.
-    pub slack: bool,
+    /// Whether springs of a group and nominal masses deviate: from the start, or never; unstated, where that gains more than any effect.
+    pub slack: Option<bool>,
     /// Bodies whose mass may deviate by this part, as the study says.
     pub mass_slack: Vec<(String, f64)>,
     /// What the test bench can do, within which a next test is proposed.

@@ -1,7 +1,7 @@
 //! The state of a ladder: the model as it stands, what was added to it, and how it is weighed.
 
 use crate::identify::Monitor;
-use crate::model::Instance;
+use crate::model::{Instance, System};
 
 use super::approach::in_step;
 use super::candidates::Name;
@@ -154,6 +154,39 @@ impl<'a> Climb<'a> {
         }
     }
 
+    /// Gives slack to what the study ties or fixes where that gains more than what a step has found: a move like any other, whose price is that
+    /// of its widths. It then stands in every model that follows. Whether it was given.
+    pub fn slacken(&mut self, than: f64) -> bool {
+        let (s, e) = (&self.settings, &self.settings.evidence);
+        let seen = self.now.v.model_error(e) >= s.pairs_from * e.model_error_least;
+        if !seen || !self.slack.is_empty() || self.case.search.slack == Some(false) || trace::stopped(self.monitor) {
+            return false;
+        }
+        let present = &self.now.fitted.system;
+        let (own, added) = present.instances.split_at(self.base);
+        let study = System { instances: own.to_vec(), ..present.clone() };
+        let (mut system, slack) = slack::given(&self.case, &study, true, s);
+        if slack.is_empty() {
+            return false;
+        }
+        (self.watch)(&format!("weighing {} deviations of what the study ties or fixes", slack.len()));
+        system.instances.extend(added.iter().map(|i| behind(i, self.base, slack.len())));
+        let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
+        let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
+        let Ok(began) = begin(&loose, &self.monitor.quiet()) else { return false };
+        let Ok(weighed) = scale.weigh(&began.fitted.system, &self.now.v, self.monitor) else { return false };
+        // Its parameters are paid for by their widths.
+        let gain = weighed.likelihood - self.now.likelihood;
+        if gain <= than.max(0.0) {
+            return false;
+        }
+        (self.watch)(&format!("what the study ties or fixes has slack: {gain:.1} nats"));
+        self.case.deviations = slack.clone();
+        (self.base, self.scale, self.slack, self.now) = (self.base + slack.len(), scale, slack, weighed);
+        self.forget();
+        true
+    }
+
     /// What was weighed before the model changed no longer holds.
     pub fn forget(&mut self) {
         for added in &mut self.added {
@@ -161,6 +194,15 @@ impl<'a> Climb<'a> {
         }
         self.order = (0..self.added.len()).collect();
     }
+}
+
+/// An instance behind so many that were put in at `from`: what it acts on has moved with it.
+fn behind(instance: &Instance, from: usize, by: usize) -> Instance {
+    let mut moved = instance.clone();
+    if let Some(target) = &mut moved.target {
+        target.instances.iter_mut().filter(|i| **i >= from).for_each(|i| *i += by);
+    }
+    moved
 }
 
 /// The fit with slack in what the study ties or fixes, begun from the one without; that one where nothing has slack or no fit with it comes out.
@@ -171,7 +213,7 @@ fn with_slack(
     monitor: &Monitor,
     watch: &(dyn Fn(&str) + Sync),
 ) -> (Case, Fitted, Slack) {
-    let (system, slack) = slack::given(case, &fitted.system, settings);
+    let (system, slack) = slack::given(case, &fitted.system, case.search.slack == Some(true), settings);
     if slack.is_empty() || trace::stopped(monitor) {
         return (case.clone(), fitted.clone(), Slack::default());
     }

@@ -30,7 +30,10 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     let started = std::time::Instant::now();
     let (case, fitted, result) = fit(case, &SEEN, monitor)?;
     let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
-    let step = climb.step()?;
+    let mut step = climb.step()?;
+    if climb.slacken(step.taken.as_ref().map_or(0.0, |t| t.gain)) {
+        step = climb.step()?;
+    }
     if let Some(taken) = &step.taken {
         climb.add(taken, &step);
     }
@@ -156,6 +159,14 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         };
         if let Some(last) = rungs.last_mut() {
             (last.candidates, last.second_opinion, last.effort) = (step.candidates.clone(), step.second_opinion.clone(), step.effort);
+        }
+        let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
+        if parallel::watched(&monitor.watch(), || climb.slacken(than)) {
+            if let Some(last) = rungs.pop() {
+                let again = climb.rung(last.added.clone(), last.removed.clone())?;
+                rungs.push(Rung { tests: again.tests, parameters: again.parameters, effects: again.effects, cost: again.cost, ..last });
+            }
+            continue;
         }
         let Some(taken) = &step.taken else {
             visible = step.visible;

@@ -48,8 +48,8 @@ pub struct Slack {
     members: Vec<Member>,
 }
 
-/// The system with deviations at whatever it ties or fixes; the system as it is where there are none.
-pub fn given(case: &Case, system: &System, settings: &Settings) -> (System, Slack) {
+/// The system with deviations at `all` that it ties or fixes, or at what the study states alone; the system as it is where there are none.
+pub fn given(case: &Case, system: &System, all: bool, settings: &Settings) -> (System, Slack) {
     let mut with = system.clone();
     let mut slack = Slack::default();
     let mut add = |member: Member, effect: &str, place: usize, stated: Option<f64>, width: f64, unit: (String, f64)| {
@@ -70,14 +70,14 @@ pub fn given(case: &Case, system: &System, settings: &Settings) -> (System, Slac
         slack.members.push(Member { instance: with.instances.len(), estimated: stated.is_none(), ..member });
         with.instances.push(Instance::new(effect, system.model.place_name(place), Site::Places(vec![place]), vec![value]));
     };
-    for (at, width) in springs(case, system) {
+    for (at, width) in springs(system, all) {
         let (i, place) = at;
         let k = &system.instances[i].params[0];
         let at = system.model.place_name(place);
         let member = Member { instance: 0, parameter: SPRING, at, group: i, nominal: k.value, estimated: true };
         add(member, "stiffness_deviation", place, width, settings.slack_spring, k.unit.clone());
     }
-    for (place, width) in masses(case, system) {
+    for (place, width) in masses(case, system, all) {
         let (body, mass) = body_at(system, place);
         let member =
             Member { instance: 0, parameter: MASS, at: body, group: system.instances.len() + place, nominal: mass, estimated: true };
@@ -93,8 +93,8 @@ pub fn given(case: &Case, system: &System, settings: &Settings) -> (System, Slac
 const MOST: f64 = 0.9;
 
 /// Springs that share a stiffness or have a fixed one, with the width that the study states.
-fn springs(case: &Case, system: &System) -> Vec<((usize, usize), Option<f64>)> {
-    let plain = system.model.space.is_none() && case.search.slack;
+fn springs(system: &System, all: bool) -> Vec<((usize, usize), Option<f64>)> {
+    let plain = system.model.space.is_none() && all;
     let mut found = Vec::new();
     for (i, instance) in system.instances.iter().enumerate() {
         let Site::Places(places) = &instance.site else { continue };
@@ -108,7 +108,7 @@ fn springs(case: &Case, system: &System) -> Vec<((usize, usize), Option<f64>)> {
 }
 
 /// Places of the bodies with a mass, the first axis of each, with the width that the study states.
-fn masses(case: &Case, system: &System) -> Vec<(usize, Option<f64>)> {
+fn masses(case: &Case, system: &System, all: bool) -> Vec<(usize, Option<f64>)> {
     let model = &system.model;
     if model.space.is_some() {
         return vec![];
@@ -130,8 +130,8 @@ fn masses(case: &Case, system: &System) -> Vec<(usize, Option<f64>)> {
         let name = &model.bodies[model.dofs[dof].body].name;
         case.search.mass_slack.iter().find(|(n, _)| n == name).map(|(_, w)| *w)
     };
-    let all = (0..model.places.len()).filter(|p| !inertial(*p)).filter_map(|p| Some((p, stated(of(p)?))));
-    all.filter(|(_, stated)| case.search.slack || stated.is_some()).collect()
+    let found = (0..model.places.len()).filter(|p| !inertial(*p)).filter_map(|p| Some((p, stated(of(p)?))));
+    found.filter(|(_, stated)| all || stated.is_some()).collect()
 }
 
 /// Name and mass of the body whose place this is.

@@ -69,7 +69,7 @@ impl Case {
                 effects: study.search.effects.clone(),
                 places: study.search.places.clone(),
                 settings: study.search.constants.clone(),
-                slack: study.search.slack.unwrap_or(false),
+                slack: study.search.slack,
                 mass_slack: study.graph.mass_slack(),
                 rig: study.dataset.rig,
             },

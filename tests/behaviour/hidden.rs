@@ -33,8 +33,8 @@ fn receptance(hz: f64, from: usize, to: usize, (carried, lossy): (f64, f64)) -> 
     dynamic.lu().solve(&load).unwrap()[to]
 }
 
-/// A ladder on three receptances of the chain, with or without slack.
-fn ladder_of(truth: (f64, f64), slack: bool) -> serde_json::Value {
+/// A ladder on three receptances of the chain. `search`: a line of study.toml.
+fn ladder_of(truth: (f64, f64), search: &str) -> serde_json::Value {
     let folder = tempfile::tempdir().unwrap();
     let (mut dataset, mut state) = (String::new(), 7);
     let mut files = vec![];
@@ -75,8 +75,7 @@ effect = "viscous"
 at = "c1-2.x"
 c = { start = "0.02 N s/mm", min = "0 N s/mm" }
 "#;
-    let text =
-        format!("split = {{ select = [\"b\"], held_out = [\"c\"] }}\nsearch = {{ slack = {slack} }}\n{}{effects}", chain(3, "0.4 kg"));
+    let text = format!("split = {{ select = [\"b\"], held_out = [\"c\"] }}\n{search}{}{effects}", chain(3, "0.4 kg"));
     study(folder.path(), &dataset, &text);
     files.iter().for_each(|(name, csv)| std::fs::write(folder.path().join("data").join(name), csv).unwrap());
     json("ladder", folder.path())
@@ -84,7 +83,7 @@ c = { start = "0.02 N s/mm", min = "0 N s/mm" }
 
 /// `effect` must be all that is missing, at its place and with its strength (name, truth, relative deviation admitted).
 fn climbs_to(truth: (f64, f64), effect: &str, at: &str, strength: (&str, f64, f64)) {
-    let l = ladder_of(truth, false);
+    let l = ladder_of(truth, "");
     let missing = l["missing"].as_array().unwrap_or_else(|| panic!("{l}"));
     assert_eq!(missing.len(), 1, "{}", l["missing"]);
     assert_eq!((&missing[0]["effect"], &missing[0]["at"]), (&effect.into(), &at.into()));
@@ -107,7 +106,7 @@ fn a_sensors_mass_is_found_at_its_body() {
 /// Where nominal masses have slack, a twentieth is what a body may be off: a correction, and no physics.
 #[test]
 fn a_light_sensor_corrects_the_mass_of_its_body() {
-    let l = ladder_of((0.02, 0.0), true);
+    let l = ladder_of((0.02, 0.0), "search = { slack = true }\n");
     assert!(l["missing"].as_array().unwrap().is_empty() && l["verdict"] == "nothing_missing", "{}", l["missing"]);
     let first = &l["corrections"][0];
     assert_eq!((&first["parameter"], &first["at"]), (&"mass".into(), &"m2".into()), "{}", l["corrections"]);

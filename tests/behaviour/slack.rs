@@ -13,7 +13,6 @@ const MASSES: [f64; N] = [0.004, -0.006, 0.003, 0.0, 0.005, -0.004];
 const STUDY: &str = r#"schema = 1
 dataset = "data"
 split = { select = ["frf-3-2"], held_out = ["frf-6-4"] }
-search = { slack = true }
 [[body]]
 name = "m"
 count = 6
@@ -128,7 +127,7 @@ fn springs_of_a_group_that_are_not_alike_are_corrections_and_no_physics() {
 /// Without slack the same chain stands far from its noise.
 #[test]
 fn without_slack_the_chain_does_not_come_to_its_noise() {
-    let dir = folder(&STUDY.replace("slack = true", "slack = false, max_added = 0"));
+    let dir = folder(&STUDY.replacen("[[body]]", "[search]\nslack = false\nmax_added = 0\n[[body]]", 1));
     let (_, result) = misfit("ladder", dir.path());
     assert!(result["corrections"].as_array().unwrap().is_empty());
     let tests = result["rungs"][0]["tests"].as_array().unwrap();
