@@ -77,7 +77,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
     let (mut names, mut trials) = (Vec::new(), Vec::new());
     let wanted = |effect: &str| case.search.effects.as_ref().is_none_or(|list| list.iter().any(|e| e == effect));
     let allowed = |at: &str| case.search.places.as_ref().is_none_or(|list| list.iter().any(|p| p == at));
-    for effect in LIBRARY.iter().filter(|e| wanted(e.info().name) && !matches!(e, Effect::Formula(_)) && e.info().family != "deviation") {
+    for effect in LIBRARY.iter().filter(|e| wanted(e.info().name) && !matches!(e, Effect::Formula(_)) && !super::slack::deviates(e)) {
         let info = effect.info();
         match info.role {
             Role::Force | Role::Series => {

@@ -15,7 +15,6 @@ use super::held_out::{HeldOutTests, Look};
 use super::results::*;
 use super::righted::righted;
 use super::search::Step;
-use super::slack::deviates;
 use super::unexplained::{Unexplained, unexplained};
 use super::verdict::{Grounds, Judged, judged};
 use super::weigh::{Scale, Weighed};
@@ -197,17 +196,14 @@ impl Climb<'_> {
 
     fn rung(&self, added: Option<EffectAt>, removed: Vec<EffectAt>) -> Result<Rung, DiagnoseError> {
         let fitted = &self.now.fitted;
+        // Deviations are told as corrections; what the study itself lets deviate is a parameter like any other.
+        let deviates = |name: &str| fitted.free.iter().any(|f| f.name == name && self.slack.has(f.instance));
         Ok(Rung {
             added,
             removed,
             tests: compare(&self.case, &fitted.system, &SEEN)?,
-            parameters: parameters(&self.case, fitted)?.0.into_iter().filter(|p| !self.slack.is_own(&p.name)).collect(),
-            effects: effects(&fitted.system)
-                .into_iter()
-                .zip(&fitted.system.instances)
-                .filter(|(_, i)| self.slack.is_empty() || !deviates(i))
-                .map(|e| e.0)
-                .collect(),
+            parameters: parameters(&self.case, fitted)?.0.into_iter().filter(|p| !deviates(&p.name)).collect(),
+            effects: effects(&fitted.system).into_iter().enumerate().filter(|(k, _)| !self.slack.has(*k)).map(|e| e.1).collect(),
             candidates: vec![],
             second_opinion: SecondOpinion::default(),
             effort: Effort::default(),
@@ -286,10 +282,11 @@ impl Climb<'_> {
         let errors =
             HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&before, |t| t.floor) };
         let last = held.as_ref().and_then(|h| h.look(&self.now));
-        // Where nothing was added, they are one model.
-        let first = held.as_ref().filter(|_| !self.added.is_empty()).and_then(|h| h.look(&self.first));
+        // Where nothing was added and nothing given slack, they are one model.
+        let same = self.added.is_empty() && self.first.fitted.system.instances.len() == self.now.fitted.system.instances.len();
+        let first = held.as_ref().filter(|_| !same).and_then(|h| h.look(&self.first));
         let word = held.as_ref().zip(last.as_ref()).and_then(|(h, last)| match &first {
-            _ if self.added.is_empty() => Some(h.word(last, last)),
+            _ if same => Some(h.word(last, last)),
             first => Some(h.word(first.as_ref()?, last)),
         });
         let grounds = self.grounds(word.zip(errors.before).zip(errors.after).map(|((w, b), a)| (w, b, a)), stopped);

@@ -217,22 +217,22 @@ pub(crate) fn within(rig: &Rig, plan: &Plan, values: &[f64]) -> bool {
         let own = plan.blocks.iter().filter(|b| b.role == role && b.kind == BlockKind::Loop);
         own.flat_map(|b| &values[b.range.clone()]).fold(0.0f64, |m, v| m.max(v.abs()))
     };
-    let mut most =
-        [("force", rig.force_max), ("displacement", rig.displacement_max)].map(|(role, limit)| read(role) <= limit).iter().all(|w| *w);
-    if let Some(d) = plan.cycle_drive() {
+    let read_well = read("force") <= rig.force_max && read("displacement") <= rig.displacement_max;
+    let (least, most) = rig.frequency;
+    let driven = plan.cycle_drive().is_none_or(|d| {
         let (w, reach) = (std::f64::consts::TAU * d.frequency, d.mean.abs() + d.amplitude);
-        most &= rig.frequency.0 <= d.frequency && d.frequency <= rig.frequency.1;
-        most &= match d.unit.dimension {
+        let moved = match d.unit.dimension {
             Dimension::LENGTH => {
                 reach <= rig.displacement_max && w * d.amplitude <= rig.velocity_max && w * w * d.amplitude <= rig.acceleration_max
             }
             Dimension::FORCE => reach <= rig.force_max,
             _ => true,
         };
-    }
-    let lines = plan.blocks.iter().filter(|b| b.kind == BlockKind::Frf).flat_map(|b| &b.abscissa);
-    most && lines.into_iter().all(|f| rig.frequency.0 <= *f && *f <= rig.frequency.1)
-        && plan.excitation().is_none_or(|f| f <= rig.force_max)
+        moved && least <= d.frequency && d.frequency <= most
+    });
+    let mut lines = plan.blocks.iter().filter(|b| b.kind == BlockKind::Frf).flat_map(|b| &b.abscissa);
+    let excited = plan.excitation().is_none_or(|f| f <= rig.force_max);
+    read_well && driven && excited && lines.all(|f| least <= *f && *f <= most)
 }
 
 /// What a model says of a new test.

@@ -54,6 +54,8 @@ pub struct Settings {
     pub slack_least: f64,
     /// Deviations that are given without being asked for, at most: each costs a column in every evaluation.
     pub slack_members: usize,
+    /// Part of a value by which it may deviate at most: beyond it, it is not that part.
+    pub slack_reach: f64,
     /// Relative deviation from which one is told as a correction: a per cent is within what is nominal.
     pub correction_least: f64,
     /// The same in standard deviations.
@@ -141,6 +143,7 @@ impl Default for Settings {
             slack_mass: 0.03,
             slack_least: 0.002,
             slack_members: 40,
+            slack_reach: 0.9,
             correction_least: 0.01,
             correction_sure: 2.5,
             fault_gain: 0.03,

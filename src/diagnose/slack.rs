@@ -7,7 +7,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::effect::{Role, find};
+use crate::effect::{Effect, find};
 use crate::model::{Instance, ParamValue, Site, System};
 
 use super::case::{Case, Fitted};
@@ -20,9 +20,9 @@ const MASS: &str = "mass";
 /// The effects that stand for deviations.
 const FAMILY: &str = "deviation";
 
-/// Whether an instance is a deviation.
-pub fn deviates(instance: &Instance) -> bool {
-    instance.effect.info().family == FAMILY
+/// Whether an effect is a deviation, and so no candidate for missing physics.
+pub fn deviates(effect: &Effect) -> bool {
+    effect.info().family == FAMILY
 }
 
 /// What a deviation belongs to.
@@ -48,97 +48,98 @@ pub struct Slack {
     members: Vec<Member>,
 }
 
-/// The system with deviations at `all` that it ties or fixes, or at what the study states alone; the system as it is where there are none.
+/// What is to deviate: at these places together, within the width that the study states, if it does.
+struct Nominal {
+    parameter: &'static str,
+    effect: &'static str,
+    at: String,
+    places: Vec<usize>,
+    group: usize,
+    value: f64,
+    stated: Option<f64>,
+    unit: (String, f64),
+}
+
+/// The system with deviations at `all` that it ties or fixes, or at what the study states alone; the system as it is where there are none. Where
+/// there would be more than [`Settings::slack_members`] unasked, those that the study states stand alone.
 pub fn given(case: &Case, system: &System, all: bool, settings: &Settings) -> (System, Slack) {
-    let mut with = system.clone();
-    let mut slack = Slack::default();
-    let mut add = |member: Member, effect: &str, place: usize, stated: Option<f64>, width: f64, unit: (String, f64)| {
-        let (Ok(effect), nominal) = (find(effect), member.nominal) else { return };
-        let stands =
-            system.instances.iter().any(|i| i.name() == effect.info().name && matches!(&i.site, Site::Places(p) if p.contains(&place)));
-        if stands || !(nominal.is_finite() && nominal > 0.0) {
-            return;
-        }
-        let value = ParamValue {
-            min: -MOST * nominal,
-            max: MOST * nominal,
-            free: true,
-            prior: Some((0.0, stated.unwrap_or(width) * nominal)),
-            unit,
-            ..ParamValue::fixed(0.0)
-        };
-        slack.members.push(Member { instance: with.instances.len(), estimated: stated.is_none(), ..member });
-        with.instances.push(Instance::new(effect, system.model.place_name(place), Site::Places(vec![place]), vec![value]));
-    };
-    for (at, width) in springs(system, all) {
-        let (i, place) = at;
-        let k = &system.instances[i].params[0];
-        let at = system.model.place_name(place);
-        let member = Member { instance: 0, parameter: SPRING, at, group: i, nominal: k.value, estimated: true };
-        add(member, "stiffness_deviation", place, width, settings.slack_spring, k.unit.clone());
+    let mut nominal = springs(system, all);
+    nominal.extend(masses(case, system, all));
+    nominal.retain(|n| !stands(system, n) && n.value.is_finite() && n.value > 0.0);
+    if nominal.iter().filter(|n| n.stated.is_none()).count() > settings.slack_members {
+        nominal.retain(|n| n.stated.is_some());
     }
-    for (place, width) in masses(case, system, all) {
-        let (body, mass) = body_at(system, place);
-        let member =
-            Member { instance: 0, parameter: MASS, at: body, group: system.instances.len() + place, nominal: mass, estimated: true };
-        add(member, "mass_deviation", place, width, settings.slack_mass, ("kg".into(), 1.0));
-    }
-    if slack.members.iter().filter(|m| m.estimated).count() > settings.slack_members {
-        return (system.clone(), Slack::default());
+    let (mut with, mut slack) = (system.clone(), Slack::default());
+    for n in nominal {
+        let Ok(effect) = find(n.effect) else { continue };
+        let width = if n.parameter == SPRING { settings.slack_spring } else { settings.slack_mass };
+        let reach = settings.slack_reach * n.value;
+        let prior = Some((0.0, n.stated.unwrap_or(width) * n.value));
+        let value = ParamValue { min: -reach, max: reach, free: true, prior, unit: n.unit, ..ParamValue::fixed(0.0) };
+        let (instance, estimated) = (with.instances.len(), n.stated.is_none());
+        slack.members.push(Member { instance, parameter: n.parameter, at: n.at, group: n.group, nominal: n.value, estimated });
+        let at: Vec<String> = n.places.iter().map(|p| system.model.place_name(*p)).collect();
+        with.instances.push(Instance::new(effect, at.join(","), Site::Places(n.places), vec![value]));
     }
     (with, slack)
 }
 
-/// Part of a value by which it may deviate at most: beyond it, it is not that part.
-const MOST: f64 = 0.9;
+/// Whether the system has this deviation already.
+fn stands(system: &System, n: &Nominal) -> bool {
+    let there = |i: &Instance| i.name() == n.effect && matches!(&i.site, Site::Places(p) if n.places.iter().any(|own| p.contains(own)));
+    system.instances.iter().any(there)
+}
 
-/// Springs that share a stiffness or have a fixed one, with the width that the study states.
-fn springs(system: &System, all: bool) -> Vec<((usize, usize), Option<f64>)> {
+/// Springs that share a stiffness or have a fixed one.
+fn springs(system: &System, all: bool) -> Vec<Nominal> {
     let plain = system.model.space.is_none() && all;
     let mut found = Vec::new();
-    for (i, instance) in system.instances.iter().enumerate() {
-        let Site::Places(places) = &instance.site else { continue };
-        let stated = instance.params.first().and_then(|p| p.slack);
-        let tied = places.len() > 1 || instance.params.first().is_some_and(|p| !p.free);
-        if instance.name() == "linear_stiffness" && instance.only.is_none() && (stated.is_some() || (tied && plain)) {
-            found.extend(places.iter().map(|p| ((i, *p), stated)));
+    for (group, instance) in system.instances.iter().enumerate() {
+        let (Site::Places(places), Some(k)) = (&instance.site, instance.params.first()) else { continue };
+        let tied = places.len() > 1 || !k.free;
+        if instance.name() == "linear_stiffness" && instance.only.is_none() && (k.slack.is_some() || (tied && plain)) {
+            found.extend(places.iter().map(|p| Nominal {
+                parameter: SPRING,
+                effect: "stiffness_deviation",
+                at: system.model.place_name(*p),
+                places: vec![*p],
+                group,
+                value: k.value,
+                stated: k.slack,
+                unit: k.unit.clone(),
+            }));
         }
     }
     found
 }
 
-/// Places of the bodies with a mass, the first axis of each, with the width that the study states.
-fn masses(case: &Case, system: &System, all: bool) -> Vec<(usize, Option<f64>)> {
+/// Bodies with a mass that nothing fits yet, along all axes in which they move.
+fn masses(case: &Case, system: &System, all: bool) -> Vec<Nominal> {
     let model = &system.model;
     if model.space.is_some() {
         return vec![];
     }
-    let weighs = |dof: usize| !model.dofs[dof].axis.rotational() && model.dofs[dof].mass > 0.0;
-    let of = |p: usize| {
+    let weighs = |p: usize| {
         let place = &model.places[p];
-        let dof = if place.from.is_none() { place.to } else { None }?;
-        let first = (0..dof).all(|d| model.dofs[d].body != model.dofs[dof].body || !weighs(d));
-        (!model.on_connector(p) && weighs(dof) && first).then_some(dof)
+        let dof = place.to.filter(|_| place.from.is_none() && !model.on_connector(p))?;
+        (!model.dofs[dof].axis.rotational() && model.dofs[dof].mass > 0.0).then_some(dof)
     };
-    let inertial = |p: usize| {
-        let at = |i: &&Instance| {
-            i.effect.info().role == Role::Force && i.name() == "added_mass" && matches!(&i.site, Site::Places(l) if l.contains(&p))
-        };
-        system.instances.iter().filter(|i| i.params.iter().any(|p| p.free)).any(|i| at(&i))
+    let fitted = |places: &[usize]| {
+        let here = |i: &Instance| matches!(&i.site, Site::Places(l) if places.iter().any(|p| l.contains(p)));
+        system.instances.iter().any(|i| i.name() == "added_mass" && i.params.iter().any(|p| p.free) && here(i))
     };
-    let stated = |dof: usize| {
-        let name = &model.bodies[model.dofs[dof].body].name;
-        case.search.mass_slack.iter().find(|(n, _)| n == name).map(|(_, w)| *w)
+    let of = |body: usize| -> Option<Nominal> {
+        let own: Vec<(usize, usize)> = (0..model.places.len()).filter_map(|p| Some((p, weighs(p)?))).collect();
+        let own: Vec<(usize, usize)> = own.into_iter().filter(|(_, dof)| model.dofs[*dof].body == body).collect();
+        let (places, value) = (own.iter().map(|o| o.0).collect::<Vec<_>>(), model.dofs[own.first()?.1].mass);
+        let at = model.bodies[body].name.clone();
+        let stated = case.search.mass_slack.iter().find(|(name, _)| *name == at).map(|(_, w)| *w);
+        let wanted = (all || stated.is_some()) && !fitted(&places);
+        let group = system.instances.len() + body;
+        let unit = ("kg".to_string(), 1.0);
+        wanted.then_some(Nominal { parameter: MASS, effect: "mass_deviation", at, places, group, value, stated, unit })
     };
-    let found = (0..model.places.len()).filter(|p| !inertial(*p)).filter_map(|p| Some((p, stated(of(p)?))));
-    found.filter(|(_, stated)| all || stated.is_some()).collect()
-}
-
-/// Name and mass of the body whose place this is.
-fn body_at(system: &System, place: usize) -> (String, f64) {
-    let model = &system.model;
-    let dof = model.places[place].to.unwrap_or_default();
-    (model.bodies[model.dofs[dof].body].name.clone(), model.dofs[dof].mass)
+    (0..model.bodies.len()).filter_map(of).collect()
 }
 
 impl Slack {
@@ -152,9 +153,9 @@ impl Slack {
         self.members.len()
     }
 
-    /// Whether a parameter of this name is one of them.
-    pub fn is_own(&self, name: &str) -> bool {
-        !self.is_empty() && (name.contains(".stiffness_deviation.") || name.contains(".mass_deviation."))
+    /// Whether this instance of the system is one of them.
+    pub fn has(&self, instance: usize) -> bool {
+        self.members.iter().any(|m| m.instance == instance)
     }
 
     /// The system with the widths that its deviations, as they were fitted, speak for.

@@ -93,7 +93,7 @@ fn head<'a>(table: &TableView<'a>, model: &Model, dataset: &Dataset) -> Result<H
     Ok(Head { table: table.clone(), effect, at: names.join(","), site, only: None })
 }
 
-/// Deviations of the masses that a study fits: one along the first axis of every such body, unless it stands among the effects already.
+/// Deviations of the masses that a study fits: one along all axes in which such a body moves, unless it stands among the effects already.
 pub(super) fn masses(graph: &super::GraphSpec, model: &Model, stated: &[Instance]) -> Vec<Instance> {
     let Ok(law) = crate::effect::find("mass_deviation") else { return vec![] };
     let one = |(name, body): (String, &super::BodySpec)| -> Option<Instance> {
