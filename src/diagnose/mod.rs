@@ -49,4 +49,6 @@ pub(crate) mod testing {
     pub(crate) use super::next::within;
     pub use super::refit::{Bench, cost, whitened};
     pub use super::score::{Score, score};
+    pub use super::settings::Settings;
+    pub use super::slack::given;
 }

@@ -19,6 +19,7 @@ mod read;
 mod refuse;
 mod searched;
 mod secants;
+mod slack;
 mod space;
 mod tensioner;
 mod write;

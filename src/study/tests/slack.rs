@@ -1,0 +1,65 @@
+//! What deviates of what a study ties or fixes.
+
+use crate::diagnose::Case;
+use crate::diagnose::testing::{Settings, given};
+
+use super::{Folder, cycle};
+
+/// Two bodies that move in the plane, joined by springs of one stiffness.
+const PLANE: &str = r#"schema = 1
+dataset = "data"
+[[body]]
+name = "m"
+count = 2
+mass = "0.1 kg"
+free = ["x", "y"]
+[[connector]]
+name = "c1"
+from = "ground"
+to = "m1"
+[[connector]]
+name = "d1"
+from = "m1"
+to = "m2"
+[[effect]]
+effect = "linear_stiffness"
+at = ["c1.x", "d1.x"]
+k = { start = "20 N/mm", slack = "10 %" }
+[[effect]]
+effect = "linear_stiffness"
+at = ["c1.y", "d1.y"]
+k = "30 N/mm"
+"#;
+
+/// The deviations: effect, places, width over 1 kg or 1 N/m.
+fn deviations(all: bool, settings: &Settings) -> Vec<(&'static str, String, f64)> {
+    let study = Folder::new(PLANE, &cycle(1.0, "")).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let (system, slack) = given(&case, &study.system, all, settings);
+    let own = study.system.instances.len();
+    assert_eq!(system.instances.len(), own + slack.len());
+    assert!((0..system.instances.len()).all(|k| slack.has(k) == (k >= own)));
+    system.instances[own..].iter().map(|i| (i.name(), i.at.clone(), i.params[0].prior.unwrap().1)).collect()
+}
+
+#[test]
+fn springs_deviate_one_by_one_and_a_body_along_all_its_axes() {
+    let found = deviations(true, &Settings::default());
+    let places: Vec<(&str, &str)> = found.iter().map(|(e, at, _)| (*e, at.as_str())).collect();
+    let springs = ["c1.x", "d1.x", "c1.y", "d1.y"].map(|at| ("stiffness_deviation", at));
+    assert_eq!(places[..4], springs);
+    assert_eq!(places[4..], [("mass_deviation", "m1.x,m1.y"), ("mass_deviation", "m2.x,m2.y")]);
+    // 10 % as stated of 20 N/mm, 5 % of 30 N/mm, 3 % of 0.1 kg.
+    for (k, width) in [(0, 2000.0), (2, 1500.0), (4, 0.003)] {
+        assert!((found[k].2 / width - 1.0).abs() < 1e-12, "{:?}", found[k]);
+    }
+}
+
+#[test]
+fn what_a_study_states_stands_where_nothing_else_is_given_or_too_much_would_be() {
+    let few = Settings { slack_members: 3, ..Settings::default() };
+    for found in [deviations(false, &Settings::default()), deviations(true, &few)] {
+        let places: Vec<&str> = found.iter().map(|d| d.1.as_str()).collect();
+        assert_eq!(places, ["c1.x", "d1.x"]);
+    }
+}
