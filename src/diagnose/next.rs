@@ -26,32 +26,8 @@ use crate::units::Dimension;
 use super::Case;
 use super::candidates::Name;
 use super::case::{COARSE, Fitted};
+use super::proposals::Proposals;
 use super::results::{NextTest, SplitName};
-
-/// Frequencies, amplitudes (half ranges) and means that are tried, from a third of the least to three times the largest tested; means in
-/// parts of the half range.
-const FREQUENCIES: usize = 4;
-const AMPLITUDES: usize = 4;
-const REACH: f64 = 3.0;
-const MEANS: [f64; 2] = [-0.6, 0.6];
-/// Factors on the lines of an FRF, on its excitation, and parts of the largest force of a cycle where it has none.
-const BANDS: [f64; 4] = [0.1, 0.3, 3.0, 10.0];
-const EXCITATIONS: [f64; 4] = [0.1, 0.3, 3.0, 10.0];
-const OF_FORCE: [f64; 3] = [0.03, 0.3, 1.0];
-/// Separation that is aimed at, in units of noise: among proposals beyond it the one nearest to what was tested is taken.
-const ENOUGH: f64 = 10.0;
-/// Difference of costs that breaks a tie: e^8 in odds.
-const DECISIVE: f64 = 8.0;
-/// Proposals that are simulated, and those that are weighed at a time.
-const SIMULATED: usize = 2;
-const BATCH: usize = 4;
-/// Iterations of a refit to a simulated test: it begins at the fit to the measured ones.
-const REFIT_ITERATIONS: u64 = 20;
-/// Part of the time spent before that all of it may take (a third of that is a quarter of the whole), the least it gets, and the part of
-/// it after which what has been weighed is simulated.
-const SHARE: f64 = 1.0 / 3.0;
-const LEAST: Duration = Duration::from_secs(2);
-const WEIGHING: f64 = 0.5;
 
 /// A proposal: the plan, what it is, and how far the tied are apart there, unadjusted and adjusted.
 struct Proposal<'a> {
@@ -73,8 +49,8 @@ impl<'a> Proposal<'a> {
 }
 
 /// Of those that separate well enough, the one nearest to a test that was run comes first.
-fn order(proposals: &mut [Proposal], size: impl Fn(&Proposal) -> f64) {
-    let key = |p: &Proposal| size(p).min(ENOUGH);
+fn order(proposals: &mut [Proposal], s: &Proposals, size: impl Fn(&Proposal) -> f64) {
+    let key = |p: &Proposal| size(p).min(s.enough);
     proposals.sort_by(|a, b| key(b).total_cmp(&key(a)).then(a.distance().total_cmp(&b.distance())));
 }
 
@@ -107,31 +83,32 @@ struct Tied<'a> {
 /// The test that separates `best` from every rival, proposed only where the tie broke in its simulation or there was no time to simulate it;
 /// or why there is none. `spent`: the time that was taken to find them.
 pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: Duration, monitor: &Monitor) -> Result<NextTest, String> {
-    let clock = Clock { started: Instant::now(), budget: spent.mul_f64(SHARE).max(LEAST) };
+    let s = &case.search.settings.next;
+    let clock = Clock { started: Instant::now(), budget: spent.mul_f64(s.share).max(Duration::from_secs_f64(s.least)) };
     let monitor = clock.limit(monitor);
     let tied = Tied { case, best, rivals };
     let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
-    let mut left: Vec<Proposal> = variations(&plans);
+    let mut left: Vec<Proposal> = variations(&plans, s);
     let mut weighed: Vec<Proposal> = Vec::new();
     let mut cut = tied.weigh(&mut left, &mut weighed, &clock);
-    if !enough(&weighed) && !cut {
+    if !enough(&weighed, s) && !cut {
         // Means are tried about the best cycles alone.
-        order(&mut weighed, |p| p.separation);
+        order(&mut weighed, s, |p| p.separation);
         let cycles = weighed.iter().filter(|p| p.base.cycle_drive().is_some() && p.separation > 0.0).take(2);
-        let mut means = cycles.flat_map(|p| MEANS.map(|mean| Proposal::new(p.base, Variation { mean, ..p.by }))).collect();
+        let mut means = cycles.flat_map(|p| s.means.map(|mean| Proposal::new(p.base, Variation { mean, ..p.by }))).collect();
         cut = tied.weigh(&mut means, &mut weighed, &clock);
     }
     weighed.retain(|p| p.separation > 0.0);
-    order(&mut weighed, |p| p.separation);
+    order(&mut weighed, s, |p| p.separation);
     let mut found: Option<NextTest> = None;
-    for proposal in weighed.iter().take(SIMULATED) {
+    for proposal in weighed.iter().take(s.simulated) {
         if monitor.stops() {
             cut = true;
             break;
         }
         let Some(apart) = tied.simulated(proposal, &monitor) else { continue };
         if found.as_ref().is_none_or(|f| apart > f.separation) {
-            found = Some(told(proposal, apart, "simulated with its noise and refitted"));
+            found = Some(told(proposal, s, apart, "simulated with its noise and refitted"));
         }
         if found.as_ref().is_some_and(|f| f.breaks) {
             break;
@@ -141,7 +118,7 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
     // What the simulation does not tell apart at all is no proposal; what there was no time to simulate is an estimate.
     let mut found = match found {
         Some(found) => Some(found).filter(|f| f.separation > 0.0),
-        None if cut => weighed.first().map(|p| NextTest { breaks: false, ..told(p, p.separation, "by their slopes, not simulated") }),
+        None if cut => weighed.first().map(|p| NextTest { breaks: false, ..told(p, s, p.separation, "by their slopes, not simulated") }),
         None => None,
     };
     if let Some(found) = found.as_mut().filter(|_| cut) {
@@ -152,7 +129,8 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
     let none = || {
         let bench = if case.search.rig == Rig::default() { "" } else { ", within the limits of the bench ([rig])," };
         format!(
-            "no test from a third of the least to {REACH:.0} times the most that was tested{bench} separates it from {}",
+            "no test from a third of the least to {:.0} times the most that was tested{bench} separates it from {}",
+            s.reach,
             names.join(", ")
         )
     };
@@ -164,12 +142,12 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
 }
 
 /// Whether as many separate well as are simulated.
-fn enough(weighed: &[Proposal]) -> bool {
-    weighed.iter().filter(|p| p.separation >= ENOUGH).count() >= SIMULATED
+fn enough(weighed: &[Proposal], s: &Proposals) -> bool {
+    weighed.iter().filter(|p| p.separation >= s.enough).count() >= s.simulated
 }
 
 /// Every drive that is tried. Tests of one drive and one set of channels are varied from the one of the largest amplitude.
-fn variations<'a>(plans: &[&'a Plan]) -> Vec<Proposal<'a>> {
+fn variations<'a>(plans: &[&'a Plan], s: &Proposals) -> Vec<Proposal<'a>> {
     let mut list = Vec::new();
     let new = Proposal::new;
     let channels = |p: &Plan| p.blocks.iter().map(|b| b.label.clone()).collect::<Vec<_>>();
@@ -185,11 +163,11 @@ fn variations<'a>(plans: &[&'a Plan]) -> Vec<Proposal<'a>> {
         let Some((base, own)) = alike.iter().max_by(|a, b| a.1.amplitude.total_cmp(&b.1.amplitude)) else { continue };
         let spread = |of: &dyn Fn(&CycleDrive) -> f64, n: usize| -> Vec<f64> {
             let (low, high) = alike.iter().map(|(_, d)| of(d)).fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
-            let (low, high) = (low / REACH, high * REACH);
+            let (low, high) = (low / s.reach, high * s.reach);
             (0..n).map(|k| low * (high / low).powf(k as f64 / (n - 1) as f64)).collect()
         };
-        for f in spread(&|d| d.frequency, FREQUENCIES) {
-            for a in spread(&|d| d.amplitude, AMPLITUDES) {
+        for f in spread(&|d| d.frequency, s.frequencies) {
+            for a in spread(&|d| d.amplitude, s.amplitudes) {
                 let by = Variation { frequency: f / own.frequency, amplitude: a / own.amplitude, ..Variation::default() };
                 list.push(new(base, by));
             }
@@ -203,8 +181,8 @@ fn variations<'a>(plans: &[&'a Plan]) -> Vec<Proposal<'a>> {
             continue;
         }
         seen.push(channels(plan));
-        list.extend(BANDS.map(|frequency| new(plan, Variation { frequency, ..Variation::default() })));
-        let forces = plan.excitation().map_or(OF_FORCE.map(|p| p * force).to_vec(), |own| EXCITATIONS.map(|p| p * own).to_vec());
+        list.extend(s.bands.map(|frequency| new(plan, Variation { frequency, ..Variation::default() })));
+        let forces = plan.excitation().map_or(s.of_force.map(|p| p * force).to_vec(), |own| s.excitations.map(|p| p * own).to_vec());
         let excited = forces.into_iter().filter(|f| *f > 0.0).map(|f| Variation { excitation: Some(f), ..Variation::default() });
         list.extend(excited.map(|by| new(plan, by)));
     }
@@ -255,20 +233,21 @@ impl Tied<'_> {
     /// Moves proposals to those weighed, the nearest of the most promising first, until enough of them separate well; whether the time was
     /// over before.
     fn weigh<'b>(&self, left: &mut Vec<Proposal<'b>>, weighed: &mut Vec<Proposal<'b>>, clock: &Clock) -> bool {
+        let s = &self.case.search.settings.next;
         parallel::for_each(left, |p| {
-            if !clock.over(WEIGHING) {
+            if !clock.over(s.weighing) {
                 p.bound = self.unadjusted(p).unwrap_or(0.0);
             }
         });
-        let cut = clock.over(WEIGHING);
+        let cut = clock.over(s.weighing);
         left.retain(|p| p.bound > 0.0);
-        order(left, |p| p.bound);
-        while !left.is_empty() && !enough(weighed) {
+        order(left, s, |p| p.bound);
+        while !left.is_empty() && !enough(weighed, s) {
             // At least one batch, so that there is something to tell.
-            if clock.over(if weighed.is_empty() { 1.0 } else { WEIGHING }) {
+            if clock.over(if weighed.is_empty() { 1.0 } else { s.weighing }) {
                 return true;
             }
-            let mut batch: Vec<Proposal> = left.drain(..BATCH.min(left.len())).collect();
+            let mut batch: Vec<Proposal> = left.drain(..s.batch.min(left.len())).collect();
             parallel::for_each(&mut batch, |p| p.separation = self.separation(p).unwrap_or(-1.0));
             weighed.extend(batch);
         }
@@ -319,7 +298,7 @@ impl Tied<'_> {
             let cost = |fitted: &Fitted| -> Option<f64> {
                 let mut plans = self.case.plans_of(SplitName::Fit);
                 plans.push(&simulated);
-                let max_iterations = self.case.max_iterations.min(REFIT_ITERATIONS);
+                let max_iterations = self.case.max_iterations.min(self.case.search.settings.next.iterations);
                 let single = Case { starts: 1, f_tol: Some(COARSE), max_iterations, ..self.case.clone() };
                 let outcome = single.fit_system(&fitted.system, plans, &monitor.quiet()).ok()?.outcome;
                 // A refit that was stopped says nothing.
@@ -365,8 +344,8 @@ fn noise(seed: u64, stream: usize, n: usize) -> Vec<f64> {
     (0..n).map(|_| normal.inverse_cdf(rng.random_range(f64::EPSILON..1.0 - f64::EPSILON))).collect()
 }
 
-fn told(p: &Proposal, separation: f64, how: &str) -> NextTest {
-    let breaks = separation > 0.0 && 0.5 * separation * separation > DECISIVE;
+fn told(p: &Proposal, s: &Proposals, separation: f64, how: &str) -> NextTest {
+    let breaks = separation > 0.0 && 0.5 * separation * separation > s.decisive;
     let apart = if breaks { format!("{separation:.1} sigma apart") } else { format!("only {separation:.1} sigma apart") };
     let verdict = format!("{how}, they stand {apart}");
     let cut_short = false;

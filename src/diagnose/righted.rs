@@ -6,14 +6,10 @@ use crate::response::{BlockKind, Plan};
 
 use super::case::Case;
 use super::results::{Instrument, SplitName};
-
-/// Sine of the loss angle below which a loop gives energy beyond any delay of a channel.
-const GIVES: f64 = -0.02;
-/// Correlation of force and displacement above which it is no turned spring: a late channel turns the loss, and leaves the stiffness.
-const STANDS: f64 = 0.3;
+use super::settings::Settings;
 
 /// Whether a test's force channel is turned round; none for tests without a driven loop of a force.
-fn turned(plan: &Plan) -> Option<bool> {
+fn turned(plan: &Plan, s: &Settings) -> Option<bool> {
     let block = plan.blocks.iter().find(|b| b.kind == BlockKind::Loop && b.role == "force" && !b.x.is_empty() && !b.v.is_empty())?;
     let force = &plan.measured[block.range.clone()];
     let along = |u: &[f64]| {
@@ -23,13 +19,14 @@ fn turned(plan: &Plan) -> Option<bool> {
         let size = |v: &[f64], m: f64| v.iter().map(|v| (v - m).powi(2)).sum::<f64>().sqrt();
         dot / (size(force, mf) * size(u, mu)).max(f64::MIN_POSITIVE)
     };
-    Some(along(&block.v) < GIVES && along(&block.x) < STANDS)
+    Some(along(&block.v) < s.turned_gives && along(&block.x) < s.turned_stands)
 }
 
 /// The case with turned force channels put right, and what was turned: all of them, or those of single tests where others take energy. Of the
 /// held-out tests only the sign is looked at.
 pub fn righted(case: &Case) -> (Case, Vec<Instrument>) {
-    let loops: Vec<(usize, bool)> = case.plans.iter().enumerate().filter_map(|(k, (p, _))| Some((k, turned(p)?))).collect();
+    let loops: Vec<(usize, bool)> =
+        case.plans.iter().enumerate().filter_map(|(k, (p, _))| Some((k, turned(p, &case.search.settings)?))).collect();
     let (odd, count) = (loops.iter().filter(|l| l.1).count(), loops.len());
     if odd == 0 || (odd < count && 2 * odd >= count) {
         return (case.clone(), vec![]);

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::evidence;
 
+use super::proposals::Proposals;
 use super::race::Race;
 
 /// How missing physics is searched for, and when it is believed.
@@ -72,6 +73,12 @@ pub struct Settings {
     pub fault_tests: usize,
     /// Which candidates are refitted, from where, for how long.
     pub race: Race,
+    /// Which test separates what is tied.
+    pub next: Proposals,
+    /// Sine of the loss angle below which a loop gives energy beyond any delay of a channel: its force is turned round...
+    pub turned_gives: f64,
+    /// ...where the correlation of force and displacement is below this: a late channel turns the loss and leaves the stiffness.
+    pub turned_stands: f64,
     /// What the likelihood assumes.
     #[serde(flatten)]
     pub evidence: evidence::Settings,
@@ -152,6 +159,9 @@ impl Default for Settings {
             like_others: 2.5,
             fault_tests: 3,
             race: Race::default(),
+            next: Proposals::default(),
+            turned_gives: -0.02,
+            turned_stands: 0.3,
             evidence: evidence::Settings::default(),
         }
     }
