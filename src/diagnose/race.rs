@@ -42,7 +42,8 @@ pub struct Race {
     pub leg: u64,
     /// Legs at most.
     pub legs: usize,
-    /// Legs within which a refit must come up with the best at the rate of its last one, which only slackens.
+    /// Legs within which a refit must come up with the best at the rate of its last one. In a curved valley a rate may also grow: what is left
+    /// behind there is not found (study 11).
     pub ahead: f64,
     /// Part of the fall of the best of earlier refits by which a later one must have fallen after its first iterations to be looked at further.
     pub following: f64,

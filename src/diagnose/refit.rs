@@ -92,7 +92,7 @@ pub struct Bench<'a> {
     pub trials: &'a [Trial],
     /// What these score.
     pub scores: &'a Scores,
-    /// `r'V^-1 r` of the base, and the nats of a tie: what a fall of the cost is worth.
+    /// `r'V^-1 r` of the base, by which a fall of the cost is counted in nats.
     pub squares: f64,
     /// Nats of a tie.
     pub tie: f64,
@@ -202,7 +202,7 @@ impl Bench<'_> {
         }
     }
 
-    /// Which refits may come within a tie of the best: at the rate of their last leg, which only slackens, in so many more.
+    /// Which refits may come within a tie of the best at the rate of their last leg, in so many more ([`Race::ahead`]).
     fn may_lead(&self, fitted: &[Result<Fitted, String>], leader: Option<Leader>, unexplained: f64) -> Vec<bool> {
         let least = fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).fold(f64::INFINITY, f64::min);
         let nats = |cost: f64| promised(self.squares, 1.0 - cost / unexplained.max(f64::MIN_POSITIVE));
