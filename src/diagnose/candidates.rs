@@ -1,6 +1,6 @@
 //! The candidates of the search: every effect of the library at every place it may act, over a grid of its shapes.
 
-use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Over, Role, Scales};
+use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Over, Role, Scales, Sign};
 use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
 use crate::response::{BlockKind, Plan};
 use crate::units::{Dimension, Unit};
@@ -39,7 +39,7 @@ impl Scene {
                 Ok(Some(here)) => {
                     for (a, b) in scales.iter_mut().zip(here) {
                         let least_v = if b.v > 0.0 { a.least_v.min(b.v) } else { a.least_v };
-                        *a = Scales { x: a.x.max(b.x), v: a.v.max(b.v), f: a.f.max(b.f), least_v, ..*a };
+                        *a = Scales { x: a.x.max(b.x), most: a.most.max(b.most), v: a.v.max(b.v), f: a.f.max(b.f), least_v, ..*a };
                     }
                 }
                 Err(_) => {}
@@ -53,6 +53,7 @@ impl Scene {
         let none = Scales { least_v: f64::INFINITY, periods: self.periods, small: self.small, ..Scales::default() };
         places.iter().map(|p| self.scales[*p]).fold(none, |a, b| Scales {
             x: a.x.max(b.x),
+            most: a.most.max(b.most),
             v: a.v.max(b.v),
             f: a.f.max(b.f),
             least_v: a.least_v.min(b.least_v),
@@ -88,8 +89,10 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                     if !allowed(&at) || already(system, info.name, &places, info.params.iter().any(|p| p.kind == Kind::Shape)) {
                         continue;
                     }
-                    let shapes = shapes(effect, &places, scene);
+                    let (scales, from) = (scene.at(&places), trials.len());
+                    let shapes = shapes(effect, &scales);
                     push(&mut names, &mut trials, effect, at, Site::Places(places), None, None, shapes);
+                    trials[from..].iter_mut().for_each(|t| confine(&mut t.instance, &scales, case.search.settings.race.passed));
                 }
             }
             Role::Coefficient => {
@@ -99,25 +102,23 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                         let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else {
                             continue;
                         };
-                        let taken = system.instances.iter().any(|c| {
-                            c.target.as_ref().is_some_and(|t| t.instances.contains(&i) && t.condition == condition) && c.name() == info.name
-                        });
-                        if taken || !allowed(&target.at) {
+                        if !allowed(&target.at) {
                             continue;
                         }
-                        // Two laws over two conditions are two candidates: the condition is part of the name.
-                        let of = format!("{}.{} over {condition}", target.name(), target.effect.info().params[0].name);
-                        let to = Target { instances: vec![i], param: 0, condition: condition.clone(), reference, unit: unit.clone() };
-                        push(
-                            &mut names,
-                            &mut trials,
-                            effect,
-                            target.at.clone(),
-                            Site::Places(places.clone()),
-                            Some(of),
-                            Some(to),
-                            vec![vec![]],
-                        );
+                        for param in followed(target) {
+                            let taken = system.instances.iter().any(|c| {
+                                let same = |t: &Target| t.instances.contains(&i) && t.param == param && t.condition == condition;
+                                c.name() == info.name && c.target.as_ref().is_some_and(same)
+                            });
+                            if taken {
+                                continue;
+                            }
+                            // Two laws over two conditions are two candidates: the condition is part of the name.
+                            let of = format!("{}.{} over {condition}", target.name(), target.effect.info().params[param].name);
+                            let to = Target { instances: vec![i], param, condition: condition.clone(), reference, unit: unit.clone() };
+                            let (at, site) = (target.at.clone(), Site::Places(places.clone()));
+                            push(&mut names, &mut trials, effect, at, site, Some(of), Some(to), vec![vec![]]);
+                        }
                     }
                 }
             }
@@ -134,6 +135,13 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
         }
     }
     (names, trials)
+}
+
+/// The parameters of an effect that may follow a condition: its strength, and what else of it the study fits.
+fn followed(target: &Instance) -> Vec<usize> {
+    let info = target.effect.info();
+    let fits = |k: &usize| *k == 0 || (target.params[*k].free && info.params[*k].kind == Kind::Shape);
+    (0..info.params.len()).filter(fits).collect()
 }
 
 /// Every place of a connector (of a spatial model those where something acts), the groups that effects of the model share, and the places
@@ -197,7 +205,7 @@ fn already(system: &System, effect: &str, places: &[usize], shaped: bool) -> boo
     here > usize::from(shaped)
 }
 
-/// Conditions that every test states and that vary, with a middle value and the unit, as far as a law is offered them.
+/// Conditions that every test states and that vary, and would without any one test ([`rests_on_one`]), with a middle value and the unit, as far as a law is offered them.
 fn conditions(plans: &[&Plan], over: Over) -> Vec<(String, f64, Unit)> {
     let mut names: Vec<&String> = plans.iter().flat_map(|p| p.conditions.keys()).collect();
     names.sort();
@@ -221,11 +229,21 @@ fn conditions(plans: &[&Plan], over: Over) -> Vec<(String, f64, Unit)> {
                 return None;
             }
             values.sort_by(f64::total_cmp);
+            if rests_on_one(&values) {
+                return None;
+            }
             values.dedup();
             let unit = plans.iter().find_map(|p| p.condition_units.get(n))?;
-            (values.len() > 1).then(|| (n.clone(), values[values.len() / 2], unit.clone()))
+            Some((n.clone(), values[values.len() / 2], unit.clone()))
         })
         .collect()
+}
+
+/// Whether the values, in order, do not vary, or would not without one of three tests and more: what a single test has of its own is no law. Of
+/// two tests neither is the odd one.
+fn rests_on_one(values: &[f64]) -> bool {
+    let n = values.len();
+    n < 2 || values[0] == values[n - 1] || (n > 2 && (values[0] == values[n - 2] || values[1] == values[n - 1]))
 }
 
 fn channels(plans: &[&Plan], law: &dyn Channel) -> Vec<ChannelSite> {
@@ -280,10 +298,10 @@ fn drifts(plans: &[&Plan], site: &ChannelSite) -> bool {
 }
 
 /// All combinations of grid values of the shape and searched setting parameters; empty where a shape has no grid here.
-fn shapes(effect: &Effect, places: &[usize], scene: &Scene) -> Vec<Vec<(usize, f64)>> {
-    let (scales, mut combinations) = (scene.at(places), vec![vec![]]);
+fn shapes(effect: &Effect, scales: &Scales) -> Vec<Vec<(usize, f64)>> {
+    let mut combinations = vec![vec![]];
     for (k, p) in effect.info().params.iter().enumerate().filter(|(_, p)| p.grid != Grid::None) {
-        let values = p.grid.values(&scales);
+        let values = p.grid.values(scales);
         // One setting at a time: where the band of a law begins elsewhere than it does by default, its other settings keep their defaults.
         let elsewhere = |(j, v): &(usize, f64)| matches!(effect.info().params[*j].grid, Grid::Between(always, _) if *v != always);
         let with = |c: &Vec<(usize, f64)>| match p.kind == Kind::Setting && c.iter().any(elsewhere) {
@@ -293,6 +311,20 @@ fn shapes(effect: &Effect, places: &[usize], scene: &Scene) -> Vec<Vec<(usize, f
         combinations = combinations.iter().flat_map(with).collect();
     }
     combinations
+}
+
+/// Keeps the places along the motion at which a law changes over (a gap, the corner of a stiffness) within `passed` times the largest
+/// displacement of any test: farther off none is passed, and the law is one of its own tails, which a constant force and a spring are as
+/// well. Not where a test of small signal is about a state that is at rest elsewhere.
+fn confine(instance: &mut Instance, scales: &Scales, passed: f64) {
+    if scales.small || scales.most <= 0.0 {
+        return;
+    }
+    let reach = passed * scales.most;
+    let along = |p: &crate::effect::Param| p.kind == Kind::Shape && p.sign == Sign::Any && matches!(p.grid, Grid::OfX(_));
+    for (value, _) in instance.params.iter_mut().zip(instance.effect.info().params).filter(|(_, p)| along(p)) {
+        (value.min, value.max) = (-reach, reach);
+    }
 }
 
 #[allow(clippy::too_many_arguments)]
@@ -328,4 +360,30 @@ fn at_null(effect: &'static Effect, at: String, site: Site, target: Option<Targe
     params[0] = ParamValue::free(info.params[0].default, info.params[0].sign);
     let follower = matches!(info.role, Role::Force | Role::Series);
     Instance { target, follower, ..Instance::new(effect, at, site, params) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_condition_that_one_test_alone_has_otherwise_is_no_law() {
+        assert!(
+            rests_on_one(&[1.0, 1.0, 2.0]) && rests_on_one(&[1.0, 2.0, 2.0, 2.0]) && rests_on_one(&[1.0, 2.0]) && rests_on_one(&[1.0; 4])
+        );
+        assert!(!rests_on_one(&[1.0, 2.0, 3.0]) && !rests_on_one(&[1.0, 1.0, 2.0, 2.0]) && !rests_on_one(&[1.0, 2.0]));
+    }
+
+    #[test]
+    fn a_gap_is_looked_for_where_the_motion_passes() {
+        let contact = crate::effect::find("contact").unwrap();
+        let scales = Scales { x: 1e-3, most: 3e-3, ..Scales::default() };
+        let at = |small: bool| {
+            let mut instance = at_null(contact, "c1.x".into(), Site::Places(vec![0]), None);
+            confine(&mut instance, &Scales { small, ..scales }, 2.0);
+            (instance.params[1].min, instance.params[1].max)
+        };
+        assert_eq!(at(false), (-6e-3, 6e-3));
+        assert_eq!(at(true), (f64::NEG_INFINITY, f64::INFINITY));
+    }
 }

@@ -152,6 +152,7 @@ impl<'a> Climb<'a> {
                 self.now = again;
             }
         }
+        self.revive();
     }
 
     /// Gives slack to what the study ties or fixes where that gains more than what a step has found: a move like any other, whose price is that
@@ -163,14 +164,13 @@ impl<'a> Climb<'a> {
             return false;
         }
         let present = &self.now.fitted.system;
-        let (own, added) = present.instances.split_at(self.base);
-        let study = System { instances: own.to_vec(), ..present.clone() };
-        let (mut system, slack) = slack::given(&self.case, &study, true, s);
+        let study = System { instances: present.instances[..self.base].to_vec(), ..present.clone() };
+        let (given, slack) = slack::given(&self.case, &study, true, s);
         if slack.is_empty() {
             return false;
         }
         (self.watch)(&format!("weighing {} deviations of what the study ties or fixes", slack.len()));
-        system.instances.extend(added.iter().map(|i| behind(i, self.base, slack.len())));
+        let system = present.with(self.base, given.instances[self.base..].to_vec());
         let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
         let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
         let Ok(began) = begin(&loose, &self.monitor.quiet()) else { return false };
@@ -194,15 +194,6 @@ impl<'a> Climb<'a> {
         }
         self.order = (0..self.added.len()).collect();
     }
-}
-
-/// An instance behind so many that were put in at `from`: what it acts on has moved with it.
-fn behind(instance: &Instance, from: usize, by: usize) -> Instance {
-    let mut moved = instance.clone();
-    if let Some(target) = &mut moved.target {
-        target.instances.iter_mut().filter(|i| **i >= from).for_each(|i| *i += by);
-    }
-    moved
 }
 
 /// The fit with slack in what the study ties or fixes, begun from the one without; that one where nothing has slack or no fit with it comes out.

@@ -40,8 +40,10 @@ impl Scale {
         if moves[t] < least {
             return Some(Fault::Small);
         }
+        // A fault bends the one test to the model, whatever the model errs by: what it errs by elsewhere counts as well.
         let errors = with.v.own_errors(t, &self.settings.evidence);
-        if moves[t] < self.settings.fault_over * errors.iter().copied().fold(0.0, f64::max) {
+        let errs = errors.iter().copied().fold(with.v.model_error(&self.settings.evidence), f64::max);
+        if moves[t] < self.settings.fault_over * errs {
             return Some(Fault::BelowModelError);
         }
         own_test(fault)?;

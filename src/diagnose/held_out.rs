@@ -3,6 +3,7 @@
 use crate::evidence::{Counts, Evidence, Seen, Variances};
 use crate::model::System;
 use crate::parallel;
+use crate::residual::mean_square;
 use crate::response::Plan;
 
 use super::settings::Settings;
@@ -24,6 +25,8 @@ pub struct HeldOutTests<'a> {
 pub struct Look<'w> {
     of: &'w Weighed,
     seen: Vec<Seen>,
+    /// What it computes at the points of every test.
+    values: Vec<Vec<f64>>,
     /// Logarithm of their density under the model and its variances.
     pub density: f64,
 }
@@ -35,6 +38,9 @@ pub struct Word {
     pub nats: f64,
     /// Model error seen there with the first and with the last model, beside the noise and scatter of the last.
     pub left: (f64, f64),
+    /// Fall of the mean square error of the tests from the first to the last model, relative to the response, and its standard error over
+    /// pieces of the tests.
+    pub fall: (f64, f64),
 }
 
 impl<'a> HeldOutTests<'a> {
@@ -49,14 +55,37 @@ impl<'a> HeldOutTests<'a> {
         Some(tests)
     }
 
-    fn see(&self, system: &System) -> Option<Vec<Seen>> {
+    fn see(&self, system: &System) -> Option<(Vec<Seen>, Vec<Vec<f64>>)> {
         let free = system.free();
         let of = |t: usize| {
             let c = self.plans[t].evaluate(system, &free, true).ok()?;
             let finite = c.values.iter().chain(&c.slopes).all(|v| v.is_finite());
-            finite.then(|| self.evidence.records[t].see(self.plans[t], &c, system, &free))
+            finite.then(|| (self.evidence.records[t].see(self.plans[t], &c, system, &free), c.values))
         };
         parallel::over(self.plans.len(), of).into_iter().collect()
+    }
+
+    /// Fall of the mean square relative error and its standard error: every channel of a test is cut into as many pieces as make
+    /// [`Settings::held_out_pieces`] of all, and what they say is taken as so many independent draws.
+    fn fall(&self, first: &Look, last: &Look) -> (f64, f64) {
+        let channels: usize = self.plans.iter().map(|p| p.blocks.len()).sum();
+        let pieces = self.settings.held_out_pieces.div_ceil(channels.max(1)).max(1);
+        let mut falls = Vec::new();
+        for (t, plan) in self.plans.iter().enumerate() {
+            for block in &plan.blocks {
+                let rows: Vec<usize> = block.range.clone().filter(|row| !plan.left_out.contains(row)).collect();
+                let measured: Vec<f64> = rows.iter().map(|i| plan.measured[*i]).collect();
+                let size = mean_square(block.kind, &measured);
+                for piece in rows.chunks(rows.len().div_ceil(pieces).max(1)) {
+                    let of = |look: &Look| piece.iter().map(|i| (look.values[t][*i] - plan.measured[*i]).powi(2)).sum::<f64>();
+                    falls.push((of(first) - of(last)) / (size * piece.len() as f64));
+                }
+            }
+        }
+        let n = falls.len().max(1) as f64;
+        let mean = falls.iter().sum::<f64>() / n;
+        let variance = falls.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        (mean, (variance / n).sqrt())
     }
 
     /// Variances of a model in tests that it has not seen: those that its tests have in common.
@@ -69,9 +98,9 @@ impl<'a> HeldOutTests<'a> {
 
     /// A model in them; none where it cannot be computed there.
     pub fn look<'w>(&self, w: &'w Weighed) -> Option<Look<'w>> {
-        let (seen, v) = (self.see(&w.fitted.system)?, self.elsewhere(&w.v));
+        let ((seen, values), v) = (self.see(&w.fitted.system)?, self.elsewhere(&w.v));
         let density = self.evidence.likelihood(&seen, &self.counts, &v) - v.prior(&self.settings.evidence);
-        density.is_finite().then_some(Look { of: w, seen, density })
+        density.is_finite().then_some(Look { of: w, seen, values, density })
     }
 
     /// The model error that they show, beside noise and scatter as those of `beside`.
@@ -90,6 +119,6 @@ impl<'a> HeldOutTests<'a> {
     /// Two models beside each other.
     pub fn word(&self, first: &Look, last: &Look) -> Word {
         let left = (self.error_left(first, last.of), self.error_left(last, last.of));
-        Word { nats: last.density - first.density, left }
+        Word { nats: last.density - first.density, left, fall: self.fall(first, last) }
     }
 }

@@ -123,7 +123,7 @@ impl End {
     fn describe(&self, climb: &Climb) -> String {
         match self {
             End::NothingGains => "no candidate gains more than its parameters and the search for it cost".into(),
-            End::Full => format!("{} effects were added, and {} is the limit", climb.added.len(), climb.settings.max_added),
+            End::Full => format!("{} effects were added, and {} is the limit", climb.effects(), climb.settings.max_added),
             End::Stopped if climb.added.is_empty() => "it was interrupted before an effect was added; more may be missing".into(),
             End::Stopped => "it was interrupted after these effects were added; more may be missing".into(),
             End::Cannot(why) => format!("what else is missing could not be looked for: {why}"),
@@ -147,7 +147,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         if trace::stopped(monitor) {
             break End::Stopped;
         }
-        if climb.added.len() >= climb.settings.max_added || rungs.len() > 2 * climb.settings.max_added {
+        if climb.effects() >= climb.settings.max_added || rungs.len() > 2 * climb.settings.max_added {
             break End::Full;
         }
         watch(&format!("rung {}", rungs.len()));
@@ -164,6 +164,12 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             if let Some(last) = rungs.pop() {
                 let again = climb.rung(last.added.clone(), last.removed.clone())?;
                 rungs.push(Rung { tests: again.tests, parameters: again.parameters, effects: again.effects, cost: again.cost, ..last });
+            }
+            // What was added stands beside slack now: something else may do its work better, and its ties are others.
+            if !climb.added.is_empty()
+                && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap())
+            {
+                rungs.push(climb.rung(Some(added), vec![removed])?);
             }
             continue;
         }
@@ -214,6 +220,11 @@ impl Climb<'_> {
 
     fn instance(&self, k: usize) -> Option<&Instance> {
         self.now.fitted.system.instances.get(self.base + k)
+    }
+
+    /// Effects that were added; what an instrument does is none.
+    fn effects(&self) -> usize {
+        (0..self.added.len()).filter(|k| !self.is_fault(*k)).count()
     }
 
     fn is_fault(&self, k: usize) -> bool {

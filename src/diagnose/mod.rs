@@ -21,6 +21,7 @@ mod reason;
 mod refit;
 pub mod results;
 mod revise;
+mod revive;
 mod righted;
 mod score;
 mod search;

@@ -51,6 +51,9 @@ pub struct Race {
     pub hopeful: f64,
     /// Iterations of a refit from another start.
     pub iterations: u64,
+    /// Largest displacements within which a place along the motion is looked for, as a gap: at twice, it is passed by none, and its law is as
+    /// good as smooth.
+    pub passed: f64,
     /// Part of the largest slope of a candidate's own parameters below which a combination of them does nothing: it has come to rest on a plateau...
     pub flat: f64,
     /// ...how far it is then moved, in logarithms...
@@ -94,6 +97,7 @@ impl Default for Race {
             following: 0.05,
             hopeful: 10.0,
             iterations: 40,
+            passed: 2.0,
             flat: 1e-3,
             off: [-1.4, -0.6, 0.6, 1.4],
             unmoved: 1e-6,

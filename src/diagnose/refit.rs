@@ -56,7 +56,7 @@ pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
         let begun = matches!(p.grid, Grid::Elastic(_) if value.value > 0.0) || matches!(p.grid, Grid::Starts(_));
         if (p.kind == Kind::Shape && !p.grid.fitted_last()) || begun {
             value.free = true;
-            (value.min, value.max) = (p.min, p.max);
+            (value.min, value.max) = (p.min.max(value.min), p.max.min(value.max));
         }
     }
     let start = info.params[0].default + strength;

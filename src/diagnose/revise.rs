@@ -1,7 +1,6 @@
 //! What stands is looked at again: taken out, or exchanged for what does its work better.
 
 use crate::effect::Role;
-use crate::model::System;
 use crate::parallel;
 
 use super::candidates::Name;
@@ -25,22 +24,10 @@ struct Alternatives {
 }
 
 impl Climb<'_> {
-    /// The system without the `k`-th addition; none where another acts on it or stands behind one that does.
-    fn without(&self, k: usize) -> Option<System> {
-        let at = self.base + k;
-        let mut system = self.now.fitted.system.clone();
-        let targets = |i: &crate::model::Instance| i.target.as_ref().is_some_and(|t| t.instances.iter().any(|i| *i >= at));
-        if system.instances.iter().any(targets) {
-            return None;
-        }
-        system.instances.remove(at);
-        Some(system)
-    }
-
     /// The model without an addition and the present one, both under the counts of the smaller.
     fn beside_smaller(&self, k: usize) -> Option<(Scale, Weighed, Weighed)> {
         let mut scale = self.scale.again();
-        let small = scale.weigh(&self.without(k)?, &self.now.v, self.monitor).ok()?;
+        let small = scale.weigh(&self.now.fitted.system.without(self.base + k)?, &self.now.v, self.monitor).ok()?;
         let small = scale.tempered(&small, self.monitor).ok()?;
         let whole = scale.weigh(&self.now.fitted.system, &self.now.v, self.monitor).ok()?;
         Some((scale, small, whole))

@@ -41,6 +41,8 @@ pub struct Settings {
     pub held_out_nats: f64,
     /// Part by which their error must fall beside that.
     pub held_out_fall: f64,
+    /// Pieces into which the held-out tests are cut at least, for the standard error of the fall of their error: fewer give no spread.
+    pub held_out_pieces: usize,
     /// Part of the first model error left on the held-out tests above which the verdict stays `unexplained`...
     pub remainder: f64,
     /// ...where it is more than this many times the noise...
@@ -143,6 +145,7 @@ impl Default for Settings {
             ties: 5,
             held_out_nats: 1.0,
             held_out_fall: 0.03,
+            held_out_pieces: 8,
             remainder: 1.0 / 3.0,
             visible: 2.0,
             visible_least: 3.0,

@@ -56,10 +56,12 @@ pub fn judged(g: &Grounds, s: &Settings) -> Judged {
     let (proven, mut why) = match g.held_out {
         _ if !changed => (false, "nothing was added".to_string()),
         Some((word, before, after)) => {
-            let proven = word.nats > s.held_out_nats && after < (1.0 - s.held_out_fall) * before;
+            let sure = word.fall.0 > word.fall.1;
+            let proven = word.nats > s.held_out_nats && after < (1.0 - s.held_out_fall) * before && sure;
             let moved = if after < before { "fell" } else { "rose" };
+            let by = if after < before && !sure { ", by no more than its standard error" } else { "" };
             let nats = format!("{:.1} nats {}", word.nats.abs(), if word.nats >= 0.0 { "for it" } else { "against it" });
-            (proven, format!("the error of the held-out tests {moved} from {} to {}, {nats}", percent(before), percent(after)))
+            (proven, format!("the error of the held-out tests {moved} from {} to {}{by}, {nats}", percent(before), percent(after)))
         }
         None if g.tests_held_out => (false, "the held-out tests cannot be computed".into()),
         None => (false, "no test is held out".into()),
@@ -89,7 +91,7 @@ mod tests {
         Grounds {
             added: true,
             faults: false,
-            held_out: Some((Word { nats, left }, before, after)),
+            held_out: Some((Word { nats, left, fall: (before * before - after * after, 1e-4) }, before, after)),
             tests_held_out: true,
             floor: 0.01,
             model_error: left.1,
@@ -114,6 +116,16 @@ mod tests {
             assert!(!j.proven && j.verdict == Verdict::Unexplained, "{j:?}");
         }
         assert!(of(&grounds(-3.0, (0.3, 0.9), 1.11, 3.97)).why.contains("rose from 111.000 % to 397.000 %"));
+    }
+
+    #[test]
+    fn a_held_out_error_that_falls_by_less_than_its_standard_error_proves_nothing() {
+        let mut g = grounds(5.0, (0.3, 0.004), 0.3, 0.012);
+        if let Some((word, ..)) = &mut g.held_out {
+            word.fall.1 = 2.0 * word.fall.0;
+        }
+        let j = of(&g);
+        assert!(!j.proven && j.verdict == Verdict::Unexplained && j.why.contains("no more than its standard error"), "{j:?}");
     }
 
     #[test]

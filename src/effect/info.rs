@@ -204,6 +204,8 @@ pub enum Grid {
 pub struct Scales {
     /// Displacement amplitude.
     pub x: f64,
+    /// Largest distance from x = 0.
+    pub most: f64,
     /// Velocity amplitude.
     pub v: f64,
     /// Smallest velocity amplitude that a test has.

@@ -162,6 +162,32 @@ pub struct System {
 }
 
 impl System {
+    /// The system without its `k`-th instance; none where another acts on it.
+    pub fn without(&self, k: usize) -> Option<System> {
+        let acts = |i: &Instance| i.target.as_ref().is_some_and(|t| t.instances.contains(&k));
+        if self.instances.iter().any(acts) {
+            return None;
+        }
+        let mut system = self.clone();
+        system.instances.remove(k);
+        system.renumbered(|i| if i > k { i - 1 } else { i });
+        Some(system)
+    }
+
+    /// The system with these instances put in before its `k`-th, which know of no instance behind themselves.
+    pub fn with(&self, k: usize, added: Vec<Instance>) -> System {
+        let (mut system, by) = (self.clone(), added.len());
+        system.renumbered(|i| if i >= k { i + by } else { i });
+        system.instances.splice(k..k, added);
+        system
+    }
+
+    /// What acts on an instance finds it at its new place.
+    fn renumbered(&mut self, to: impl Fn(usize) -> usize) {
+        let targets = self.instances.iter_mut().filter_map(|i| i.target.as_mut());
+        targets.flat_map(|t| t.instances.iter_mut()).for_each(|i| *i = to(*i));
+    }
+
     /// The free parameters in order of instance and parameter.
     pub fn free(&self) -> Vec<FreeParam> {
         let mut seen: BTreeMap<String, usize> = BTreeMap::new();

@@ -120,3 +120,22 @@ fn places_are_named_and_ranges_resolved() {
         assert!(format!("{error} {error:?}").contains(said), "{at}: {error:?}");
     }
 }
+
+#[test]
+fn a_law_finds_what_it_acts_on_where_instances_come_and_go() {
+    let mut system = one_place(&[("viscous", &[0.3]), ("linear_stiffness", &[1.0]), ("cubic_stiffness", &[0.5])]);
+    let law = find("linear_law").unwrap();
+    let unit = crate::units::Unit::si(crate::units::Dimension::LENGTH);
+    let target = Target { instances: vec![1], param: 0, condition: "i".into(), reference: 0.0, unit };
+    let params = law.info().params.iter().map(|p| ParamValue::fixed(p.default)).collect();
+    system.instances.push(Instance { target: Some(target), ..Instance::new(law, "c1.x", Site::Places(vec![0]), params) });
+    let on = |s: &System| s.instances[s.instances.last().unwrap().target.as_ref().unwrap().instances[0]].name();
+    assert_eq!(on(&system), "linear_stiffness");
+    let fewer = system.without(0).unwrap();
+    assert_eq!((fewer.instances.len(), on(&fewer)), (3, "linear_stiffness"));
+    assert_eq!(on(&system.without(2).unwrap()), "linear_stiffness");
+    let more = fewer.with(0, vec![system.instances[0].clone(), system.instances[0].clone()]);
+    assert_eq!((more.instances.len(), on(&more)), (5, "linear_stiffness"));
+    // What is acted on cannot be taken from under it.
+    assert!(system.without(1).is_none());
+}

@@ -173,11 +173,17 @@ pub fn test_error(plan: &Plan, computed: &[f64]) -> TestError {
 fn block_error(kind: BlockKind, measured: &[f64], computed: &[f64], sigma: &[f64]) -> (f64, f64) {
     let n = measured.len().max(1) as f64;
     let rms = |it: &mut dyn Iterator<Item = f64>| (it.map(|v| v * v).sum::<f64>() / n).sqrt();
-    if kind == BlockKind::Table {
-        let error = rms(&mut measured.iter().zip(computed).map(|(m, c)| m - c));
-        return (error, rms(&mut sigma.iter().copied()));
-    }
-    let mean = if kind == BlockKind::Frf { 0.0 } else { measured.iter().sum::<f64>() / n };
-    let size = rms(&mut measured.iter().map(|m| m - mean)).max(f64::MIN_POSITIVE);
+    let size = mean_square(kind, measured).sqrt();
     (rms(&mut measured.iter().zip(computed).map(|(m, c)| m - c)) / size, rms(&mut sigma.iter().copied()) / size)
+}
+
+/// Mean square of a channel's measured values, to which its error is relative: of an FRF as it stands, of a loop and a record about their mean
+/// [squared SI unit of the channel], of a table of logarithms 1.
+pub fn mean_square(kind: BlockKind, measured: &[f64]) -> f64 {
+    let n = measured.len().max(1) as f64;
+    let mean = if kind == BlockKind::Frf { 0.0 } else { measured.iter().sum::<f64>() / n };
+    match kind {
+        BlockKind::Table => 1.0,
+        _ => (measured.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / n).max(f64::MIN_POSITIVE.sqrt()),
+    }
 }

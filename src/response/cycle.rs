@@ -247,5 +247,6 @@ pub(super) fn amplitude(x: &[f64], f: &[f64], dt: f64) -> Amplitude {
         0.5 * (hi - lo)
     };
     let v = x.windows(2).map(|w| ((w[1] - w[0]) / dt).abs()).fold(0.0, f64::max);
-    Amplitude { x: half(x), v, f: half(f) }
+    let most = x.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    Amplitude { x: half(x), most, v, f: half(f) }
 }

@@ -287,7 +287,7 @@ impl EnergyPlan {
             let here = place_amplitudes(&system.model, &bound, &row.loads)
                 .map_err(|source| ResponseError::Engine { test: plan.id.clone(), source })?;
             for (w, a) in widest.iter_mut().zip(here) {
-                *w = Amplitude { x: w.x.max(a.x), v: w.v.max(a.v), f: w.f.max(a.f) };
+                *w = Amplitude { x: w.x.max(a.x), most: w.most.max(a.most), v: w.v.max(a.v), f: w.f.max(a.f) };
             }
         }
         Ok(widest)

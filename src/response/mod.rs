@@ -142,6 +142,8 @@ pub struct Computed {
 pub struct Amplitude {
     /// Half the range of relative displacement.
     pub x: f64,
+    /// Its largest distance from zero.
+    pub most: f64,
     /// Largest relative speed.
     pub v: f64,
     /// Half the range of force.

@@ -62,8 +62,9 @@ pub struct Settings {
     pub bodies: (usize, usize),
 }
 
-/// Samples per cycle of a loop: rigs record at fixed rates and at rates that follow the drive.
-pub const SAMPLINGS: [usize; 5] = [80, 100, 128, 200, 256];
+/// Samples per cycle of a loop: rigs record at fixed rates and at rates that follow the drive. None is a multiple of four, so that no sample
+/// falls on a reversal, where the force of a dry friction is whatever a rounding error makes of it.
+pub const SAMPLINGS: [usize; 5] = [82, 102, 130, 202, 254];
 /// Lines of a frequency response.
 pub const LINES: [usize; 3] = [120, 200, 320];
 
