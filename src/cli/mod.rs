@@ -17,6 +17,7 @@ mod predict;
 mod progress;
 mod report;
 mod scatter;
+mod schema;
 mod session;
 mod simulate;
 mod table;
@@ -67,6 +68,8 @@ enum Verb {
     Trial(trial::Args),
     /// Lists the library of effects, or shows one
     Effects(effects::Args),
+    /// JSON Schema of study.toml, dataset.toml and of what the verbs print
+    Schema(schema::Args),
 }
 
 impl Verb {
@@ -85,6 +88,7 @@ impl Verb {
             Verb::Report(a) => report::run(a),
             Verb::Trial(a) => trial::run(a),
             Verb::Effects(a) => effects::run(a),
+            Verb::Schema(a) => schema::run(a),
         }
     }
 
@@ -103,6 +107,7 @@ impl Verb {
             Verb::Report(a) => a.common.json,
             Verb::Trial(a) => a.json,
             Verb::Effects(a) => a.json,
+            Verb::Schema(a) => a.json,
         }
     }
 }

@@ -51,6 +51,7 @@ mod mechanism;
 mod orders;
 mod prediction;
 pub mod run;
+pub mod schema;
 mod settings;
 mod site;
 mod space;

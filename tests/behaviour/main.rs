@@ -14,6 +14,7 @@ mod missing;
 mod new;
 mod rig;
 mod round_trip;
+mod schema;
 mod settling;
 mod shapes;
 mod slopes;
