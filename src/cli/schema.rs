@@ -22,7 +22,7 @@ pub(super) struct Args {
 /// Name, what it is of, the schema.
 type Entry = (&'static str, &'static str, fn() -> Schema);
 
-const ALL: [Entry; 17] = [
+const ALL: [Entry; 19] = [
     ("study", "study.toml", crate::study::schema::study),
     ("dataset", "dataset.toml", crate::data::schema::dataset),
     ("error", "what any verb prints where it could not be done", result::<results::Error>),
@@ -35,9 +35,11 @@ const ALL: [Entry; 17] = [
     ("add", "result of `misfit add`", result::<results::Add>),
     ("ladder", "result of `misfit ladder`", result::<results::Ladder>),
     ("predict", "result of `misfit predict`", result::<results::Predict>),
+    ("tolerance", "result of `misfit tolerance`", result::<super::tolerance::Printed>),
     ("export", "result of `misfit export`", result::<results::Export>),
     ("report", "result of `misfit report`", result::<results::Report>),
     ("trial", "result of `misfit trial`", result::<results::Trial>),
+    ("campaign", "result of `misfit campaign`", result::<results::Campaign>),
     ("effects", "result of `misfit effects`", result::<results::Effects>),
     ("schema", "result of `misfit schema`", result::<results::Schemas>),
 ];

@@ -36,6 +36,7 @@ use crate::tolerance::Outcome;
 
 pub use error::ReportError;
 pub use sweeps::Sweep;
+pub use text::esc as escaped;
 
 /// What a report is made of. A part that is not there is left out of the page.
 #[derive(Clone, Copy, Debug)]

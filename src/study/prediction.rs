@@ -133,7 +133,7 @@ const WORDS: [(&str, Word); 13] = [
 ];
 
 /// The words of `quantity`.
-pub(super) fn words() -> Vec<&'static str> {
+pub(in crate::study) fn words() -> Vec<&'static str> {
     WORDS.iter().map(|w| w.0).collect()
 }
 

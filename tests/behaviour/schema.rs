@@ -16,7 +16,7 @@ fn misfit(args: &[&str]) -> Value {
 }
 
 /// What of `value` is against `schema`, which may use the keywords that the program writes and no other.
-fn against(root: &Value, schema: &Value, value: &Value, at: &str) -> Vec<String> {
+pub fn against(root: &Value, schema: &Value, value: &Value, at: &str) -> Vec<String> {
     let Value::Object(keywords) = schema else {
         return if schema == &Value::Bool(false) { vec![format!("{at}: nothing may stand here")] } else { vec![] };
     };

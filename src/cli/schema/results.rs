@@ -247,6 +247,36 @@ pub struct Trial {
     folder: String,
 }
 
+/// Result of `campaign`.
+#[derive(JsonSchema)]
+pub struct Campaign {
+    /// Tasks of the campaign.
+    tasks: usize,
+    /// Tasks with a result.
+    done: usize,
+    /// Tasks that failed.
+    failed: Vec<FailedTask>,
+    /// Parquet file with a row a task.
+    table: String,
+    /// HTML page.
+    report: String,
+    /// Tasks computed in this run; the others were there.
+    computed: usize,
+    /// Earlier results of other inputs.
+    of_other_inputs: usize,
+    /// Whether it was stopped.
+    interrupted: bool,
+}
+
+/// A task that failed.
+#[derive(JsonSchema)]
+pub struct FailedTask {
+    /// What it differs in.
+    task: String,
+    /// Why it failed.
+    reason: String,
+}
+
 /// Result of `effects`.
 #[derive(JsonSchema)]
 pub struct Effects {
