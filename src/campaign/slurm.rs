@@ -23,6 +23,18 @@ fn call(command: &mut Command) -> Result<String, CampaignError> {
     Err(CampaignError::Scheduler { command: short, reason: if said.is_empty() { done.status.to_string() } else { said } })
 }
 
+/// Processors of the cluster; none where the scheduler does not say.
+fn processors() -> Option<usize> {
+    // allocated/idle/other/total, a line a partition.
+    let told = call(Command::new("sinfo").args(["--noheader", "--format", "%C"])).ok()?;
+    told.lines().filter_map(|l| l.trim().rsplit('/').next()?.parse::<usize>().ok()).max()
+}
+
+/// Elements for so many tasks: four for every processor, so that short tasks are packed and long ones are still spread evenly.
+pub fn elements(tasks: usize) -> usize {
+    tasks.min(processors().map_or(ELEMENTS, |n| 4 * n.max(1))).clamp(1, ELEMENTS)
+}
+
 /// Queues an array of `elements`, each of which runs `script` with its index in `SLURM_ARRAY_TASK_ID`; gives the id of the job.
 pub fn submit(name: &str, elements: usize, threads: usize, folder: &Path, script: &str) -> Result<String, CampaignError> {
     let logs = folder.join("slurm");

@@ -71,7 +71,7 @@ impl Spec {
             }
         }
         let variants = root.tables("variant")?.iter().map(variant).collect::<Result<Vec<Variant>, TomlError>>()?;
-        let crossed = (!grid.is_empty() || variants.is_empty()) && (verb == "trial" || !studies.is_empty());
+        let crossed = (!grid.is_empty() || variants.is_empty() || studies.len() > 1) && (verb == "trial" || !studies.is_empty());
         let n = if crossed { grid.iter().try_fold(studies.len().max(1), |n, a| n.checked_mul(a.1.len())) } else { Some(0) };
         let n = n.and_then(|n| n.checked_add(variants.len()));
         match n {
@@ -107,9 +107,9 @@ impl Spec {
         self.file.with_file_name(format!("{stem}-results"))
     }
 
-    /// Whether studies and grid are crossed: not where only variants are listed.
+    /// Whether studies and grid are crossed: not where variants alone are listed, of one study.
     pub(super) fn crossed(&self) -> bool {
-        !self.grid.is_empty() || self.variants.is_empty()
+        !self.grid.is_empty() || self.variants.is_empty() || self.studies.len() > 1
     }
 
     /// A study's path.

@@ -20,6 +20,10 @@ pub(super) fn set(study: &mut Table, key: &str, value: &Value) -> Result<(), Str
     let mut steps = key.split('.').collect::<Vec<_>>();
     let last = steps.pop().unwrap_or_default();
     let none = |step: &str| format!("the study has neither a parameter `{key}` nor a key `{step}`");
+    // A table such as [fit] need not stand in the study for one of its keys to be set.
+    if let ([table], false) = (steps.as_slice(), study.contains_key(steps.first().copied().unwrap_or_default())) {
+        study.insert((*table).into(), Value::Table(Table::new()));
+    }
     let mut at = study;
     let mut inside = steps.into_iter();
     while let Some(step) = inside.next() {
@@ -163,6 +167,8 @@ mod tests {
         set(&mut study, "c1.x.viscous.c", &"5 N s/m".into()).unwrap();
         set(&mut study, "c1.x.viscous#2.c", &"6 N s/m".into()).unwrap();
         set(&mut study, "fit.loss", &"huber".into()).unwrap();
+        set(&mut study, "search.max_added", &Value::Integer(1)).unwrap();
+        assert_eq!(study["search"]["max_added"].as_integer(), Some(1));
         set(&mut study, "prediction.0.mode", &Value::Integer(2)).unwrap();
         let effects = study["effect"].as_array().unwrap();
         assert_eq!(effects[0]["c"]["start"].as_str(), Some("5 N s/m"));

@@ -53,6 +53,9 @@ const TABLE: &str = "table.parquet";
 const REPORT: &str = "report.html";
 const LIST: &str = "list.json";
 const LOCK: &str = "lock";
+/// Beginning of the names of folders in which tasks work.
+const WORK: &str = "work-";
+const JOB: &str = "job";
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let begun = Instant::now();
@@ -69,16 +72,27 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         return one_element(&Runner { program: &program, spec: &spec, folder: &folder }, element, &stopped);
     }
     let tasks = campaign::tasks(&spec)?;
-    prepare(&folder, args.resume)?;
+    begin(&folder, args.resume)?;
     let folder = folder.canonicalize().unwrap_or(folder);
     let _lock = Lock::take(&folder)?;
+    // The elements of a job that goes on by itself are nobody's leftovers.
+    if earlier(&folder).is_none() {
+        leftovers(&folder)?;
+    }
     let runner = Runner { program: &program, spec: &spec, folder: &folder };
     let records: Vec<Option<Record>> = parallel::map(&tasks, |t| runner.record(&t.id));
     let left: Vec<usize> = (0..tasks.len()).filter(|k| records[*k].as_ref().is_none_or(|r| r.reason.is_some())).collect();
     let others = strangers(&folder, &tasks);
     let progress = Progress::new(args.json, None);
     match args.on {
-        On::Local => local(&runner, &tasks, &left, &progress, &stopped)?,
+        On::Local => {
+            if let Some(job) = earlier(&folder) {
+                let message = format!("job {job} of this campaign is still queued or running");
+                let accepted = format!("--on slurm --resume to go on with it, or `scancel {job}`");
+                return Err(Failure::new("campaign", folder.display().to_string(), message, accepted));
+            }
+            local(&runner, &tasks, &left, &progress, &stopped)?;
+        }
         On::Slurm => array(&runner, &tasks, &left, &progress, &stopped)?,
     }
     progress.end();
@@ -130,14 +144,25 @@ fn local(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
     Ok(parallel::map(left, one).into_iter().collect::<Result<(), _>>()?)
 }
 
+/// The job of an earlier run that is still queued or running.
+fn earlier(folder: &Path) -> Option<String> {
+    let job = std::fs::read_to_string(folder.join(JOB)).ok()?;
+    slurm::busy(&job, std::time::Duration::ZERO).ok().filter(|b| *b).map(|_| job)
+}
+
 /// The same as a job array. What an element leaves without a record, because it was killed with its node, is queued again as often as asked.
 fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, stopped: &(dyn Fn() -> bool + Sync)) -> Result<(), Failure> {
     let mut left = left.to_vec();
+    // A job whose submitter was killed goes on by itself: it is waited for, not queued twice.
+    if let Some(job) = earlier(runner.folder) {
+        slurm::wait(&job, stopped, &mut || progress.say(&format!("job {job} of an earlier run")))?;
+        left.retain(|k| runner.record(&tasks[*k].id).is_none_or(|r| r.reason.is_some()));
+    }
     for _ in 0..=runner.spec.retries {
         if left.is_empty() || stopped() {
             break;
         }
-        let elements = left.len().min(slurm::ELEMENTS);
+        let elements = slurm::elements(left.len());
         let packed: Vec<Vec<&Task>> = (0..elements).map(|e| left.iter().skip(e).step_by(elements).map(|k| &tasks[*k]).collect()).collect();
         let text = serde_json::to_vec(&packed).map_err(|e| CampaignError::Folder {
             path: runner.folder.join(LIST),
@@ -155,6 +180,7 @@ fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
         );
         let job =
             slurm::submit(&runner.spec.title.replace(char::is_whitespace, "-"), elements, runner.spec.threads, runner.folder, &script)?;
+        write(&runner.folder.join(JOB), job.as_bytes())?;
         let all = left.len();
         let mut look = || {
             let n = left.iter().filter(|k| runner.file(&tasks[**k].id).exists()).count();
@@ -188,21 +214,42 @@ fn one_element(runner: &Runner, element: usize, stopped: &(dyn Fn() -> bool + Sy
     Ok(Outcome { json: json!({ "element": element, "done": done }), text: format!("{done} tasks\n"), code: 0 })
 }
 
-/// Makes the folder; refuses one in which a campaign was begun, unless it is resumed. Leftovers of a killed run go.
-fn prepare(folder: &Path, resume: bool) -> Result<(), Failure> {
+/// Makes the folder; refuses one in which a campaign was begun, unless it is resumed.
+fn begin(folder: &Path, resume: bool) -> Result<(), Failure> {
     let tasks = folder.join("tasks");
     if tasks.exists() && !resume {
         let message = "a campaign has been begun here";
         return Err(Failure::new("campaign", folder.display().to_string(), message, "--resume to go on, or --out with another folder"));
     }
     let fail = |e: std::io::Error| Failure::new("campaign", folder.display().to_string(), e.to_string(), "a folder that can be written");
-    std::fs::create_dir_all(&tasks).and_then(|()| std::fs::create_dir_all(folder.join("runs"))).map_err(fail)?;
+    std::fs::create_dir_all(&tasks).and_then(|()| std::fs::create_dir_all(folder.join("runs"))).map_err(fail)
+}
+
+/// Ends and removes what a killed run has left.
+fn leftovers(folder: &Path) -> Result<(), Failure> {
+    orphans(folder);
+    let fail = |e: std::io::Error| Failure::new("campaign", folder.display().to_string(), e.to_string(), "a folder that can be written");
     let entries = std::fs::read_dir(folder).map_err(fail)?.flatten();
-    for left in entries.filter(|e| e.file_name().to_string_lossy().starts_with("work-")) {
+    for left in entries.filter(|e| e.file_name().to_string_lossy().starts_with(WORK)) {
         // What cannot be removed is in nobody's way.
         let _ = std::fs::remove_dir_all(left.path());
     }
     Ok(())
+}
+
+/// Ends what a killed campaign has left running: runs of this program whose command line names a folder of work in this campaign's folder. Where the system has no /proc, none is
+/// found: they end by themselves, and nobody takes their results.
+fn orphans(folder: &Path) {
+    let mark = folder.join(WORK).display().to_string();
+    let program = std::env::current_exe().ok();
+    for process in std::fs::read_dir("/proc").into_iter().flatten().flatten() {
+        let command = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
+        let name = process.file_name().to_string_lossy().into_owned();
+        let ours = std::fs::read_link(process.path().join("exe")).ok() == program;
+        if name.bytes().all(|b| b.is_ascii_digit()) && ours && String::from_utf8_lossy(&command).contains(&mark) {
+            let _ = std::process::Command::new("kill").args(["-9", &name]).status();
+        }
+    }
 }
 
 /// Records of tasks that are not in the list.

@@ -1,5 +1,7 @@
 //! `misfit tolerance`: tolerances of parts to distributions of energies and stiffness, their contributions, and the loosest that keep a yield.
 
+use std::time::Instant;
+
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -48,6 +50,8 @@ pub(super) struct Printed {
     constant: Option<f64>,
     /// What to know of the numbers.
     notes: Vec<String>,
+    /// Wall time of everything after the fit [s].
+    assemblies_s: f64,
 }
 
 /// A quantity of a case over its assemblies.
@@ -178,24 +182,30 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
     let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
     let model = calibrated(study, &fitted, &spread.covariance);
-    let factors = factors(&session, &spec, &model)?;
+    // The law of the strengths stands in the study of the answer.
+    let own = study.tolerance.as_ref().filter(|t| !t.libraries.is_empty()).unwrap_or(&spec);
+    let factors = factors(&session, own, spec.scale, &model)?;
     session.progress.say("assemblies");
     let how = Asked { draws: args.draws as usize, exact: args.exact as usize, seed: session.common.seed };
-    let (Some(parts), Some(first)) = (&spec.parts, spec.tables.first()) else {
+    let (Some(parts), Some(cases)) = (&spec.parts, spec.tables.first()) else {
         return Err(Failure::new("study", "tolerance", "no table of cases", "test = \"...\""));
     };
-    let found = population::population(&spec, first, parts, &model, &factors, how)?;
+    let begun = Instant::now();
+    let found = population::population(&spec, cases, parts, &model, &factors, how)?;
+    let assemblies_s = begun.elapsed().as_secs_f64();
     session.progress.end();
     let folder = session.folder(&asked, "tolerance")?;
     folder.study(study, &fitted.system)?;
-    let value = fit::json(&printed(&asked.title, &spec, &found, how), &folder)?;
+    let page = crate::report::population(&asked.title, &first(&found), &found, &parts.bands, &|q| shown(&spec, q));
+    folder.write(super::report::FILE, page.as_bytes())?;
+    let value = fit::json(&printed(&asked.title, &spec, &found, how, assemblies_s), &folder)?;
     folder.result(&value)?;
     let text = format!("{}\n\n{}Run: {}\n", asked.title, told(&spec, &found, how), folder.path.display());
     Ok(Outcome { json: value, text, code: fit::code(&result.termination) })
 }
 
-/// Of each case, W_D by the law of the strengths over that of the model as it stands; 1 where the study asks for no law.
-fn factors(session: &Session, spec: &ToleranceSpec, model: &predict::Calibrated) -> Result<Vec<f64>, Failure> {
+/// Of each case, W_D by the law of the strengths over `scale` times that of the model as it stands; 1 where the study asks for no law.
+fn factors(session: &Session, spec: &ToleranceSpec, scale: f64, model: &predict::Calibrated) -> Result<Vec<f64>, Failure> {
     let n = spec.tables[0].cases.cases.len();
     if spec.libraries.is_empty() {
         return Ok(vec![1.0; n]);
@@ -208,7 +218,7 @@ fn factors(session: &Session, spec: &ToleranceSpec, model: &predict::Calibrated)
     let plain = rung.cycles.first().map_or(vec![], |c| of(&c.predictions));
     let reference = crate::tolerance::energies::find(&spec.tables[0].cases, &spec.reference)?;
     let law = of(&law(spec, model, &[rung], reference, session.common.seed)?.predictions);
-    Ok(law.iter().zip(&plain).map(|(l, p)| l / p).collect())
+    Ok(law.iter().zip(&plain).map(|(l, p)| l / p * spec.scale / scale).collect())
 }
 
 /// SI unit of a quantity.
@@ -225,7 +235,7 @@ fn unit(spec: &ToleranceSpec, quantity: Banded) -> String {
     }
 }
 
-fn printed(title: &str, spec: &ToleranceSpec, found: &Population, how: Asked) -> Printed {
+fn printed(title: &str, spec: &ToleranceSpec, found: &Population, how: Asked, assemblies_s: f64) -> Printed {
     let case = |d: &population::Distribution| CaseResult {
         case: d.case.clone(),
         quantity: d.quantity.word(),
@@ -284,6 +294,7 @@ fn printed(title: &str, spec: &ToleranceSpec, found: &Population, how: Asked) ->
         draws: how.draws,
         constant: found.constant,
         notes: found.notes.clone(),
+        assemblies_s,
     }
 }
 
@@ -298,24 +309,30 @@ fn shown(spec: &ToleranceSpec, quantity: Banded) -> (String, f64) {
     }
 }
 
-fn told(spec: &ToleranceSpec, found: &Population, how: Asked) -> String {
-    let mut text = match &found.kept {
+/// The answer in a sentence.
+fn first(found: &Population) -> String {
+    match &found.kept {
         Some(k) if k.in_the_way.is_none() => format!(
-            "Tolerances for a yield of {} exist: {} keep the bands, at {} of the cost of case {}.\n\n",
-            percent(k.asked),
-            percent(k.reached.0),
+            "Tolerances for a yield of {:.2} % exist: {:.2} % keep the bands, at {} of the cost of case {}.",
+            100.0 * k.asked,
+            100.0 * k.reached.0,
             percent(k.cost.1 / k.cost.0),
             k.case
         ),
-        Some(k) => {
-            format!(
-                "No tolerances within their ranges give a yield of {}: {}.\n\n",
-                percent(k.asked),
-                k.in_the_way.as_deref().unwrap_or("-")
-            )
-        }
-        None => String::new(),
-    };
+        Some(k) => format!(
+            "No tolerances within their ranges give a yield of {:.2} %: {}.",
+            100.0 * k.asked,
+            k.in_the_way.as_deref().unwrap_or("-")
+        ),
+        None => match found.distributions.iter().filter_map(|d| Some((d, d.reached?))).min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((d, r)) => format!("The least yield is {:.2} %: {} of case {}.", 100.0 * r, d.quantity.word(), d.case),
+            None => "No band is stated; these are the distributions.".into(),
+        },
+    }
+}
+
+fn told(spec: &ToleranceSpec, found: &Population, how: Asked) -> String {
+    let mut text = format!("{}\n\n", first(found));
     let row = |d: &population::Distribution| {
         let (symbol, factor) = shown(spec, d.quantity);
         let v = |v: f64| significant(v / factor, 4);

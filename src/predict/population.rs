@@ -299,7 +299,11 @@ pub fn population(
     let distributions = crate::parallel::over(cases.len(), of_case).concat();
     let share_case = match &parts.synthesis {
         Some(s) => crate::tolerance::energies::find(&table.cases, &s.case)?,
-        None => crate::tolerance::energies::find(&table.cases, &spec.reference)?,
+        // Where tolerances matter most.
+        None => {
+            let sum = |k: &usize| ends[*k].0.iter().sum::<f64>();
+            (0..cases.len()).max_by(|a, b| sum(a).total_cmp(&sum(b))).unwrap_or(0)
+        }
     };
     let shares = whole.quantities().into_iter().flat_map(|q| shares(&whole, share_case, q, how.seed)).collect();
     let kept = parts.synthesis.as_ref().map(|s| kept::kept(&whole, share_case, s, &draws, how));

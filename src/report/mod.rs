@@ -14,6 +14,7 @@ mod modes;
 mod overview;
 mod page;
 mod parameters;
+mod population;
 mod shapes;
 mod stage;
 mod summary;
@@ -35,6 +36,7 @@ use crate::study::Study;
 use crate::tolerance::Outcome;
 
 pub use error::ReportError;
+pub use population::population;
 pub use sweeps::Sweep;
 pub use text::esc as escaped;
 

@@ -338,7 +338,7 @@ mod tests {
     /// x = sum a_k t_k z_k within +-1 at 95.45 % (2 sigma): sum (a t)^2 = 1/4; Lagrange: t_k proportional to (c_k / a_k^2)^(1/3).
     #[test]
     fn a_linear_function_has_the_widths_of_its_closed_form() {
-        let (a, c) = ([1.0, 2.0, 0.5], [1.0, 1.0, 3.0]);
+        let (a, c): ([f64; 3], [f64; 3]) = ([1.0, 2.0, 0.5], [1.0, 1.0, 3.0]);
         let z = normal(3);
         let slopes: Vec<f64> = z.chunks(3).flat_map(|z| (0..3).map(|k| a[k] * z[k]).collect::<Vec<f64>>()).collect();
         let limited = [Limited { value: &|x| x, slope: &|_| 1.0, band: (-1.0, 1.0) }];
@@ -352,7 +352,7 @@ mod tests {
             limited: &limited,
             asked: 0.9545,
         };
-        let raw: Vec<f64> = (0..3).map(|k| (c[k] / (a[k] * a[k] as f64)).cbrt()).collect();
+        let raw: Vec<f64> = (0..3).map(|k| (c[k] / (a[k] * a[k])).cbrt()).collect();
         let scale = 0.5 / raw.iter().zip(a).map(|(t, a)| (t * a).powi(2)).sum::<f64>().sqrt();
         let Answer::Found { widths, reached, .. } = ask.answer() else { panic!("infeasible") };
         assert!((0.9545..0.9555).contains(&reached), "{reached}");

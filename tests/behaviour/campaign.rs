@@ -121,6 +121,7 @@ fn through_a_scheduler_the_table_is_the_same_and_a_lost_element_is_queued_again(
     );
     script(&bin, "squeue", &format!("[ -e {home}/ended-$3 ] || echo RUNNING\n"));
     script(&bin, "scancel", "exit 0\n");
+    script(&bin, "sinfo", "exit 1\n");
     let path = format!("{home}:{}", std::env::var("PATH").unwrap());
     let run = command(&file, &array, &["--on", "slurm"]).env("PATH", path).output().unwrap();
     let log = std::fs::read_to_string(bin.join("log")).unwrap_or_default();
@@ -160,4 +161,30 @@ fn a_campaign_that_cannot_be_is_refused_with_its_line() {
         assert_eq!(run.status.code(), Some(1), "{to}: {result}");
         assert!(result["error"]["message"].as_str().unwrap().contains(said), "{to}: {result}");
     }
+}
+
+/// On a Slurm that runs (`tests/slurm/run` starts one on a bare machine): the table of a job array is that of the local run, also where the submitter is killed and
+/// another goes on with its job.
+#[test]
+#[ignore = "needs a running Slurm: tests/slurm/run starts one and runs this test"]
+fn on_a_running_slurm_the_table_is_the_same_and_a_killed_submitter_is_taken_over() {
+    let (dir, file) = bench();
+    let (local, array, killed) = (dir.path().join("local"), dir.path().join("array"), dir.path().join("killed"));
+    run(&file, &local, &[]);
+    let result = run(&file, &array, &["--on", "slurm"]);
+    assert_eq!(result["done"], 8, "{result}");
+    assert_eq!(table(&array), table(&local));
+    let mut child = command(&file, &killed, &["--on", "slurm"]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let begun = Instant::now();
+    while !killed.join("job").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no job in a minute");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let refused = command(&file, &killed, &["--resume"]).output().unwrap();
+    assert!(String::from_utf8_lossy(&refused.stdout).contains("still queued or running"), "{}", String::from_utf8_lossy(&refused.stdout));
+    let result = run(&file, &killed, &["--on", "slurm", "--resume"]);
+    assert_eq!(result["done"], 8, "{result}");
+    assert_eq!(table(&killed), table(&local));
 }

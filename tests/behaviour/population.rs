@@ -65,7 +65,8 @@ fn mean_spread_yield_and_synthesis_are_those_of_the_closed_form() {
     let wrong = super::schema::against(&schema, &schema, &result, "");
     assert!(wrong.is_empty(), "{wrong:#?}");
     for (k, t) in WIDTHS.iter().enumerate() {
-        let case = result["cases"].as_array().unwrap().iter().find(|c| c["case"] == (k + 1).to_string() && c["quantity"] == "W_D").unwrap();
+        let name = (k + 1).to_string();
+        let case = result["cases"].as_array().unwrap().iter().find(|c| c["case"] == name.as_str() && c["quantity"] == "W_D").unwrap();
         // Simpson's rule over +-8 sigma, sigma = 1/6.
         let moment = |f: &dyn Fn(f64) -> f64| {
             let n = 400;
@@ -98,6 +99,10 @@ fn mean_spread_yield_and_synthesis_are_those_of_the_closed_form() {
         let interval = case["yield_interval"].as_array().unwrap();
         assert!(interval[0].as_f64().unwrap() <= expected && expected <= interval[1].as_f64().unwrap(), "{interval:?} {expected}");
     }
+    let page = std::fs::read_to_string(Path::new(result["run"].as_str().unwrap()).join("report.html")).unwrap();
+    assert!(
+        page.contains("Tolerances for a yield of 90.00 % exist") && page.matches("newPlot(\"chart-").count() >= 2 && page.contains("band")
+    );
     let share = &result["contributions"][0];
     assert!(share["tolerance"] == "t" && (share["first"].as_f64().unwrap() - 1.0).abs() < 0.01, "{share}");
     assert!(result["surrogate"]["error"].as_f64().unwrap() < 1e-3, "{}", result["surrogate"]);

@@ -140,8 +140,11 @@ fn every_file_of_the_repository_fits_its_schema() {
     assert!(studies > 12 && datasets > 8, "{studies} studies and {datasets} datasets");
 }
 
+/// Takes the path of a key and what misspells it.
+type Each<'a> = dyn FnMut(&str, &dyn Fn(&mut Value)) + 'a;
+
 /// Misspells every key of the value in turn, but for names that a user gives.
-fn misspelt(value: &Value, at: &str, each: &mut dyn FnMut(&str, &dyn Fn(&mut Value))) {
+fn misspelt(value: &Value, at: &str, each: &mut Each) {
     match value {
         Value::Object(map) => {
             for (key, inner) in map {
