@@ -22,4 +22,5 @@ pub mod predict;
 pub mod trial;
 pub mod report;
 pub mod export;
+pub mod campaign;
 pub mod cli;

@@ -4,6 +4,7 @@
 //! saved.
 
 mod add;
+mod campaign;
 mod check;
 mod compare;
 mod diagnose;
@@ -17,10 +18,12 @@ mod predict;
 mod progress;
 mod report;
 mod scatter;
+mod schema;
 mod session;
 mod simulate;
 mod table;
 mod text;
+mod tolerance;
 mod trial;
 mod trial_realistic;
 
@@ -59,14 +62,20 @@ enum Verb {
     Ladder(ladder::Args),
     /// Fits, then computes the study's predictions with their deviations
     Predict(predict::Args),
+    /// Tolerances of parts to distributions of energies: yields, contributions, the loosest tolerances that keep a yield
+    Tolerance(tolerance::Args),
     /// Fits, then writes the calibrated set in other formats
     Export(export::Args),
     /// Writes one HTML file that opens offline
     Report(report::Args),
     /// Known-truth recovery: how often generated hidden effects are found
     Trial(trial::Args),
+    /// One verb over many variants, on this machine or through Slurm
+    Campaign(campaign::Args),
     /// Lists the library of effects, or shows one
     Effects(effects::Args),
+    /// JSON Schema of study.toml, dataset.toml and of what the verbs print
+    Schema(schema::Args),
 }
 
 impl Verb {
@@ -81,10 +90,13 @@ impl Verb {
             Verb::Add(a) => add::run(a),
             Verb::Ladder(a) => ladder::run(a),
             Verb::Predict(a) => predict::run(a),
+            Verb::Tolerance(a) => tolerance::run(a),
             Verb::Export(a) => export::run(a),
             Verb::Report(a) => report::run(a),
             Verb::Trial(a) => trial::run(a),
+            Verb::Campaign(a) => campaign::run(a),
             Verb::Effects(a) => effects::run(a),
+            Verb::Schema(a) => schema::run(a),
         }
     }
 
@@ -99,10 +111,13 @@ impl Verb {
             Verb::Add(a) => a.common.json,
             Verb::Ladder(a) => a.common.json,
             Verb::Predict(a) => a.common.json,
+            Verb::Tolerance(a) => a.common.json,
             Verb::Export(a) => a.common.json,
             Verb::Report(a) => a.common.json,
             Verb::Trial(a) => a.json,
+            Verb::Campaign(a) => a.json,
             Verb::Effects(a) => a.json,
+            Verb::Schema(a) => a.json,
         }
     }
 }

@@ -21,11 +21,11 @@ use super::table::{percent, significant, table};
 use super::{INTERRUPTED, Outcome, fit, report, scatter, text};
 
 mod told;
-mod tolerance;
+pub(super) mod tolerance;
 mod value;
 
 /// Relative change of the cost at which the fit of a rung that the program wrote may end.
-const WRITTEN: f64 = 1e-6;
+pub(super) const WRITTEN: f64 = 1e-6;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -144,7 +144,7 @@ fn title(k: usize, added: &[String]) -> String {
 }
 
 /// A fitted study as the predictions see it.
-fn calibrated<'a>(study: &'a Study, fitted: &'a Fitted, covariance: &'a DMatrix<f64>) -> Calibrated<'a> {
+pub(super) fn calibrated<'a>(study: &'a Study, fitted: &'a Fitted, covariance: &'a DMatrix<f64>) -> Calibrated<'a> {
     Calibrated {
         study,
         system: &fitted.system,

@@ -23,6 +23,7 @@ pub mod readers;
 mod reading;
 mod record;
 mod sampling;
+pub mod schema;
 mod tables;
 pub mod toml_strict;
 pub mod uff;

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// Which tests are tried, how many of them are simulated, and when one is good enough.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Proposals {
     /// Frequencies of a cycle that are tried...
     pub frequencies: usize,

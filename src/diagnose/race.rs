@@ -4,7 +4,7 @@
 use serde::Serialize;
 
 /// How candidates are picked, begun and refitted.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Race {
     /// Picked for its score when its predicted fall is at least this part of the best: the score is a slope, off by factors far from the truth.
     pub worth: f64,

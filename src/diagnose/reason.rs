@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// What was decided of a candidate.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind")]
 pub enum Reason {
     /// It gains more than its parameters and the search cost.
@@ -50,7 +50,7 @@ pub enum Reason {
 }
 
 /// Why the record speaks against a fault of an instrument.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
     /// It moves no test by more than tests scatter.

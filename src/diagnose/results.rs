@@ -12,7 +12,7 @@ use super::settings::Settings;
 use super::unexplained::Unexplained;
 
 /// Which use a test serves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SplitName {
     /// Parameters are identified on it.
@@ -24,7 +24,7 @@ pub enum SplitName {
 }
 
 /// The point of a test that lies farthest from the model in units of sigma.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Worst {
     /// Channel and abscissa, in words.
     #[serde(rename = "where")]
@@ -83,7 +83,7 @@ impl Curve {
 }
 
 /// [`Curve::largest_difference`] of one channel, as a fraction.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct LargestDifference {
     /// `displacement at P.x`.
     pub channel: String,
@@ -94,7 +94,7 @@ pub struct LargestDifference {
 }
 
 /// How far off the energies of one channel of a table are, as factors: energies run over decades.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Factor {
     /// `W_D per cycle at c1.x`.
     pub channel: String,
@@ -106,7 +106,7 @@ pub struct Factor {
 }
 
 /// What the one strength that carries the whole loss of a table can reach: the least largest factor (minimax) over its values.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct OneStrength {
     /// The strength.
     pub parameter: String,
@@ -120,7 +120,7 @@ pub struct OneStrength {
 }
 
 /// Damping of the modes of a test that is not fitted: the model beside one constant ratio.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ConstantDamping {
     /// The constant: mean of the damping ratios measured of the fitted modes.
     pub ratio: f64,
@@ -139,7 +139,7 @@ pub struct ConstantDamping {
 }
 
 /// A model beside a constant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Against {
     /// Better by more than two standard errors.
@@ -170,7 +170,7 @@ impl ConstantDamping {
 }
 
 /// One test against the model.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct TestResult {
     /// Id of the test.
     pub id: String,
@@ -202,7 +202,7 @@ pub struct TestResult {
 }
 
 /// One parameter.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct ParameterResult {
     /// `at.effect.parameter`.
     pub name: String,
@@ -227,7 +227,7 @@ pub struct ParameterResult {
 }
 
 /// An effect and its place.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, schemars::JsonSchema)]
 pub struct EffectAt {
     /// Name of the effect.
     pub effect: String,
@@ -236,7 +236,7 @@ pub struct EffectAt {
 }
 
 /// Result of `fit`.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct FitResult {
     /// Name of the study.
     pub study: String,
@@ -271,7 +271,7 @@ pub struct FitResult {
 }
 
 /// Something seen in the residuals.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Finding {
     /// Test.
     pub test: String,
@@ -286,7 +286,7 @@ pub struct Finding {
 }
 
 /// What a diagnosis says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// An effect is missing.
@@ -301,7 +301,7 @@ pub enum Verdict {
 }
 
 /// Result of `diagnose`.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Diagnosis {
     /// Findings.
     pub findings: Vec<Finding>,
@@ -324,7 +324,7 @@ pub struct Diagnosis {
 }
 
 /// What a step of the search took.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, schemars::JsonSchema)]
 pub struct Effort {
     /// Effects at places with their shapes that the score test weighed.
     pub trials: usize,
@@ -337,7 +337,7 @@ pub struct Effort {
 }
 
 /// One rung of a ladder.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Rung {
     /// Effect added; none on the first rung.
     pub added: Option<EffectAt>,
@@ -362,7 +362,7 @@ pub struct Rung {
 }
 
 /// A missing effect with what it cannot be told from.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Missing {
     /// Name of the effect.
     pub effect: String,
@@ -378,7 +378,7 @@ pub struct Missing {
 }
 
 /// Pooled error of the held-out tests.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, schemars::JsonSchema)]
 pub struct HeldOut {
     /// On the first rung.
     pub before: Option<f64>,
@@ -389,7 +389,7 @@ pub struct HeldOut {
 }
 
 /// Result of `ladder`.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct LadderResult {
     /// Name of the study.
     pub study: String,

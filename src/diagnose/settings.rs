@@ -8,7 +8,7 @@ use super::proposals::Proposals;
 use super::race::Race;
 
 /// How missing physics is searched for, and when it is believed.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Settings {
     /// Effects added at most.
     pub max_added: usize,

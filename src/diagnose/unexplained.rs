@@ -55,7 +55,7 @@ const WORTH: f64 = 0.03;
 const POINTS: usize = 200;
 
 /// What would explain the rest.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Unexplained {
     /// Place.
     pub at: String,
@@ -74,7 +74,7 @@ pub struct Unexplained {
 }
 
 /// The missing force along one cycle [SI].
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Missed {
     /// Test; empty for the formula over a made-up cycle of the largest motion, where no test drives the place itself.
     pub test: String,

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// What is assumed of noise, instruments and the model's own error.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Settings {
     /// Relative error of a model below which no model of a device is claimed: sampling, integration and geometry are not better known.
     pub model_error_least: f64,

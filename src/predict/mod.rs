@@ -5,6 +5,7 @@ mod cases;
 mod error;
 mod link;
 mod loops;
+pub mod population;
 
 pub use cases::{Answer, Calibrated, rung};
 pub use error::PredictError;

@@ -14,6 +14,7 @@ mod modes;
 mod overview;
 mod page;
 mod parameters;
+mod population;
 mod shapes;
 mod stage;
 mod summary;
@@ -35,7 +36,9 @@ use crate::study::Study;
 use crate::tolerance::Outcome;
 
 pub use error::ReportError;
+pub use population::population;
 pub use sweeps::Sweep;
+pub use text::esc as escaped;
 
 /// What a report is made of. A part that is not there is left out of the page.
 #[derive(Clone, Copy, Debug)]

@@ -132,6 +132,11 @@ const WORDS: [(&str, Word); 13] = [
     ("receptance", Word::Frf(FrfQuantity::Receptance)),
 ];
 
+/// The words of `quantity`.
+pub(in crate::study) fn words() -> Vec<&'static str> {
+    WORDS.iter().map(|w| w.0).collect()
+}
+
 impl Predicted {
     /// The word of `quantity` in study.toml.
     pub fn word(&self) -> &'static str {

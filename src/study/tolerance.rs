@@ -9,6 +9,7 @@ use crate::model::System;
 use crate::tolerance::{Cases, Forms, Housing, Library, Pair};
 use crate::units::Dimension;
 
+use super::parts::{self, Parts};
 use super::prediction::{self, CycleQuantity, Predicted, PredictionSpec};
 use super::settings::unknown;
 use super::{StudyError, engineering};
@@ -62,6 +63,8 @@ pub struct ToleranceSpec {
     pub permutations: usize,
     /// Tolerances that span the surface.
     pub surface: Option<[String; 2]>,
+    /// Tolerances of parts as distributions.
+    pub parts: Option<Parts>,
     /// Line in study.toml.
     pub line: usize,
     /// dataset.toml of the cases.
@@ -105,7 +108,7 @@ const KEYS: [&str; 15] = [
 pub(super) fn read(root: &TableView<'_>, system: &System, dataset: &Dataset, folder: &Path) -> Result<Option<ToleranceSpec>, StudyError> {
     let Some(value) = root.get("tolerance") else { return Ok(None) };
     let table = value.table()?;
-    table.only(&KEYS)?;
+    table.only(&[&KEYS[..], &parts::KEYS].concat())?;
     let conditions = conditions(&table, dataset)?;
     laws_have_conditions(&table, system, &conditions)?;
     let pairs = match table.get("interference") {
@@ -113,8 +116,10 @@ pub(super) fn read(root: &TableView<'_>, system: &System, dataset: &Dataset, fol
         None => vec![],
     };
     let surface = surface(&table)?;
+    let of_parts = parts::read(&table)?;
     let libraries = table.tables("libraries")?.iter().map(library).collect::<Result<Vec<Library>, _>>()?;
-    let needed = needed(&pairs, &conditions, &libraries, surface.as_ref(), dataset);
+    let mut needed = needed(&pairs, &conditions, &libraries, surface.as_ref(), dataset);
+    of_the_parts(&mut needed, of_parts.as_ref());
     let other = dataset_of_cases(&table, folder)?;
     let tables = tables(&table, &other, &needed, system)?;
     let value = table.require("reference", "the case that ratios refer to")?;
@@ -123,6 +128,9 @@ pub(super) fn read(root: &TableView<'_>, system: &System, dataset: &Dataset, fol
         if !t.cases.cases.iter().any(|c| c.name == reference) {
             return Err(unknown(&value, "case", reference, t.cases.cases.iter().map(|c| c.name.as_str())).into());
         }
+    }
+    if let Some(p) = &of_parts {
+        names_of_parts(&table, p, &conditions, &tables[0].cases)?;
     }
     let strengths = strengths(&table, system)?;
     if strengths.is_empty() != libraries.is_empty() {
@@ -152,6 +160,7 @@ pub(super) fn read(root: &TableView<'_>, system: &System, dataset: &Dataset, fol
         libraries,
         permutations: table.optional("permutations", |v| v.integer(19, 100_000))?.map_or(PERMUTATIONS, |n| n as usize),
         surface,
+        parts: of_parts,
         line: table.line(),
         file: other.file.clone(),
         text,
@@ -227,6 +236,41 @@ fn needed(
     }
     libraries.iter().flat_map(|l| &l.quantities).chain(surface.into_iter().flatten()).for_each(|q| add(q, Dimension::LENGTH));
     needed
+}
+
+/// Refuses a synthesis at a case, or an interference that is a condition, that is not there; and deviations with no way to the conditions.
+fn names_of_parts(table: &TableView<'_>, parts: &Parts, conditions: &[CaseCondition], cases: &Cases) -> Result<(), TomlError> {
+    if let (Some(s), Some(v)) = (&parts.synthesis, table.get("synthesis"))
+        && !cases.cases.iter().any(|c| c.name == s.case)
+    {
+        return Err(unknown(&v, "case", &s.case, cases.cases.iter().map(|c| c.name.as_str())));
+    }
+    let named = || conditions.iter().map(|c| c.name.as_str());
+    if let (Some(name), Some(v)) = (parts.assembly.as_ref().and_then(|a| a.interference.as_ref()), table.get("assembly"))
+        && !named().any(|c| c == name)
+    {
+        return Err(unknown(&v, "condition", name, named()));
+    }
+    let ends = conditions.iter().filter(|c| c.of.len() == 2).count();
+    if let (None, Some(v)) = (&parts.assembly, table.get("parts"))
+        && ends != 1
+    {
+        let message = format!("deviations of parts act on one condition with a least and a greatest value, and the cases have {ends}");
+        return Err(v.refuse(message, "[tolerance.assembly] with area and interference, or one condition of two columns"));
+    }
+    Ok(())
+}
+
+/// Columns that tolerances of parts ask for.
+fn of_the_parts(needed: &mut Vec<(String, Dimension)>, parts: Option<&Parts>) {
+    let Some(parts) = parts else { return };
+    let area = Dimension::LENGTH.power(2);
+    let of_area = parts.assembly.iter().flat_map(|a| &a.area).map(|n| (n.clone(), area));
+    for (name, dimension) in parts.parts.iter().map(|p| (p.name.clone(), Dimension::LENGTH)).chain(of_area) {
+        if !needed.iter().any(|n| n.0 == name) {
+            needed.push((name, dimension));
+        }
+    }
 }
 
 fn dataset_of_cases(table: &TableView<'_>, folder: &Path) -> Result<Dataset, StudyError> {

@@ -27,6 +27,16 @@ pub enum ToleranceError {
         /// Cases needed.
         needed: usize,
     },
+    /// Something that `[tolerance]` asks for and that cannot be.
+    #[error("{message}")]
+    Asked {
+        /// Key of `[tolerance]`.
+        key: String,
+        /// What is wrong.
+        message: String,
+        /// What would do.
+        accepted: String,
+    },
 }
 
 impl Explain for ToleranceError {
@@ -37,11 +47,12 @@ impl Explain for ToleranceError {
         match self {
             ToleranceError::Row { place, .. } => place.clone(),
             ToleranceError::TooFew { .. } => "tolerance".into(),
+            ToleranceError::Asked { key, .. } => format!("tolerance.{key}"),
         }
     }
     fn accepted(&self) -> String {
         match self {
-            ToleranceError::Row { accepted, .. } => accepted.clone(),
+            ToleranceError::Row { accepted, .. } | ToleranceError::Asked { accepted, .. } => accepted.clone(),
             ToleranceError::TooFew { needed, .. } => format!("{needed} cases or more"),
         }
     }

@@ -11,7 +11,7 @@ const BINS: [f64; 6] = [2.0, 4.0, 7.0, 12.0, 20.0, f64::INFINITY];
 const QUANTILE: f64 = 1.959964;
 
 /// A count of some with Wilson's interval of 95 %.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Share {
     /// How many.
     pub count: usize,
@@ -45,7 +45,7 @@ impl Share {
 }
 
 /// A bin of strength.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Bin {
     /// connector or chain.
     pub structure: &'static str,
@@ -60,7 +60,7 @@ pub struct Bin {
 }
 
 /// What is said of the cases of one structure.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct OfStructure {
     /// connector or chain.
     pub structure: &'static str,
@@ -89,7 +89,7 @@ pub struct OfStructure {
 }
 
 /// Cases that hide nothing, of one imperfection.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct NullRow {
     /// The imperfection, or `all`.
     pub imperfection: &'static str,
@@ -106,7 +106,7 @@ pub struct NullRow {
 }
 
 /// A realistic trial.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Realistic {
     /// Recovery of hidden effects of the library over strength.
     pub curve: Vec<Bin>,

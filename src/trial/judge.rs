@@ -18,7 +18,7 @@ use super::lived::{Lived, quirks};
 const AT_FLOOR: f64 = 1.1;
 
 /// One finished case.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct CaseResult {
     /// Its index.
     pub index: usize,
@@ -70,7 +70,7 @@ pub struct CaseResult {
 }
 
 /// A proposed next test, run on the bench.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct Followed {
     /// The proposal.
     pub test: NextTest,
@@ -254,7 +254,7 @@ fn evidence(ladder: &LadderResult, truth: &[String]) -> Vec<String> {
 }
 
 /// Counts of some cases.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct Counts {
     /// Cases.
     pub cases: usize,
@@ -279,7 +279,7 @@ pub struct Counts {
 }
 
 /// How often one truth was said to be what.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct Confusion {
     /// Effects hidden.
     pub truth: String,
@@ -290,7 +290,7 @@ pub struct Confusion {
 }
 
 /// What a trial amounts to.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Table {
     /// All cases.
     #[serde(flatten)]

@@ -11,7 +11,7 @@ use super::life::{self, Imperfection};
 const PIECES: usize = 8;
 
 /// What is judged of a realistic case beside what is judged of any.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct Lived {
     /// The imperfection it has alone; none: all.
     pub only: Option<Imperfection>,

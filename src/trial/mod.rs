@@ -42,7 +42,7 @@ pub use life::{Imperfection, SETTINGS, Settings};
 pub use lived::Lived;
 
 /// What is hidden in a case.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, schemars::JsonSchema, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// One effect of the library.
@@ -69,7 +69,7 @@ impl Kind {
 }
 
 /// What is tested.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, schemars::JsonSchema, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Structure {
     /// One massless connector, loops under displacement control.
@@ -84,7 +84,7 @@ pub enum Structure {
 }
 
 /// What the data of a case are like.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, schemars::JsonSchema, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Data {
     /// The base right but for what is hidden, white noise.
@@ -95,7 +95,7 @@ pub enum Data {
 }
 
 /// What is drawn.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct Options {
     /// Seed of all draws.
     pub seed: u64,

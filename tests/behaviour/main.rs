@@ -1,6 +1,7 @@
 //! Behaviour of the program as its users meet it: the command line on studies in temporary folders, and the rules of the house.
 
 mod bad_input;
+mod campaign;
 mod committed;
 mod damage;
 mod distant;
@@ -12,8 +13,10 @@ mod hostile;
 mod house;
 mod missing;
 mod new;
+mod population;
 mod rig;
 mod round_trip;
+mod schema;
 mod settling;
 mod shapes;
 mod slopes;

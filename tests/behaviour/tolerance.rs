@@ -48,7 +48,7 @@ fn damping(i: f64) -> f64 {
 }
 
 /// The study with loops at these interferences [mm], and with cases of these.
-fn folder(tested: &[f64], cases: &[f64]) -> tempfile::TempDir {
+pub fn folder(tested: &[f64], cases: &[f64]) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     std::fs::create_dir(&data).unwrap();

@@ -71,7 +71,14 @@ fn unvaried(spec: &ToleranceSpec, study: &Study) -> Vec<String> {
     spec.conditions.iter().map(|c| c.name.clone()).filter(|n| law(n) && !varies(n)).collect()
 }
 
-fn law(spec: &ToleranceSpec, answer: &Calibrated, rungs: &[Rung], reference: usize, seed: u64) -> Result<LawOutcome, Failure> {
+/// The law of the strengths that carry the model's loss, identified from the cases.
+pub(in crate::cli) fn law(
+    spec: &ToleranceSpec,
+    answer: &Calibrated,
+    rungs: &[Rung],
+    reference: usize,
+    seed: u64,
+) -> Result<LawOutcome, Failure> {
     let (link, at_link) = predict::link(spec, answer)?;
     let base: Vec<f64> = match rungs.last().and_then(|r| r.cycles.first()) {
         Some(c) => c.predictions.iter().filter(|p| p.quantity == Quantity::Dissipated).map(|p| p.value / spec.scale).collect(),

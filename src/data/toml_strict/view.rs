@@ -144,6 +144,11 @@ impl<'a> ValueView<'a> {
         self.error(TomlProblem::Value { message: message.into(), accepted: accepted.into() })
     }
 
+    /// The value as it is written in a file.
+    pub fn to_toml(&self) -> String {
+        self.node.value.to_toml()
+    }
+
     fn wrong_type(&self, wanted: impl Into<String>) -> TomlError {
         self.error(TomlProblem::WrongType { found: self.node.value.describe(), wanted: wanted.into() })
     }

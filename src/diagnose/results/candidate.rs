@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::super::reason::Reason;
 
 /// A candidate effect.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Candidate {
     /// Name of the effect.
     pub effect: String,
@@ -37,7 +37,7 @@ pub struct Candidate {
 }
 
 /// What a sparse nonnegative combination of all candidates' columns says beside the scores of single ones.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, schemars::JsonSchema)]
 pub struct SecondOpinion {
     /// What it needs, the largest part first; empty where nothing scores beyond chance.
     pub needs: Vec<Share>,
@@ -48,7 +48,7 @@ pub struct SecondOpinion {
 }
 
 /// A candidate's part of what a combination explains.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Share {
     /// Effect.
     pub effect: String,
@@ -59,7 +59,7 @@ pub struct Share {
 }
 
 /// A test that would separate tied candidates.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct NextTest {
     /// In words.
     pub describe: String,

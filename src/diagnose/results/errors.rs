@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// An instrument at fault.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Instrument {
     /// gain, delay, offset, drift, moving_mass.
     pub effect: String,
@@ -16,7 +16,7 @@ pub struct Instrument {
 }
 
 /// What a study ties or fixes and the data do not.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Correction {
     /// Parameter.
     pub parameter: String,
@@ -41,7 +41,7 @@ impl Correction {
 }
 
 /// The model's own error in a channel.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct OwnError {
     /// cycle, frf, transient, energy, modal.
     pub kind: String,
@@ -52,7 +52,7 @@ pub struct OwnError {
 }
 
 /// How much a strength differs from test to test.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct ScatterOf {
     /// `at.effect.parameter`.
     pub parameter: String,

@@ -21,7 +21,7 @@ pub use settings::{SETTINGS, Settings};
 use settings::{LINES, SAMPLINGS};
 
 /// A kind of imperfection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, schemars::JsonSchema, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Imperfection {
     /// White noise alone: none of the others.

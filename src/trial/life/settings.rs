@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// Magnitudes of the realistic generator. Pairs are the ends of a draw, uniform in the logarithm unless it says otherwise.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Settings {
     /// Strength of what is hidden, in standard deviations of an observer who knows the form of the law and every variance below: from hardly
     /// visible to plain.

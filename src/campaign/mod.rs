@@ -1,0 +1,37 @@
+//! Campaigns: one verb over many variants, every result kept once and whole, one table and one page of what differs.
+//!
+//! campaign.toml lists or crosses studies, seeds, values and arguments ([`Spec`]). Every task is the verb on one variant in a process of its own ([`task`]), named by the
+//! content of its inputs: what has not changed is not computed again. Two executors work on one list: the machine's own cores, and Slurm ([`slurm`]), which
+//! queues, places and requeues; nothing here schedules. A result is written to a temporary file that takes its name when it is complete, and the table
+//! ([`table`]) is made from these files, in the order of the list.
+//!
+//! # campaign.toml
+//! | key | what |
+//! |---|---|
+//! | `schema = 1`, `title` | the first is required |
+//! | `verb` | check, compare, fit, diagnose, ladder, predict, tolerance, trial |
+//! | `studies = ["a", "b"]` | folders with study.toml, or such files, relative to campaign.toml |
+//! | `arguments = ["--bootstrap", "20"]` | of every task |
+//! | `retries = 1` | how often a failed task is tried again |
+//! | `threads = 1` | threads of a task |
+//! | `keep_runs = true` | keep the folder of every run |
+//! | `[grid]` | every combination of its lists: `seed`, the name of a parameter (`"c1.x.viscous.c"`: its start), a key of study.toml (`"fit.loss"`), an option (`"--cases"`) |
+//! | `[[variant]]` | one task beside the grid: `name`, `study`, `seed`, `set = { key = value }`, `arguments` |
+
+mod error;
+mod page;
+mod spec;
+pub mod slurm;
+pub mod table;
+pub mod task;
+mod variant;
+
+pub use error::CampaignError;
+pub use page::page;
+pub use spec::{Spec, VERBS};
+pub use task::{Record, Runner, Task, whole};
+
+/// Puts tasks in order and names them by their inputs.
+pub fn tasks(spec: &Spec) -> Result<Vec<Task>, CampaignError> {
+    task::list(spec)
+}

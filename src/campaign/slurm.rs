@@ -1,0 +1,77 @@
+//! The work list as a job array of Slurm: `sbatch` queues, places and requeues; this program packs tasks into elements, asks at a bounded rate, and collects.
+
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use super::CampaignError;
+
+/// Most elements of one array: Slurm's default `MaxArraySize` is 1001.
+pub const ELEMENTS: usize = 1000;
+/// Time between two questions to the scheduler.
+const EVERY: Duration = Duration::from_secs(1);
+
+fn call(command: &mut Command) -> Result<String, CampaignError> {
+    let words =
+        format!("{} {}", command.get_program().display(), command.get_args().map(|a| a.to_string_lossy()).collect::<Vec<_>>().join(" "));
+    let short: String = words.chars().take(200).collect();
+    let done = command.output().map_err(|e| CampaignError::Scheduler { command: short.clone(), reason: e.to_string() })?;
+    if done.status.success() {
+        return Ok(String::from_utf8_lossy(&done.stdout).trim().to_string());
+    }
+    let said = String::from_utf8_lossy(&done.stderr).trim().to_string();
+    Err(CampaignError::Scheduler { command: short, reason: if said.is_empty() { done.status.to_string() } else { said } })
+}
+
+/// Processors of the cluster; none where the scheduler does not say.
+fn processors() -> Option<usize> {
+    // allocated/idle/other/total, a line a partition.
+    let told = call(Command::new("sinfo").args(["--noheader", "--format", "%C"])).ok()?;
+    told.lines().filter_map(|l| l.trim().rsplit('/').next()?.parse::<usize>().ok()).max()
+}
+
+/// Elements for so many tasks: four for every processor, so that short tasks are packed and long ones are still spread evenly.
+pub fn elements(tasks: usize) -> usize {
+    tasks.min(processors().map_or(ELEMENTS, |n| 4 * n.max(1))).clamp(1, ELEMENTS)
+}
+
+/// Queues an array of `elements`, each of which runs `script` with its index in `SLURM_ARRAY_TASK_ID`; gives the id of the job.
+pub fn submit(name: &str, elements: usize, threads: usize, folder: &Path, script: &str) -> Result<String, CampaignError> {
+    let logs = folder.join("slurm");
+    std::fs::create_dir_all(&logs).map_err(|e| CampaignError::file(&logs, e))?;
+    let mut command = Command::new("sbatch");
+    command.args(["--parsable", "--job-name", name, "--open-mode=append"]);
+    command.arg(format!("--array=0-{}", elements.max(1) - 1)).arg(format!("--cpus-per-task={threads}"));
+    command.arg(format!("--output={}", logs.join("%a.log").display())).arg("--wrap").arg(script);
+    let id = call(&mut command)?;
+    // `id;cluster` where there are several clusters.
+    Ok(id.split(';').next().unwrap_or_default().to_string())
+}
+
+/// Whether any element of a job is still queued or running. A scheduler that does not answer is asked again, for as long as `patience`.
+pub fn busy(job: &str, patience: Duration) -> Result<bool, CampaignError> {
+    let begun = Instant::now();
+    loop {
+        match call(Command::new("squeue").args(["--noheader", "--jobs", job, "--format", "%T"])) {
+            Ok(states) => return Ok(!states.is_empty()),
+            // A job that ended is forgotten after a while.
+            Err(CampaignError::Scheduler { reason, .. }) if reason.contains("Invalid job id") => return Ok(false),
+            Err(e) if begun.elapsed() > patience => return Err(e),
+            Err(_) => std::thread::sleep(EVERY),
+        }
+    }
+}
+
+/// Waits until a job has ended, or `stopped` says so: then it is cancelled.
+pub fn wait(job: &str, stopped: &dyn Fn() -> bool, look: &mut dyn FnMut()) -> Result<(), CampaignError> {
+    loop {
+        if stopped() {
+            return call(Command::new("scancel").arg(job)).map(drop);
+        }
+        if !busy(job, Duration::from_secs(300))? {
+            return Ok(());
+        }
+        look();
+        std::thread::sleep(EVERY);
+    }
+}

@@ -1,0 +1,290 @@
+//! Tasks: their list, one process each, a record of each written once and whole.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::limits;
+
+use super::variant::{self, Contents};
+use super::{CampaignError, Spec};
+
+/// One run of the verb.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Task {
+    /// Name by the content of its inputs: 32 hexadecimal digits.
+    pub id: String,
+    /// Name for people: what it differs in.
+    pub label: String,
+    /// The study; none for trials.
+    pub study: Option<PathBuf>,
+    /// Seed.
+    pub seed: u64,
+    /// What it differs in, for the table: name and value.
+    pub axes: Vec<(String, String)>,
+    /// Values of the study that are replaced, as TOML.
+    pub set: Vec<(String, String)>,
+    /// Arguments of the verb.
+    pub arguments: Vec<String>,
+}
+
+/// What came of a task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Id of the task.
+    pub id: String,
+    /// Why it failed; none where it did not.
+    pub reason: Option<String>,
+    /// Attempts.
+    pub attempts: usize,
+    /// Wall time of the last attempt [s].
+    pub wall_s: f64,
+    /// What the verb printed.
+    pub result: Value,
+}
+
+fn value(text: &str) -> toml::Value {
+    let parsed = format!("v = {text}").parse::<toml::Table>().ok().and_then(|mut t| t.remove("v"));
+    parsed.unwrap_or_else(|| toml::Value::String(text.into()))
+}
+
+/// As a person would write it: text without quotes.
+fn plain(text: &str) -> String {
+    value(text).as_str().map_or_else(|| text.to_string(), str::to_string)
+}
+
+pub(super) fn list(spec: &Spec) -> Result<Vec<Task>, CampaignError> {
+    let mut contents = Contents::default();
+    let mut studies: BTreeMap<PathBuf, u128> = BTreeMap::new();
+    let mut all: Vec<Task> = Vec::new();
+    let none = [String::new()];
+    let named: &[String] = if spec.verb == "trial" { &none } else { &spec.studies };
+    if spec.crossed() {
+        for study in named {
+            let mut at = vec![0; spec.grid.len()];
+            loop {
+                let values = spec.grid.iter().zip(&at).map(|((key, values), k)| (key.clone(), values[*k].clone()));
+                all.push(task(spec, study, values.collect()));
+                // The last axis runs fastest.
+                let Some(k) = (0..at.len()).rev().find(|k| at[*k] + 1 < spec.grid[*k].1.len()) else { break };
+                at[k] += 1;
+                at[k + 1..].fill(0);
+            }
+        }
+    }
+    for v in &spec.variants {
+        let study = v.study.clone().or(named.first().cloned()).unwrap_or_default();
+        let mut values = v.set.clone();
+        values.extend(v.seed.map(|s| ("seed".to_string(), s.to_string())));
+        let mut task = task(spec, &study, values);
+        task.arguments.extend(v.arguments.clone());
+        task.axes.insert(0, ("variant".into(), v.name.clone()));
+        task.label = v.name.clone();
+        all.push(task);
+    }
+    let mut seen: BTreeMap<String, String> = BTreeMap::new();
+    for task in &mut all {
+        let content = task.study.as_ref().map_or(0, |s| *studies.entry(s.clone()).or_insert_with(|| contents.study(s)));
+        task.id = id(spec, task, content);
+        if let Some(first) = seen.insert(task.id.clone(), task.label.clone()) {
+            return Err(CampaignError::Folder {
+                path: spec.file.clone(),
+                message: format!("`{first}` and `{}` are one and the same task", task.label),
+                accepted: "tasks that differ in study, values, seed or arguments".into(),
+            });
+        }
+    }
+    Ok(all)
+}
+
+/// A task without its id.
+fn task(spec: &Spec, study: &str, values: Vec<(String, String)>) -> Task {
+    let trial = spec.verb == "trial";
+    let mut task = Task {
+        id: String::new(),
+        label: String::new(),
+        study: (!trial).then(|| spec.path(study)),
+        seed: 1,
+        axes: if trial { vec![] } else { vec![("study".into(), study.to_string())] },
+        set: vec![],
+        arguments: spec.arguments.clone(),
+    };
+    for (key, text) in values {
+        let shown = plain(&text);
+        match key.as_str() {
+            "seed" => task.seed = shown.parse().unwrap_or(1),
+            option if option.starts_with("--") => task.arguments.extend([key.clone(), shown.clone()]),
+            _ => task.set.push((key.clone(), text)),
+        }
+        task.axes.push((key, shown));
+    }
+    let words = task.axes.iter().map(|(k, v)| if k == "study" { v.clone() } else { format!("{k}={v}") });
+    task.label = words.collect::<Vec<_>>().join(" ");
+    if task.label.is_empty() {
+        task.label = format!("seed={}", task.seed);
+    }
+    task
+}
+
+fn id(spec: &Spec, task: &Task, content: u128) -> String {
+    let mut hash = Xxh3::new();
+    let mut add = |text: &str| {
+        hash.update(&(text.len() as u64).to_le_bytes());
+        hash.update(text.as_bytes());
+    };
+    add(env!("CARGO_PKG_VERSION"));
+    add(&spec.verb);
+    task.set.iter().for_each(|(k, v)| {
+        add(k);
+        add(v);
+    });
+    add("--");
+    task.arguments.iter().for_each(|a| add(a));
+    hash.update(&task.seed.to_le_bytes());
+    hash.update(&content.to_le_bytes());
+    format!("{:032x}", hash.digest128())
+}
+
+/// Runs tasks of a campaign into its folder.
+pub struct Runner<'a> {
+    /// The program.
+    pub program: &'a Path,
+    /// The campaign.
+    pub spec: &'a Spec,
+    /// Folder of the results.
+    pub folder: &'a Path,
+}
+
+/// Exit code of a run that was interrupted.
+const INTERRUPTED: i32 = 130;
+
+impl Runner<'_> {
+    /// File of a task's record.
+    pub fn file(&self, id: &str) -> PathBuf {
+        self.folder.join("tasks").join(format!("{id}.json"))
+    }
+
+    /// The record of a task; none where it is not there, or is no record.
+    pub fn record(&self, id: &str) -> Option<Record> {
+        let text = limits::text(&self.file(id)).ok()?;
+        serde_json::from_str::<Record>(&text).ok().filter(|r| r.id == id)
+    }
+
+    /// Runs a task, as often as asked, and writes its record; none where the run was interrupted.
+    pub fn run(&self, task: &Task, stopped: &(dyn Fn() -> bool + Sync)) -> Result<Option<Record>, CampaignError> {
+        let mut attempts = 0;
+        loop {
+            if stopped() {
+                return Ok(None);
+            }
+            attempts += 1;
+            let begun = Instant::now();
+            let Some(outcome) = self.once(task)? else { return Ok(None) };
+            let (reason, result) = match outcome {
+                Ok(result) => (None, result),
+                Err((reason, result)) => (Some(reason), result),
+            };
+            if reason.is_some() && attempts <= self.spec.retries {
+                continue;
+            }
+            let record = Record { id: task.id.clone(), reason, attempts, wall_s: begun.elapsed().as_secs_f64(), result };
+            let text = serde_json::to_string(&record).map_err(|e| CampaignError::file(&self.file(&task.id), e))?;
+            whole(&self.file(&task.id), text.as_bytes())?;
+            return Ok(Some(record));
+        }
+    }
+
+    /// One attempt: what was printed, or why it failed; none where it was interrupted.
+    #[allow(clippy::type_complexity)]
+    fn once(&self, task: &Task) -> Result<Option<Result<Value, (String, Value)>>, CampaignError> {
+        let work = tempfile::Builder::new().prefix("work-").tempdir_in(self.folder).map_err(|e| CampaignError::file(self.folder, e))?;
+        let run = work.path().join("run");
+        let mut command = Command::new(self.program);
+        command.arg(&self.spec.verb);
+        if let Some(study) = &task.study {
+            if task.set.is_empty() {
+                command.arg(study);
+            } else {
+                match variant_of(study, &task.set) {
+                    Ok(text) => {
+                        let file = work.path().join("study.toml");
+                        std::fs::write(&file, text).map_err(|e| CampaignError::file(&file, e))?;
+                        command.arg(file);
+                    }
+                    Err(reason) => return Ok(Some(Err((reason, Value::Null)))),
+                }
+            }
+        }
+        command.args(&task.arguments).arg("--json").arg("--out").arg(&run);
+        command.args(["--seed", &task.seed.to_string(), "--threads", &self.spec.threads.to_string()]);
+        let done = command.stdin(Stdio::null()).output().map_err(|e| CampaignError::file(self.program, e))?;
+        if done.status.code() == Some(INTERRUPTED) {
+            return Ok(None);
+        }
+        let printed = serde_json::from_slice::<Value>(&done.stdout);
+        let outcome = match printed {
+            Ok(value) if done.status.success() => Ok(value),
+            Ok(value) => Err((reason(&value, &done.status.to_string()), value)),
+            Err(_) => {
+                let said = String::from_utf8_lossy(&done.stderr);
+                let last = said.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("it printed nothing");
+                Err((format!("{}: {}", done.status, last.trim()), Value::Null))
+            }
+        };
+        if self.spec.keep_runs && run.is_dir() {
+            let kept = self.folder.join("runs").join(&task.id);
+            let _ = std::fs::remove_dir_all(&kept);
+            std::fs::rename(&run, &kept).map_err(|e| CampaignError::file(&kept, e))?;
+        }
+        Ok(Some(outcome))
+    }
+}
+
+/// Why a run failed, by what it printed.
+fn reason(printed: &Value, status: &str) -> String {
+    let text = |key: &str| printed["error"][key].as_str().unwrap_or_default();
+    if !text("message").is_empty() {
+        let place = text("where");
+        return if place.is_empty() { text("message").to_string() } else { format!("{} ({place})", text("message")) };
+    }
+    if let Some(first) = printed["problems"].get(0).and_then(|p| p["message"].as_str()) {
+        return first.to_string();
+    }
+    match printed["termination"].as_str() {
+        Some(word) => format!("the fit ended as {word}"),
+        None => status.to_string(),
+    }
+}
+
+/// The study with values replaced.
+fn variant_of(study: &Path, set: &[(String, String)]) -> Result<String, String> {
+    let file = if study.is_dir() { study.join("study.toml") } else { study.to_path_buf() };
+    let text = limits::text(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+    let mut table: toml::Table = text.parse().map_err(|e| format!("{}: {e}", file.display()))?;
+    variant::absolute(&mut table, file.parent().unwrap_or(Path::new("")));
+    for (key, text) in set {
+        variant::set(&mut table, key, &value(text))?;
+    }
+    toml::to_string(&table).map_err(|e| e.to_string())
+}
+
+/// Writes a file whole: under a temporary name that is exchanged when it is complete.
+pub fn whole(path: &Path, bytes: &[u8]) -> Result<(), CampaignError> {
+    let fail = |e: std::io::Error| CampaignError::file(path, e);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(fail)?;
+    file.write_all(bytes).map_err(fail)?;
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644)).map_err(fail)?;
+    }
+    file.persist(path).map_err(|e| fail(e.error))?;
+    Ok(())
+}

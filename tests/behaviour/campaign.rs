@@ -1,0 +1,190 @@
+//! Campaigns: one table whatever happens on the way.
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// A folder with a small study `s`, and a campaign of eight fits and one study that is not there.
+fn bench() -> (tempfile::TempDir, PathBuf) {
+    let dir = super::tolerance::folder(&[0.1, 0.2, 0.3], &[0.2, 0.25]);
+    let file = dir.path().join("many.toml");
+    let text = "schema = 1\nverb = \"fit\"\nstudies = [\".\"]\nretries = 1\n[grid]\n\"c1.x.viscous.c\" = [\"0.1 N s/mm\", \"0.4 N s/mm\"]\nseed = [1, 2, 3, 4]\n\
+                [[variant]]\nname = \"lost\"\nstudy = \"gone\"\n";
+    std::fs::write(&file, text).unwrap();
+    (dir, file)
+}
+
+fn command(file: &Path, out: &Path, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_misfit"));
+    command.arg("campaign").arg(file).arg("--json").arg("--out").arg(out).args(more);
+    command
+}
+
+fn run(file: &Path, out: &Path, more: &[&str]) -> Value {
+    let run = command(file, out, more).output().unwrap();
+    assert!(run.status.success(), "{} {}", String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    serde_json::from_slice(&run.stdout).unwrap()
+}
+
+fn table(out: &Path) -> Vec<u8> {
+    std::fs::read(out.join("table.parquet")).unwrap()
+}
+
+fn records(out: &Path) -> usize {
+    std::fs::read_dir(out.join("tasks")).map_or(0, |d| d.flatten().filter(|e| e.path().extension().is_some_and(|e| e == "json")).count())
+}
+
+#[test]
+fn a_variant_that_does_not_load_is_named_and_the_rest_goes_on() {
+    let (dir, file) = bench();
+    let out = dir.path().join("a");
+    let result = run(&file, &out, &[]);
+    assert_eq!((result["tasks"].as_u64(), result["done"].as_u64(), result["computed"].as_u64()), (Some(9), Some(8), Some(9)), "{result}");
+    let failed = result["failed"].as_array().unwrap();
+    assert!(failed.len() == 1 && failed[0]["task"] == "lost" && failed[0]["reason"].as_str().unwrap().contains("gone"), "{result}");
+    let schema: Value =
+        serde_json::from_slice(&Command::new(env!("CARGO_BIN_EXE_misfit")).args(["schema", "campaign", "--json"]).output().unwrap().stdout)
+            .unwrap();
+    let wrong = super::schema::against(&schema, &schema, &result, "");
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    let page = std::fs::read_to_string(result["report"].as_str().unwrap()).unwrap();
+    assert!(page.contains("8 of 9 tasks") && page.contains("lost") && page.contains("parameters.c1.x.viscous.c.value"), "{page}");
+    let first = table(&out);
+    // A folder that holds a campaign is not begun anew by mistake; resumed, only the failed task is tried again, and the table stays.
+    let again = command(&file, &out, &[]).output().unwrap();
+    assert_eq!(again.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&again.stdout).contains("--resume"));
+    let result = run(&file, &out, &["--resume"]);
+    assert_eq!((result["computed"].as_u64(), result["of_other_inputs"].as_u64()), (Some(1), Some(0)), "{result}");
+    assert_eq!(table(&out), first);
+    // A changed record makes other tasks: nothing old is taken for new.
+    let loop_ = dir.path().join("data/loop-0.csv");
+    let text = std::fs::read_to_string(&loop_).unwrap();
+    std::fs::write(&loop_, text.replacen("0.000000,", "0.000000, ", 1)).unwrap();
+    let result = run(&file, &out, &["--resume"]);
+    assert_eq!((result["computed"].as_u64(), result["of_other_inputs"].as_u64()), (Some(9), Some(8)), "{result}");
+}
+
+#[test]
+fn killed_in_the_middle_and_resumed_it_gives_the_same_table() {
+    let (dir, file) = bench();
+    let (whole, broken) = (dir.path().join("whole"), dir.path().join("broken"));
+    run(&file, &whole, &[]);
+    let mut child = command(&file, &broken, &["--threads", "1"]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let begun = Instant::now();
+    while records(&broken) < 3 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no result in a minute");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let kept = records(&broken);
+    assert!((3..9).contains(&kept), "{kept}");
+    assert!(!broken.join("table.parquet").exists());
+    let result = run(&file, &broken, &["--resume"]);
+    let computed = result["computed"].as_u64().unwrap() as usize;
+    assert!((9 - kept..9).contains(&computed) && result["done"] == 8, "{kept} kept: {result}");
+    assert_eq!(table(&broken), table(&whole));
+    let left = std::fs::read_dir(&broken).unwrap().flatten().filter(|e| e.file_name().to_string_lossy().starts_with("work-"));
+    assert_eq!(left.count(), 0);
+}
+
+fn script(folder: &Path, name: &str, text: &str) {
+    let path = folder.join(name);
+    std::fs::write(&path, format!("#!/bin/sh\n{text}")).unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+/// What is handed to `sbatch` runs as an array, the queue is asked, and the table is that of the local run. A stand-in takes Slurm's place: it runs the
+/// elements in the background, and loses the first.
+#[test]
+fn through_a_scheduler_the_table_is_the_same_and_a_lost_element_is_queued_again() {
+    let (dir, file) = bench();
+    let (local, array, bin) = (dir.path().join("local"), dir.path().join("array"), dir.path().join("bin"));
+    std::fs::create_dir(&bin).unwrap();
+    run(&file, &local, &[]);
+    let home = bin.display();
+    script(
+        &bin,
+        "sbatch",
+        &format!(
+            "for a in \"$@\"; do case \"$a\" in --array=0-*) last=${{a#--array=0-}};; esac; script=\"$a\"; done\n\
+             echo job >> {home}/jobs\n\
+             ( k=0; while [ $k -le $last ]; do\n\
+             if [ $k -gt 0 ] || [ $(wc -l < {home}/jobs) -gt 1 ]; then SLURM_ARRAY_TASK_ID=$k sh -c \"$script\"; fi; k=$((k+1)); done; touch {home}/ended-$(wc -l < {home}/jobs) \
+             ) >> {home}/log 2>&1 &\n\
+             echo \"$(wc -l < {home}/jobs)\"\n"
+        ),
+    );
+    script(&bin, "squeue", &format!("[ -e {home}/ended-$3 ] || echo RUNNING\n"));
+    script(&bin, "scancel", "exit 0\n");
+    script(&bin, "sinfo", "exit 1\n");
+    let path = format!("{home}:{}", std::env::var("PATH").unwrap());
+    let run = command(&file, &array, &["--on", "slurm"]).env("PATH", path).output().unwrap();
+    let log = std::fs::read_to_string(bin.join("log")).unwrap_or_default();
+    assert!(run.status.success(), "{} {log}", String::from_utf8_lossy(&run.stdout));
+    let result: Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!(result["done"], 8, "{result} {log}");
+    assert_eq!(std::fs::read_to_string(bin.join("jobs")).unwrap().lines().count(), 2, "{log}");
+    assert_eq!(table(&array), table(&local));
+    // A scheduler that refuses is said.
+    script(&bin, "sbatch", "echo 'Batch job submission failed: Invalid partition' >&2; exit 1\n");
+    let path = format!("{home}:{}", std::env::var("PATH").unwrap());
+    let run = command(&file, &dir.path().join("refused"), &["--on", "slurm"]).env("PATH", path).output().unwrap();
+    let result: Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!(result["error"]["stage"], "campaign", "{result}");
+    assert!(result["error"]["message"].as_str().unwrap().contains("Invalid partition"), "{result}");
+}
+
+#[test]
+fn a_campaign_that_cannot_be_is_refused_with_its_line() {
+    let (dir, file) = bench();
+    let good = std::fs::read_to_string(&file).unwrap();
+    for (from, to, said) in [
+        ("verb = \"fit\"", "verb = \"fix\"", "fix"),
+        ("retries", "retrys", "retrys"),
+        ("seed = [1, 2, 3, 4]", "seed = []", "an axis without values"),
+        ("seed = [1, 2, 3, 4]", "seed = [1, 1]", "one and the same task"),
+        ("study = \"gone\"\n", "", "the same task"),
+    ] {
+        std::fs::write(&file, good.replacen(from, to, 1)).unwrap();
+        let run = command(&file, &dir.path().join("x"), &[]).output().unwrap();
+        let result: Value = serde_json::from_slice(&run.stdout).unwrap();
+        if said == "the same task" {
+            // A variant without study takes the only one there is: that is another task than those of the grid.
+            assert_eq!(result["done"], 9, "{result}");
+            continue;
+        }
+        assert_eq!(run.status.code(), Some(1), "{to}: {result}");
+        assert!(result["error"]["message"].as_str().unwrap().contains(said), "{to}: {result}");
+    }
+}
+
+/// On a Slurm that runs (`tests/slurm/run` starts one on a bare machine): the table of a job array is that of the local run, also where the submitter is killed and
+/// another goes on with its job.
+#[test]
+#[ignore = "needs a running Slurm: tests/slurm/run starts one and runs this test"]
+fn on_a_running_slurm_the_table_is_the_same_and_a_killed_submitter_is_taken_over() {
+    let (dir, file) = bench();
+    let (local, array, killed) = (dir.path().join("local"), dir.path().join("array"), dir.path().join("killed"));
+    run(&file, &local, &[]);
+    let result = run(&file, &array, &["--on", "slurm"]);
+    assert_eq!(result["done"], 8, "{result}");
+    assert_eq!(table(&array), table(&local));
+    let mut child = command(&file, &killed, &["--on", "slurm"]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let begun = Instant::now();
+    while !killed.join("job").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no job in a minute");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let refused = command(&file, &killed, &["--resume"]).output().unwrap();
+    assert!(String::from_utf8_lossy(&refused.stdout).contains("still queued or running"), "{}", String::from_utf8_lossy(&refused.stdout));
+    let result = run(&file, &killed, &["--on", "slurm", "--resume"]);
+    assert_eq!(result["done"], 8, "{result}");
+    assert_eq!(table(&killed), table(&local));
+}

@@ -1,0 +1,166 @@
+//! Tolerances of parts where everything has a closed form: `W_D = K exp(a i)`, `i = i0 exp(t s)` with a tolerance t [mm] and a deviation s over it.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Widths of the cases [mm], interference without deviation [m], exponent [1/m].
+const WIDTHS: [f64; 3] = [0.1, 0.2, 0.4];
+const I0: f64 = 0.2e-3;
+const A: f64 = 4e3;
+
+/// W_D [J] at the deviation `s` over the width `t` [mm].
+fn energy(t: f64, s: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    let i = I0 * (t * s).exp();
+    PI * 300.0 * (A * (i - 0.2e-3)).exp() * TAU * 3.0 * 0.3e-3 * 0.3e-3
+}
+
+fn folder(parts: &str) -> tempfile::TempDir {
+    let dir = super::tolerance::folder(&[0.1, 0.2, 0.3], &[0.2]);
+    let row = |(k, t): (usize, &f64)| {
+        let end = |s: f64| 1e3 * I0 * (t * s).exp();
+        format!(
+            "{{ case = \"{}\", W_D = \"{:.6} mJ\", conditions = {{ t = \"{t} mm\", i_min = \"{:.9} mm\", i_max = \"{:.9} mm\" }} }}",
+            k + 1,
+            1e3 * energy(*t, 0.0),
+            end(-0.5),
+            end(0.5)
+        )
+    };
+    let rows: Vec<String> = WIDTHS.iter().enumerate().map(row).collect();
+    let table = format!(
+        "schema = 1\n[[test]]\nid = \"cases\"\nkind = \"energy\"\nat = \"c1.x\"\ncontrol = \"displacement\"\nrows = [{}]\n",
+        rows.join(",\n")
+    );
+    std::fs::write(dir.path().join("data/cases.toml"), table).unwrap();
+    let study = dir.path().join("study.toml");
+    std::fs::write(&study, std::fs::read_to_string(&study).unwrap() + parts).unwrap();
+    dir
+}
+
+fn run(study: &Path) -> (Option<i32>, Value) {
+    let run = Command::new(env!("CARGO_BIN_EXE_misfit")).args(["tolerance", "--json", "--draws", "20000"]).arg(study).output().unwrap();
+    let value = serde_json::from_slice(&run.stdout).unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&run.stderr)));
+    (run.status.code(), value)
+}
+
+const PART: &str = "[[tolerance.parts]]\nname = \"t\"\ndistribution = \"normal\"\n";
+
+#[test]
+fn mean_spread_yield_and_synthesis_are_those_of_the_closed_form() {
+    // 90 % lie below the band's upper end at t = 0.25 mm: s = 1.2816 / 6.
+    let most = 1e3 * energy(0.25, 1.281_55 / 6.0);
+    let parts = format!(
+        "{PART}cost = 1.0\n[[tolerance.bands]]\nquantity = \"W_D\"\nmax = \"{most:.6} mJ\"\n[tolerance.synthesis]\ncase = \"3\"\nyield = \"90 %\"\n"
+    );
+    let dir = folder(&parts);
+    let (code, result) = run(dir.path());
+    assert_eq!(code, Some(0), "{result}");
+    let schema: Value = {
+        let run = Command::new(env!("CARGO_BIN_EXE_misfit")).args(["schema", "tolerance", "--json"]).output().unwrap();
+        serde_json::from_slice(&run.stdout).unwrap()
+    };
+    let wrong = super::schema::against(&schema, &schema, &result, "");
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    for (k, t) in WIDTHS.iter().enumerate() {
+        let name = (k + 1).to_string();
+        let case = result["cases"].as_array().unwrap().iter().find(|c| c["case"] == name.as_str() && c["quantity"] == "W_D").unwrap();
+        // Simpson's rule over +-8 sigma, sigma = 1/6.
+        let moment = |f: &dyn Fn(f64) -> f64| {
+            let n = 400;
+            let step = 16.0 / f64::from(n);
+            let at = |j: i32| {
+                let z = -8.0 + step * f64::from(j);
+                let weight = if j == 0 || j == n {
+                    1.0
+                } else if j % 2 == 1 {
+                    4.0
+                } else {
+                    2.0
+                };
+                weight * f(energy(*t, z / 6.0)) * (-0.5 * z * z).exp()
+            };
+            (0..=n).map(at).sum::<f64>() * step / 3.0 / std::f64::consts::TAU.sqrt()
+        };
+        let mean = moment(&|w| w);
+        let std = moment(&|w| (w - mean).powi(2)).sqrt();
+        let number = |key: &str| case[key].as_f64().unwrap();
+        assert!((number("mean") / mean - 1.0).abs() < 5e-3, "case {}: {} for {mean}", k + 1, number("mean"));
+        assert!((number("std") / std - 1.0).abs() < 0.02, "case {}: {} for {std}", k + 1, number("std"));
+        let worst = case["worst_case"][1].as_f64().unwrap();
+        assert!((worst / energy(*t, 0.5) - 1.0).abs() < 5e-3, "{worst}");
+        assert_eq!(case["inside"], true);
+        // The band at this width: z = 1.2816 * 0.25 / t.
+        let z = 1.281_55 * 0.25 / t;
+        let expected = 0.5 * (1.0 + statrs_erf(z / 2f64.sqrt()));
+        assert!((number("yield") - expected).abs() < 0.02, "case {}: {} for {expected}", k + 1, number("yield"));
+        let interval = case["yield_interval"].as_array().unwrap();
+        assert!(interval[0].as_f64().unwrap() <= expected && expected <= interval[1].as_f64().unwrap(), "{interval:?} {expected}");
+    }
+    let page = std::fs::read_to_string(Path::new(result["run"].as_str().unwrap()).join("report.html")).unwrap();
+    assert!(
+        page.contains("Tolerances for a yield of 90.00 % exist") && page.matches("newPlot(\"chart-").count() >= 2 && page.contains("band")
+    );
+    let share = &result["contributions"][0];
+    assert!(share["tolerance"] == "t" && (share["first"].as_f64().unwrap() - 1.0).abs() < 0.01, "{share}");
+    assert!(result["surrogate"]["error"].as_f64().unwrap() < 1e-3, "{}", result["surrogate"]);
+    let found = &result["synthesis"];
+    assert_eq!(found["feasible"], true, "{found}");
+    let width = found["tolerances"][0]["width"].as_f64().unwrap();
+    assert!((width / 0.25e-3 - 1.0).abs() < 0.04, "{width}");
+    assert!((found["yield"].as_f64().unwrap() - 0.9).abs() < 5e-3, "{found}");
+}
+
+/// Abramowitz and Stegun 7.1.26, to 1.5e-7.
+fn statrs_erf(x: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.327_591_1 * x.abs());
+    let p = t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    x.signum() * (1.0 - p * (-x * x).exp())
+}
+
+#[test]
+fn what_cannot_be_is_said_with_what_would_be_accepted() {
+    let band = |text: &str| format!("{PART}[[tolerance.bands]]\nquantity = \"W_D\"\n{text}\n");
+    let two = "[[tolerance.parts]]\nname = \"i_min\"\ndistribution = \"uniform\"\n[[tolerance.parts]]\nname = \"i_max\"\ndistribution = \"uniform\"\n";
+    let tied = |a: &str, b: &str, r: f64| format!("[[tolerance.correlations]]\nbetween = [\"{a}\", \"{b}\"]\ncoefficient = {r}\n");
+    let wrong = [
+        (PART.replace("normal", "gauss"), "gauss", "normal"),
+        (band("min = \"1 kJ\""), "nothing meets the band of W_D", "a band that reaches into"),
+        (band("min = \"2 mJ\"\nmax = \"1 mJ\""), "the band is empty", "min below max"),
+        (
+            format!("{PART}{two}{}{}{}", tied("t", "i_min", 0.9), tied("i_min", "i_max", 0.9), tied("t", "i_max", -0.9)),
+            "not positive definite",
+            "nearer to 0",
+        ),
+        (format!("{PART}cp = 1.0\ncpk = 1.5\n"), "cpk = 1.5 with cp = 1", "at most cp"),
+        (format!("{PART}min = \"-0.1 mm\"\n"), "a width of -0.1 mm", "above 0"),
+        (format!("{PART}cost = 1.0\n[tolerance.synthesis]\ncase = \"1\"\nyield = \"90 %\"\n"), "without a band", "tolerance.bands"),
+        (String::new(), "no tolerances of parts", "tolerance.parts"),
+    ];
+    for (parts, message, accepted) in wrong {
+        let dir = folder(&parts);
+        let (code, result) = run(dir.path());
+        assert_eq!(code, Some(1), "{parts}: {result}");
+        let text = |key: &str| result["error"][key].as_str().unwrap_or_default().to_string();
+        assert!(text("message").contains(message), "{parts}: {result}");
+        assert!(text("accepted").contains(accepted), "{parts}: {result}");
+    }
+    // A tolerance of the cases that is below zero.
+    let dir = folder(PART);
+    let cases = dir.path().join("data/cases.toml");
+    std::fs::write(&cases, std::fs::read_to_string(&cases).unwrap().replacen("t = \"0.1 mm\"", "t = \"-0.1 mm\"", 1)).unwrap();
+    let (code, result) = run(dir.path());
+    assert!(code == Some(1) && result["error"]["message"].as_str().unwrap().contains("`t` is -0.1 mm"), "{result}");
+    // A yield that nothing reaches names what stands in the way.
+    let parts = format!(
+        "{}cost = 1.0\n[tolerance.synthesis]\ncase = \"3\"\nyield = \"99 %\"\n",
+        band(&format!("max = \"{:.6} mJ\"", 1e3 * energy(0.1, 0.05))).replace(PART, "")
+    );
+    let dir = folder(&(PART.to_string() + &parts.replace("cost = 1.0\n", "")).replacen("\"normal\"\n", "\"normal\"\ncost = 1.0\n", 1));
+    let (code, result) = run(dir.path());
+    assert_eq!(code, Some(0), "{result}");
+    let found = &result["synthesis"];
+    assert!(found["feasible"] == false && found["in_the_way"].as_str().unwrap().contains("`t`"), "{found}");
+}
