@@ -22,4 +22,6 @@ pub mod predict;
 pub mod trial;
 pub mod report;
 pub mod export;
+pub mod work;
+pub mod serve;
 pub mod cli;

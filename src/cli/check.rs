@@ -15,7 +15,7 @@ use crate::residual::Problem;
 use crate::response::Plan;
 use crate::study::{Study, StudyError};
 
-use super::failure::Failure;
+use crate::work::Failure;
 use super::session::{Common, Session};
 use super::table::{significant, table};
 use super::{NOT_DONE, Outcome};

@@ -3,7 +3,7 @@
 use crate::diagnose::results::{Candidate, Diagnosis, FitResult, Verdict};
 use crate::diagnose::{self, Case, Unexplained};
 
-use super::failure::Failure;
+use crate::work::Failure;
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{INTERRUPTED, Outcome, fit, report, text};

@@ -12,7 +12,7 @@ use crate::identify::uncertainty;
 use crate::model::Level;
 use crate::study::Study;
 
-use super::failure::Failure;
+use crate::work::Failure;
 use super::session::{Common, Session};
 use super::{Outcome, fit};
 

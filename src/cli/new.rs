@@ -11,7 +11,7 @@ use crate::data::modal_fit::{self, FrfSet, ModalFit};
 use crate::data::{Dataset, Estimate, Record, Role};
 
 use super::Outcome;
-use super::failure::Failure;
+use crate::work::Failure;
 use super::table::{percent, significant, table};
 
 mod scaffold;

@@ -15,7 +15,7 @@ use crate::study::run::{RunError, RunFolder};
 use crate::study::{Predicted, PredictionSpec, Study, ToleranceSpec};
 use crate::units::Dimension;
 
-use super::failure::Failure;
+use crate::work::Failure;
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{INTERRUPTED, Outcome, fit, report, scatter, text};

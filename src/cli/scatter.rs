@@ -18,7 +18,7 @@ use crate::identify::{IdentifyError, Replicate, bootstrap, profile, quantile};
 use crate::residual::Problem;
 use crate::study::run::RunFolder;
 
-use super::failure::Failure;
+use crate::work::Failure;
 use super::session::Session;
 use super::table::{significant, table};
 

@@ -12,7 +12,7 @@ use crate::identify::{Monitor, interrupt_flag};
 use crate::study::Study;
 use crate::study::run::RunFolder;
 
-use super::failure::Failure;
+use crate::work::Failure;
 use super::progress::Progress;
 
 /// Options of every verb on a study.

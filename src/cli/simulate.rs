@@ -12,7 +12,7 @@ use crate::study::Study;
 use crate::study::run::RunFolder;
 use crate::units::{Dimension, Unit};
 
-use super::failure::Failure;
+use crate::work::Failure;
 use super::session::{Common, Session};
 use super::table::table;
 use super::{Outcome, fit};

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::identify::{Monitor, interrupt_flag};
 use crate::trial::{self, CaseResult, Counts, Data, Imperfection, Kept, Kind, NONCENTRALITY, Options, Structure, TrialError};
 
-use super::failure::Failure;
+use crate::work::Failure;
 use super::progress::Progress;
 use super::table::{significant, table};
 use super::{INTERRUPTED, Outcome};

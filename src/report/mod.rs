@@ -5,7 +5,7 @@
 //! standard deviations. plotly's script stands once in the file; nothing is loaded from elsewhere.
 
 mod assumptions;
-mod chart;
+pub mod chart;
 mod curves;
 mod error;
 mod evidence;
@@ -34,7 +34,10 @@ use crate::model::System;
 use crate::study::Study;
 use crate::tolerance::Outcome;
 
+pub use curves::{Units, driven};
 pub use error::ReportError;
+pub use page::PLOTLY;
+pub use shapes::outline;
 pub use sweeps::Sweep;
 
 /// What a report is made of. A part that is not there is left out of the page.

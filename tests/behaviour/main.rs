@@ -24,3 +24,4 @@ mod tensioner;
 mod tolerance;
 mod trial;
 mod verbs;
+mod workbench;
