@@ -12,9 +12,9 @@ use crate::identify::uncertainty;
 use crate::model::Level;
 use crate::study::Study;
 
-use crate::work::Failure;
 use super::session::{Common, Session};
 use super::{Outcome, fit};
+use crate::work::Failure;
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Format {

@@ -7,9 +7,9 @@ use crate::diagnose::{self, Case, Fitted};
 use crate::identify::Monitor;
 use crate::study::run::RunFolder;
 
-use crate::work::Failure;
 use super::session::{Common, Session};
 use super::{INTERRUPTED, NOT_DONE, Outcome, scatter, text};
+use crate::work::Failure;
 
 #[derive(clap::Args)]
 pub(super) struct Args {

@@ -2,9 +2,9 @@
 
 use serde_json::json;
 
-use crate::work::Failure;
 use super::session::{Common, Session};
 use super::{Outcome, fit};
+use crate::work::Failure;
 
 #[derive(clap::Args)]
 pub(super) struct Args {

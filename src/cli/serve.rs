@@ -43,8 +43,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     threads(args.threads)?;
     let stop = interrupt_flag()
         .map_err(|e| Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers"))?;
-    let options =
-        Options { path: args.study.clone(), port: args.port, listen: args.listen, data: args.data.clone(), seed: args.seed };
+    let options = Options { path: args.study.clone(), port: args.port, listen: args.listen, data: args.data.clone(), seed: args.seed };
     let interrupted = serve(&options, &stop, &|address| begun(args, address))?;
     Ok(Outcome { json: Value::Null, text: String::new(), code: if interrupted { INTERRUPTED } else { 0 } })
 }

@@ -49,7 +49,9 @@ pub struct Order {
 pub fn command(bench: &Bench, order: &Order) -> String {
     let study = match order.model.as_str() {
         ROOT => bench.path.clone(),
-        run => (if bench.path.is_dir() { bench.path.clone() } else { bench.path.parent().map(PathBuf::from).unwrap_or_default() }).join("runs").join(run),
+        run => (if bench.path.is_dir() { bench.path.clone() } else { bench.path.parent().map(PathBuf::from).unwrap_or_default() })
+            .join("runs")
+            .join(run),
     };
     let study = quoted(&study.display().to_string());
     let verb = if order.verb == "score" { "diagnose" } else { &order.verb };
@@ -81,7 +83,9 @@ pub fn with_values(system: &System, values: &std::collections::BTreeMap<String, 
     for (key, value) in values {
         let place = key.split_once('.').and_then(|(i, p)| Some((i.parse::<usize>().ok()?, p.parse::<usize>().ok()?)));
         let param = place.and_then(|(i, p)| system.instances.get_mut(i)?.params.get_mut(p));
-        let Some(param) = param else { return Err(Failure::new("serve", key, "there is no such parameter", "`instance.parameter`, such as 0.0")) };
+        let Some(param) = param else {
+            return Err(Failure::new("serve", key, "there is no such parameter", "`instance.parameter`, such as 0.0"));
+        };
         param.value = *value;
     }
     system.check()?;
@@ -197,7 +201,10 @@ fn candidate(loaded: &Loaded, system: &System, m: &Mark, all: &[Mark]) -> Value 
     let study = &loaded.study;
     let shape = |(k, p): (usize, &crate::effect::Param)| {
         let searched = p.kind == crate::effect::Kind::Shape && i.params[k].value != p.default;
-        searched.then(|| (p.name, unit_of(system, &study.dataset, i, k).print(i.params[k].value)))
+        let unit = unit_of(system, &study.dataset, i, k);
+        // It is where a fit begins: three digits are enough, and are read.
+        let start = format!("{:.2e}", unit.from_si(i.params[k].value)).parse::<f64>().unwrap_or(i.params[k].value);
+        searched.then(|| (p.name, format!("{start} {}", unit.symbol).trim_end().to_string()))
     };
     let set: Vec<(&str, String)> = info.params.iter().enumerate().filter_map(shape).collect();
     let unit = unit_of(system, &study.dataset, i, 0);
@@ -276,7 +283,9 @@ pub fn save(loaded: &Loaded, model_id: &str, name: &str) -> Result<Value, Failur
     let added = &instances[own.len()..];
     let file = loaded.study.save_beside(added, name)?;
     let effects: Vec<Value> = added.iter().map(|i| json!({ "effect": i.name(), "at": i.at })).collect();
-    Ok(json!({ "file": file.display().to_string(), "added": effects, "command": format!("misfit fit {}", quoted(&file.display().to_string())) }))
+    Ok(
+        json!({ "file": file.display().to_string(), "added": effects, "command": format!("misfit fit {}", quoted(&file.display().to_string())) }),
+    )
 }
 
 #[cfg(test)]
@@ -290,7 +299,14 @@ mod tests {
         assert_eq!(quoted("it's $HOME"), "'it'\\''s $HOME'");
         let bench = Bench::new("a".into(), PathBuf::from("my study/study.toml"), None, 2);
         let set = vec![("d".to_string(), "0.07 mm".to_string())];
-        let order = Order { verb: "add".into(), model: "20261124-112100-fit".into(), effect: "coulomb".into(), at: "c1.x".into(), set, ..Order::default() };
+        let order = Order {
+            verb: "add".into(),
+            model: "20261124-112100-fit".into(),
+            effect: "coulomb".into(),
+            at: "c1.x".into(),
+            set,
+            ..Order::default()
+        };
         assert_eq!(command(&bench, &order), "misfit add 'my study/runs/20261124-112100-fit' coulomb --at c1.x --set 'd=0.07 mm' --seed 2");
     }
 }

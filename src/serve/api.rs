@@ -125,7 +125,9 @@ async fn quick<T: Send + 'static>(app: &Arc<App>, work: impl FnOnce() -> Result<
     let _permit = app.slots.acquire().await.map_err(|_| busy())?;
     let pool = app.pool.clone();
     let done = tokio::task::spawn_blocking(move || pool.install(work)).await;
-    done.unwrap_or_else(|_| Err(refused(StatusCode::INTERNAL_SERVER_ERROR, "the work ended with an error of the program", "another request; please report it")))
+    done.unwrap_or_else(|_| {
+        Err(refused(StatusCode::INTERNAL_SERVER_ERROR, "the work ended with an error of the program", "another request; please report it"))
+    })
 }
 
 async fn get(app: &Arc<App>, path: &[&str]) -> Answer {
@@ -225,7 +227,8 @@ fn run_file(bench: &Bench, run: &str, file: &str) -> Answer {
         _ => return Err(unknown()),
     };
     let runs = bench.loaded()?.runs();
-    let there = std::fs::read_dir(&runs).is_ok_and(|mut all| all.any(|e| e.is_ok_and(|e| e.file_name() == run && e.file_type().is_ok_and(|t| t.is_dir()))));
+    let there = std::fs::read_dir(&runs)
+        .is_ok_and(|mut all| all.any(|e| e.is_ok_and(|e| e.file_name() == run && e.file_type().is_ok_and(|t| t.is_dir()))));
     let path = runs.join(run).join(file);
     // A link would lead out of the study.
     let own = std::fs::symlink_metadata(&path).is_ok_and(|m| m.is_file());
@@ -283,14 +286,16 @@ struct Opened {
 }
 
 fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refused> {
-    serde_json::from_slice(bytes).map_err(|e| refused(StatusCode::BAD_REQUEST, &format!("the body is no such request: {e}"), "the JSON that the page sends"))
+    serde_json::from_slice(bytes)
+        .map_err(|e| refused(StatusCode::BAD_REQUEST, &format!("the body is no such request: {e}"), "the JSON that the page sends"))
 }
 
 async fn post(app: &Arc<App>, path: &[&str], body: Body) -> Answer {
     let ["api", "studies", id, what] = path else { return Err(unknown()) };
     let bench = bench(app, id)?.clone();
     let bytes = to_bytes(body, BODY).await;
-    let bytes = bytes.map_err(|_| refused(StatusCode::PAYLOAD_TOO_LARGE, "the body is cut off, or longer than 256 kB", "a shorter body"))?;
+    let bytes =
+        bytes.map_err(|_| refused(StatusCode::PAYLOAD_TOO_LARGE, "the body is cut off, or longer than 256 kB", "a shorter body"))?;
     match *what {
         "compare" => {
             let asked: Compared = read(&bytes)?;
@@ -349,7 +354,13 @@ fn compared(bench: &Bench, asked: &Compared) -> Result<Value, Refused> {
 /// Begins a job on a thread of its own.
 fn begun(app: &Arc<App>, bench: &Arc<Bench>, order: Order) -> Result<Value, Refused> {
     if !["fit", "add", "score", "ladder"].contains(&order.verb.as_str()) {
-        return Err(Failure::new("serve", &order.verb, format!("`{}` is no verb of the workbench", order.verb), "fit, add, score or ladder").into());
+        return Err(Failure::new(
+            "serve",
+            &order.verb,
+            format!("`{}` is no verb of the workbench", order.verb),
+            "fit, add, score or ladder",
+        )
+        .into());
     }
     let loaded = bench.loaded()?;
     loaded.model(&order.model)?;
@@ -361,7 +372,8 @@ fn begun(app: &Arc<App>, bench: &Arc<Bench>, order: Order) -> Result<Value, Refu
     let started = thread.spawn(move || {
         app.working.fetch_add(1, Ordering::SeqCst);
         let work = std::panic::AssertUnwindSafe(|| act::act(&bench, &loaded, &of, &order));
-        let done = std::panic::catch_unwind(work).unwrap_or_else(|_| Err(Failure::new("serve", &order.verb, "the program failed here", "please report it")));
+        let done = std::panic::catch_unwind(work)
+            .unwrap_or_else(|_| Err(Failure::new("serve", &order.verb, "the program failed here", "please report it")));
         of.end(done);
         bench.changed();
         app.working.fetch_sub(1, Ordering::SeqCst);

@@ -250,12 +250,28 @@ impl Loaded {
                 "id": id, "parent": n.parent, "verb": n.verb, "errors": errors, "effects": last(r, "effects"), "added": r["added"],
                 "termination": last(r, "termination"), "cost": last(r, "cost"), "command": r["workbench"]["command"],
             });
+            if let Some(before) = r["before"]["tests"].as_array() {
+                said["before"] = pooled(before)["fit"].clone();
+            }
             if n.verb == "ladder" {
-                for key in ["verdict", "proven", "why", "missing", "instruments", "ended", "interrupted", "next_test", "no_next_test", "unexplained"] {
+                for key in [
+                    "verdict",
+                    "proven",
+                    "why",
+                    "missing",
+                    "instruments",
+                    "ended",
+                    "interrupted",
+                    "next_test",
+                    "no_next_test",
+                    "unexplained",
+                ] {
                     said[key] = r[key].clone();
                 }
-                let rung = |g: &Value| json!({ "added": g["added"], "removed": g["removed"], "cost": g["cost"],
-                                               "errors": g["tests"].as_array().map(|t| { let mut e = pooled(t); if sealed { e["held_out"] = Value::Null; } e }) });
+                let rung = |g: &Value| {
+                    json!({ "added": g["added"], "removed": g["removed"], "cost": g["cost"],
+                                               "errors": g["tests"].as_array().map(|t| { let mut e = pooled(t); if sealed { e["held_out"] = Value::Null; } e }) })
+                };
                 said["rungs"] = r["rungs"].as_array().map(|all| all.iter().map(rung).collect::<Vec<_>>()).into();
                 said["held_out"] = if sealed { Value::Null } else { r["held_out"].clone() };
                 if sealed {
@@ -311,7 +327,12 @@ fn run_names(runs: &Path) -> Vec<String> {
 pub fn is_run(name: &str) -> bool {
     let b = name.as_bytes();
     let digits = |r: std::ops::Range<usize>| b.get(r).is_some_and(|s| s.iter().all(u8::is_ascii_digit));
-    b.len() > 16 && b.len() < 80 && digits(0..8) && b[8] == b'-' && digits(9..15) && b[15] == b'-'
+    b.len() > 16
+        && b.len() < 80
+        && digits(0..8)
+        && b[8] == b'-'
+        && digits(9..15)
+        && b[15] == b'-'
         && b[16..].iter().all(|c| c.is_ascii_alphanumeric() || *c == b'-')
 }
 

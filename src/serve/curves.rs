@@ -71,7 +71,9 @@ fn curve(study: &Study, id: &str, c: &Curve, whole: bool) -> Value {
     let rows: Vec<usize> = if frf { at.iter().flat_map(|k| [2 * k, 2 * k + 1]).collect() } else { at.clone() };
     let table = c.kind == BlockKind::Table;
     let unit = if table { 1.0 } else { units.y.1 };
-    let of = |values: &[f64], rows: &[usize], over: f64| -> Vec<Value> { pick(values, rows).into_iter().map(|v| finite(rounded(v / over))).collect() };
+    let of = |values: &[f64], rows: &[usize], over: f64| -> Vec<Value> {
+        pick(values, rows).into_iter().map(|v| finite(rounded(v / over))).collect()
+    };
     let mut value = json!({ "label": c.label, "computed": of(&c.computed, &rows, unit) });
     if whole {
         let kind = match c.kind {
@@ -80,7 +82,8 @@ fn curve(study: &Study, id: &str, c: &Curve, whole: bool) -> Value {
             BlockKind::Record => "record",
             BlockKind::Table => "table",
         };
-        let abscissa: Vec<f64> = if c.kind == BlockKind::Loop { c.abscissa.iter().map(|a| a.to_degrees()).collect() } else { c.abscissa.clone() };
+        let abscissa: Vec<f64> =
+            if c.kind == BlockKind::Loop { c.abscissa.iter().map(|a| a.to_degrees()).collect() } else { c.abscissa.clone() };
         value["kind"] = kind.into();
         value["unit"] = if table { c.unit.clone() } else { units.y.0 }.into();
         value["x_unit"] = units.x.0.into();

@@ -72,7 +72,7 @@ impl Guard {
             if !(sent || headers.contains_key(header::ORIGIN)) {
                 return Some((StatusCode::FORBIDDEN, "the request says neither its page nor the token in a header"));
             }
-            if !one(headers, "content-type").is_some_and(|t| t == "application/json") {
+            if one(headers, "content-type").is_none_or(|t| t != "application/json") {
                 return Some((StatusCode::UNSUPPORTED_MEDIA_TYPE, "the body is no application/json"));
             }
         }

@@ -144,14 +144,24 @@ fn studies(options: &Options) -> Result<Vec<Bench>, Failure> {
     found.truncate(STUDIES);
     if found.is_empty() {
         let message = if path.exists() { "there is no study in it" } else { "there is no such folder or file" };
-        return Err(Failure::new("serve", path.display().to_string(), message, "a folder with study.toml, that file, or a folder of such folders"));
+        return Err(Failure::new(
+            "serve",
+            path.display().to_string(),
+            message,
+            "a folder with study.toml, that file, or a folder of such folders",
+        ));
     }
     let mut ids: Vec<String> = vec![];
     let one = |p: PathBuf| {
         let whole = p.canonicalize().unwrap_or_else(|_| p.clone());
-        let name = if whole.file_name().is_some_and(|n| n == "study.toml") { whole.parent().map(Path::to_path_buf).unwrap_or(whole) } else { whole };
+        let name = if whole.file_name().is_some_and(|n| n == "study.toml") {
+            whole.parent().map(Path::to_path_buf).unwrap_or(whole)
+        } else {
+            whole
+        };
         let name = name.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let mut id: String = name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '-' }).take(60).collect();
+        let mut id: String =
+            name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '-' }).take(60).collect();
         while id.is_empty() || ids.contains(&id) {
             id += "-2";
         }

@@ -34,7 +34,8 @@ pub fn structure(system: &System) -> Value {
 
 /// An effect with its places and values.
 fn effect(model: &Model, i: &Instance) -> Value {
-    let params: Vec<String> = i.effect.info().params.iter().zip(&i.params).map(|(p, v)| format!("{} = {}", p.name, printed(v.value, &v.unit))).collect();
+    let params: Vec<String> =
+        i.effect.info().params.iter().zip(&i.params).map(|(p, v)| format!("{} = {}", p.name, printed(v.value, &v.unit))).collect();
     json!({ "effect": i.name(), "at": i.at, "places": places(model, i), "values": params, "equation": i.effect.info().equation })
 }
 

@@ -108,8 +108,8 @@ on("go", async ({ model, from, verb }) => {
   await showModel();
   const now = node();
   if (verb === "add" && from && now?.errors?.fit) {
-    const before = from.errors?.fit;
-    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `fell from ${percent(before.error)} ` : "is now "}${before ? "to " : ""}${percent(now.errors.fit.error)} (floor ${percent(now.errors.fit.floor)}), on the select tests it is ${percent(now.errors.select?.error)}. Undo goes back.`);
+    const before = now.before || from.errors?.fit;
+    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (floor ${percent(now.errors.fit.floor)}), on the select tests it is ${percent(now.errors.select?.error)}. Undo goes back.`);
   }
 });
 

@@ -95,7 +95,7 @@ function drawModels() {
     await attempt(async () => { const done = await api(of("save"), { model: state.model, name: name.value }); command(done.command); say(`Saved as ${done.file}: your study.toml with its comments, and ${done.added.map(a => `${a.effect} at ${a.at}`).join(", ") || "nothing added"}.`); });
   };
   const file = state.about.study.file;
-  models.replaceChildren(el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Model", "Fit", "Select", "Held out", "Ended", "Files of its run"].map(h => el("th", { scope: "col" }, h)))), el("tbody", {}, ...state.about.models.map(row)))),
+  models.replaceChildren(el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Model", "Fit", "Select", "Held out", "Ended", "Files of its run"].map(h => el("th", { scope: "col" }, h)))), el("tbody", {}, ...[...state.about.models].sort((a, b) => (a.parent ? 1 : 0) - (b.parent ? 1 : 0) || (a.id < b.id ? 1 : -1)).map(row)))),
     el("form", { class: "save", onsubmit: save }, el("h2", {}, "Save this model as a study"), el("p", { class: "soft" }, `A copy of ${file} with its comments and the effects that were added, beside it, under this name.`),
       el("label", {}, "Name ", name), " ", el("button", { type: "submit" }, "Save")),
     el("h2", {}, "Export"), el("p", {}, "The calibrated set in other formats, from the shell: ", el("code", {}, `misfit export ${state.model === "study" ? state.about.study.folder : state.about.study.folder + "/runs/" + state.model} --to json,csv,parquet,adams,exudyn`)),

@@ -10,11 +10,13 @@ const marks = () => state.described?.scored || null;
 const at = (m, place) => place === null || m.places.includes(place) || (place === "*channels" && m.role === "channel");
 /** The largest drop that the score test expects at a place. */
 const drop = place => Math.max(0, ...(marks() || []).filter(m => m.places.includes(place) && m.promises).map(m => m.predicted_drop));
+/** The largest anywhere: the end of the colour scale. */
+const most = () => Math.max(1e-9, ...(marks() || []).filter(m => m.promises && m.places.length).map(m => m.predicted_drop));
 
 function pick(place) { state.place = state.place === place ? null : place; open = null; draw(); }
 
 function shade(node, part) {
-  node.style.setProperty("--heat", `${Math.round(100 * Math.min(1, part))}%`);
+  node.style.setProperty("--heat", `${Math.round(100 * Math.min(1, part / most()))}%`);
 }
 
 function picture(d) {
@@ -57,7 +59,9 @@ function picture(d) {
     const name = svg("text", { x: X(b.x), y: Y(b.y) + (b.ends ? -9 : 4), class: "name" }, b.name.length > 7 && !b.ends ? b.name.slice(0, 6) + "…" : (b.ends && bodies.length > 12 && k % 4 ? "" : b.name));
     return places.length && !b.fixed ? button(places, b.name, [...shape, name], heat) : svg("g", {}, svg("title", {}, b.name), ...shape, name);
   });
-  return el("div", { class: "scroll" }, svg("svg", { class: "structure", viewBox: `0 0 ${width} ${height}`, width, height, role: "group", "aria-label": "Structure" }, ...(d.spatial ? [...boxes, ...nodes] : [...nodes, ...boxes])));
+  // It shrinks with the window as far as names can be read, and scrolls beyond.
+  const fits = width < 1400;
+  return el("div", { class: "scroll" }, svg("svg", { class: fits ? "structure fits" : "structure", viewBox: `0 0 ${width} ${height}`, width, height: fits ? null : height, role: "group", "aria-label": "Structure" }, ...(d.spatial ? [...boxes, ...nodes] : [...nodes, ...boxes])));
 }
 
 function list() {
@@ -120,7 +124,7 @@ async function demonstrate(name, into) {
 export function draw() {
   const d = state.described;
   if (!d) return;
-  const scale = el("p", { class: "legend" }, el("span", { class: "ramp" }), el("span", { class: "soft" }, marks() ? "part of the cost that one effect at the place is expected to take away; the number counts the effects that act there" : "not scored yet; the number counts the effects that act there"));
+  const scale = el("p", { class: "legend" }, marks() ? el("span", {}, "0 %") : null, el("span", { class: "ramp" }), marks() ? el("span", {}, percent(most())) : null, el("span", { class: "soft" }, marks() ? "part of the cost that one effect at the place is expected to take away; the number counts the effects that act there" : "not scored yet; the number counts the effects that act there"));
   view.replaceChildren(scale, picture(d), list());
 }
 

@@ -74,7 +74,10 @@ fn a_reader_finds_adds_undoes_slides_and_saves() {
     browser.until(&format!("{ANSWER}.startsWith('Saved as ')"), 10);
     assert!(rig.read("by-hand.toml").contains("coulomb"));
     browser.call("Page.reload", json!({}));
-    browser.until("document.documentElement.dataset.ready === 'true' && document.getElementById('model-name').textContent === '+ coulomb at c1.x'", 20);
+    browser.until(
+        "document.documentElement?.dataset.ready === 'true' && document.getElementById('model-name').textContent === '+ coulomb at c1.x'",
+        20,
+    );
     assert_eq!(browser.eval("document.getElementById('view-models').hidden"), false, "the view is the same");
 
     // Large, by plotly, and in the dark.

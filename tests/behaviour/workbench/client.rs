@@ -58,8 +58,13 @@ impl Served {
 
     /// Bytes as they are sent, and the answer until the server closes.
     pub fn raw(&self, bytes: &[u8]) -> Option<Answer> {
+        self.raw_within(bytes, Duration::from_secs(60))
+    }
+
+    /// The same, as far as it comes within this time: a request that is not whole is waited for.
+    pub fn raw_within(&self, bytes: &[u8], time: Duration) -> Option<Answer> {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).ok()?;
-        stream.set_read_timeout(Some(Duration::from_secs(60))).ok()?;
+        stream.set_read_timeout(Some(time)).ok()?;
         // A server that has refused need not read the rest.
         let _ = stream.write_all(bytes);
         let mut all = Vec::new();

@@ -25,7 +25,8 @@ impl Drop for Browser {
 
 /// The browser of this machine, by one of its names.
 fn program() -> Option<&'static str> {
-    let runs = |name: &&str| Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success());
+    let runs =
+        |name: &&str| Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success());
     ["chromium", "chromium-browser", "google-chrome", "chrome"].into_iter().find(runs)
 }
 
@@ -38,7 +39,14 @@ impl Browser {
         };
         let folder = tempfile::tempdir().unwrap();
         let child = Command::new(program)
-            .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--remote-debugging-port=0"])
+            .args([
+                "--headless=new",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--no-first-run",
+                "--disable-background-networking",
+                "--remote-debugging-port=0",
+            ])
             .arg(format!("--window-size={width},{height}"))
             .arg(format!("--user-data-dir={}", folder.path().display()))
             .arg("about:blank")
@@ -174,7 +182,7 @@ impl Browser {
 
     pub fn go(&mut self, url: &str) {
         self.call("Page.navigate", json!({ "url": url }));
-        self.until("document.documentElement.dataset.ready === 'true'", 60);
+        self.until("document.documentElement?.dataset.ready === 'true'", 60);
     }
 
     /// Presses a key as a reader does.

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::net::TcpStream;
+use std::time::Duration;
 
 use serde_json::json;
 
@@ -77,11 +78,23 @@ fn paths_stay_inside_and_bodies_are_bounded() {
     assert_eq!(before.len(), 4, "data, runs, secret, study: {before:?}");
     let long = served.post("compare", &json!({ "model": "x".repeat(300 << 10) }));
     assert_eq!(long.status, 413);
-    for (what, body) in [("run", json!({ "verb": "rm", "model": "study" })), ("run", json!({ "verb": "fit", "model": "../x" })), ("nothing", json!({}))] {
+    for (what, body) in
+        [("run", json!({ "verb": "rm", "model": "study" })), ("run", json!({ "verb": "fit", "model": "../x" })), ("nothing", json!({}))]
+    {
         let answer = served.post(what, &body);
         assert!(answer.status == 400 || answer.status == 404, "{body}");
     }
-    assert_eq!(served.request("DELETE", "/api/studies", &[("host", &served.host()), ("x-misfit-token", &served.token), ("content-type", "application/json")], "").status, 405);
+    assert_eq!(
+        served
+            .request(
+                "DELETE",
+                "/api/studies",
+                &[("host", &served.host()), ("x-misfit-token", &served.token), ("content-type", "application/json")],
+                ""
+            )
+            .status,
+        405
+    );
 }
 
 /// A generator of its own: what is sent follows from the seed.
@@ -119,7 +132,8 @@ fn a_fuzzer_gets_nothing_and_breaks_nothing() {
     let (mut chance, mut counted) = (Chance(7), std::collections::BTreeMap::new());
     for k in 0..count {
         let method = chance.of(&["GET", "POST", "PUT", "DELETE", "OPTIONS", "TRACE", "HEAD", "CONNECT", "GET", "POST", "\u{0}", "get"]);
-        let name = chance.of(&["study", "..", "%2e%2e", "%00", "*", "a b", "<script>", "runs", "20261124-112100-fit", "secret.txt", "\\..\\"]);
+        let name =
+            chance.of(&["study", "..", "%2e%2e", "%00", "*", "a b", "<script>", "runs", "20261124-112100-fit", "secret.txt", "\\..\\"]);
         let path = match chance.below(8) {
             0 => format!("/api/studies/{study}/runs/../{name}"),
             1 => format!("/api/studies/{name}"),
@@ -144,7 +158,10 @@ fn a_fuzzer_gets_nothing_and_breaks_nothing() {
         };
         let length = if chance.below(5) == 0 { body.len() + chance.below(3) } else { body.len() };
         let mut text = format!("{method} {path} HTTP/1.{}\r\nhost: {with_host}\r\nconnection: close\r\n", chance.below(2));
-        text += &format!("content-length: {length}\r\ncontent-type: {}\r\n", chance.of(&["application/json", "text/plain", "multipart/form-data"]));
+        text += &format!(
+            "content-length: {length}\r\ncontent-type: {}\r\n",
+            chance.of(&["application/json", "text/plain", "multipart/form-data"])
+        );
         text += &format!("x-misfit-token: {}\r\n", if knows { &served.token } else { &token });
         if chance.below(3) == 0 {
             text += &format!("origin: {}\r\n", chance.of(&["null", "http://evil.example", "file://", "http://127.0.0.1:1"]));
@@ -163,7 +180,7 @@ fn a_fuzzer_gets_nothing_and_breaks_nothing() {
             }
             continue;
         }
-        let Some(answer) = served.raw(&bytes) else { continue };
+        let Some(answer) = served.raw_within(&bytes, Duration::from_millis(400)) else { continue };
         *counted.entry(answer.status).or_insert(0) += 1;
         let said = String::from_utf8_lossy(&answer.body);
         assert!(!said.contains("nobody reads"), "{k}: {}", String::from_utf8_lossy(&bytes));

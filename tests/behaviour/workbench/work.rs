@@ -33,9 +33,9 @@ fn the_missing_effect_is_seen_added_undone_and_saved() {
     let scored = served.run(&json!({ "verb": "score", "model": fitted }));
     let best = &scored["result"]["candidates"][0];
     assert_eq!(best["places"], json!(["c1.x"]));
-    assert!(best["predicted_drop"].as_f64().unwrap() > 0.8 && best["p_value"].as_f64().unwrap() < 0.01, "{best}");
+    assert!(best["predicted_drop"].as_f64().unwrap() > 0.7 && best["p_value"].as_f64().unwrap() < 0.01, "{best}");
     let friction = candidate(&scored, "coulomb");
-    assert!(friction["predicted_drop"].as_f64().unwrap() > 0.8 && !friction["equation"].as_str().unwrap().is_empty(), "{friction}");
+    assert!(friction["predicted_drop"].as_f64().unwrap() > 0.7 && !friction["equation"].as_str().unwrap().is_empty(), "{friction}");
 
     let order = json!({ "verb": "add", "model": fitted, "effect": "coulomb", "at": "c1.x", "set": friction["set"] });
     let added = served.run(&order);
@@ -186,4 +186,34 @@ fn a_folder_of_studies_is_served_and_what_cannot_be_read_is_said() {
     let empty = tempfile::tempdir().unwrap();
     let ran = misfit(&["serve", &empty.path().display().to_string(), "--json"]);
     assert!(ran.error()[1].contains(&empty.path().display().to_string()));
+}
+
+/// Pages ask while a ladder runs: every one is answered.
+#[test]
+fn twenty_pages_at_once_are_all_answered() {
+    let rig = hiding();
+    let served = Served::start(rig.folder(), &["--json"]);
+    let begun = served.post("run", &json!({ "verb": "ladder", "model": "study" })).json();
+    let pages = 20;
+    let asked = std::thread::scope(|scope| {
+        let page = |_| {
+            scope.spawn(|| {
+                for _ in 0..5 {
+                    assert_eq!(served.get("/page/plotly.js").status, 200);
+                    assert_eq!(served.state()["study"]["tests"].as_array().unwrap().len(), 3);
+                    assert_eq!(served.compare("study", &json!({ "0.0": 21e3 })).len(), 3);
+                }
+                15
+            })
+        };
+        let all: Vec<_> = (0..pages).map(page).collect();
+        all.into_iter().map(|t| t.join().unwrap()).sum::<usize>()
+    });
+    assert_eq!(asked, 15 * pages);
+    assert_eq!(served.wait(&begun["job"])["status"], "done");
+    #[cfg(target_os = "linux")]
+    {
+        println!("{asked} requests of {pages} pages during a ladder; most memory {:.0} MB", served.memory());
+        assert!(served.memory() < 1000.0, "{} MB", served.memory());
+    }
 }
