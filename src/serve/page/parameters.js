@@ -61,8 +61,10 @@ function draw() {
     el("option", { value: "" }, `all ${tests.length} tests`), ...tests.map(t => el("option", { value: t.id, selected: t.id === chosen }, t.id)));
   const grid = el("div", { class: "grid" });
   for (const t of tests.filter(t => !chosen || t.id === chosen)) { const c = card(t, { large: !!chosen }); cards.set(t.id, c); grid.append(c.node); }
-  const table = el("table", {}, el("thead", {}, el("tr", {}, ...["Parameter", "Value", "Move", "95 % interval", ""].map(h => el("th", { scope: "col" }, h)))), el("tbody", {}, ...d.parameters.map(row)));
-  view.replaceChildren(el("div", { class: "scroll" }, table),
+  const table = list => el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Parameter", "Value", "Move", "95 % interval", "State"].map(h => el("th", { scope: "col" }, h)))), el("tbody", {}, ...list.map(row))));
+  const free = d.parameters.filter(p => p.free), fixed = d.parameters.filter(p => !p.free);
+  view.replaceChildren(table(free.length ? free : fixed),
+    free.length && fixed.length ? el("details", {}, el("summary", {}, `${fixed.length} fixed values`), table(fixed)) : "",
     el("p", { class: "buttons" }, el("button", { type: "button", onclick: () => { state.values = {}; draw(); send(); } }, "Put back"),
       el("button", { type: "button", onclick: () => run({ verb: "fit", values: state.values }) }, "Fit from these values"), el("label", {}, "Curves of ", select)), grid);
 }

@@ -27,7 +27,7 @@ function picture(d) {
   const flat = !d.spatial;
   const step = flat ? Math.max(64, Math.min(110, 860 / (span[0] + 1))) : 860 / span[0];
   const X = x => 50 + (x - low[0]) * step, Y = y => 46 + (flat ? (y - low[1]) * 70 : (span[1] - (y - low[1])) * step);
-  const width = 100 + span[0] * step, height = 100 + (flat ? span[1] * 70 : span[1] * step);
+  const width = 100 + span[0] * step, height = flat ? 100 + span[1] * 70 : 160 + span[1] * step;
   const chosen = place => state.place === place ? " chosen" : "";
   const button = (places, label, shape, heat) => {
     const place = places.find(p => drop(p) === heat) || places[0];
@@ -40,28 +40,42 @@ function picture(d) {
   };
   const hover = (places, label, heat) => [label, ...d.effects.filter(e => e.places.some(p => places.includes(p))).map(e => `${e.effect} (${e.values.join(", ")})`),
     marks() ? `expected fall of the cost: ${percent(heat)}` : "not scored yet"].join("\n");
+  /** In a long chain every third connector is named, above it; the others say their name when they are pointed at. */
+  const places = c => links.indexOf(c) % 3 === 0 ? "above" : "";
   const acts = c => d.effects.filter(e => e.places.some(p => c.places.includes(p)));
   const nodes = links.map(c => {
     const a = bodies[c.from], b = bodies[c.to];
-    let [x1, y1, x2, y2] = [X(a.x), Y(a.y), X(b.x), Y(b.y)];
     const heat = Math.max(0, ...c.places.map(drop));
-    const mx = (x1 + x2) / 2, my = (y1 + y2) / 2;
-    return button(c.places, c.name, [svg("line", { x1, y1, x2, y2, class: "link" }), svg("circle", { cx: mx, cy: my, r: 11, class: "spot" }),
-      svg("text", { x: mx, y: my + 27, class: "name" }, c.name), svg("text", { x: mx, y: my + 4, class: "count" }, String(acts(c).length))], heat);
+    let [x1, y1, x2, y2] = [X(a.x), Y(a.y), X(b.x), Y(b.y)];
+    let mx = (x1 + x2) / 2, my = (y1 + y2) / 2, lines = [svg("line", { x1, y1, x2, y2, class: "link" })], named = true;
+    const hangs = d.spatial && (a.fixed || b.fixed);
+    if (hangs) {
+      // A connector to the ground hangs below its part.
+      const [x, y] = a.fixed ? [x2, y2] : [x1, y1];
+      [mx, my] = [x, y + 46];
+      lines = [svg("path", { d: `M${x} ${y}V${y + 82}M${x - 14} ${y + 82}h28`, class: "link" })];
+    } else if (d.spatial && Math.abs(c.from - c.to) > 1) {
+      const deep = Math.max(y1, y2) + 90;
+      lines = [svg("path", { d: `M${x1} ${y1}Q${mx} ${deep} ${x2} ${y2}`, class: "link" })];
+      my = 0.25 * y1 + 0.5 * deep + 0.25 * y2;
+    } else if (d.spatial) named = links.length <= 14 || places(c);
+    return button(c.places, c.name, [...lines, svg("circle", { cx: mx, cy: my, r: 11, class: "spot" }),
+      svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count" }, String(acts(c).length))], heat);
   });
   const boxes = bodies.map((b, k) => {
+    if (d.spatial && b.fixed) return null;
     const connector = own.find(c => c.to === k || c.from === k);
     const places = connector?.places || [];
     const heat = Math.max(0, ...places.map(drop));
     const shape = b.ends
       ? [svg("line", { x1: X(b.ends[0][0]), y1: Y(b.ends[0][1]), x2: X(b.ends[1][0]), y2: Y(b.ends[1][1]), class: "part" })]
       : [svg("rect", { x: X(b.x) - 19, y: Y(b.y) - 13, width: 38, height: 26, rx: b.fixed ? 0 : 5, class: b.fixed ? "body fixed" : "body" })];
-    const name = svg("text", { x: X(b.x), y: Y(b.y) + (b.ends ? -9 : 4), class: "name" }, b.name.length > 7 && !b.ends ? b.name.slice(0, 6) + "…" : (b.ends && bodies.length > 12 && k % 4 ? "" : b.name));
+    const name = svg("text", { x: X(b.x), y: Y(b.y) + (b.ends ? -9 : 4), class: "name" }, b.ends ? "" : b.name.length > 7 ? b.name.slice(0, 6) + "…" : b.name);
     return places.length && !b.fixed ? button(places, b.name, [...shape, name], heat) : svg("g", {}, svg("title", {}, b.name), ...shape, name);
   });
   // It shrinks with the window as far as names can be read, and scrolls beyond.
   const fits = width < 1400;
-  return el("div", { class: "scroll" }, svg("svg", { class: fits ? "structure fits" : "structure", viewBox: `0 0 ${width} ${height}`, width, height: fits ? null : height, role: "group", "aria-label": "Structure" }, ...(d.spatial ? [...boxes, ...nodes] : [...nodes, ...boxes])));
+  return el("div", { class: "scroll" }, svg("svg", { class: fits ? "structure fits" : "structure", viewBox: `0 0 ${width} ${height}`, width, height: fits ? null : height, role: "group", "aria-label": "Structure" }, ...(d.spatial ? [...boxes.filter(Boolean), ...nodes] : [...nodes, ...boxes])));
 }
 
 function list() {
