@@ -56,7 +56,7 @@ export function card(t, { click, large = false } = {}) {
   const body = [el("h3", {}, t.id, " ", el("span", { class: "tag " + t.split }, splitWords[t.split])), bar, score,
     ...pictures.map(p => el("div", { class: "panel" }, p.node, el("span", { class: "soft" }, `${p.label} [${p.unit}]`)))];
   const node = click
-    ? el("button", { type: "button", class: "card", onclick: click, "aria-label": `${t.id}, ${splitWords[t.split]}, error ${percent(t.error)}, floor ${percent(t.floor)}: enlarge` }, ...body)
+    ? el("button", { type: "button", class: "card", onclick: click, title: "Enlarge" }, ...body)
     : el("div", { class: "card" }, ...body);
   return { node, update(moved) { moved.curves.forEach((c, k) => pictures[k]?.update(c.computed)); told(moved.error, moved.floor); } };
 }

@@ -60,7 +60,7 @@ function picture(d) {
       my = 0.25 * y1 + 0.5 * deep + 0.25 * y2;
     } else if (d.spatial) named = links.length <= 14 || places(c);
     return button(c.places, c.name, [...lines, svg("circle", { cx: mx, cy: my, r: 11, class: "spot" }),
-      svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count" }, String(acts(c).length))], heat);
+      svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name", "aria-hidden": "true" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count", "aria-hidden": "true" }, String(acts(c).length))], heat);
   });
   const boxes = bodies.map((b, k) => {
     if (d.spatial && b.fixed) return null;
@@ -70,7 +70,7 @@ function picture(d) {
     const shape = b.ends
       ? [svg("line", { x1: X(b.ends[0][0]), y1: Y(b.ends[0][1]), x2: X(b.ends[1][0]), y2: Y(b.ends[1][1]), class: "part" })]
       : [svg("rect", { x: X(b.x) - 19, y: Y(b.y) - 13, width: 38, height: 26, rx: b.fixed ? 0 : 5, class: b.fixed ? "body fixed" : "body" })];
-    const name = svg("text", { x: X(b.x), y: Y(b.y) + (b.ends ? -9 : 4), class: "name" }, b.ends ? "" : b.name.length > 7 ? b.name.slice(0, 6) + "…" : b.name);
+    const name = svg("text", { x: X(b.x), y: Y(b.y) + (b.ends ? -9 : 4), class: "name", "aria-hidden": "true" }, b.ends ? "" : b.name.length > 7 ? b.name.slice(0, 6) + "…" : b.name);
     return places.length && !b.fixed ? button(places, b.name, [...shape, name], heat) : svg("g", {}, svg("title", {}, b.name), ...shape, name);
   });
   // It shrinks with the window as far as names can be read, and scrolls beyond.
