@@ -21,7 +21,7 @@ use super::picture::{places, printed};
 #[derive(Deserialize, Debug, Clone, Default)]
 #[serde(deny_unknown_fields)]
 pub struct Order {
-    /// fit, add, score, ladder.
+    /// One of [`VERBS`].
     pub verb: String,
     /// Model of the tree to begin from.
     pub model: String,
@@ -31,6 +31,9 @@ pub struct Order {
     /// ...and its place.
     #[serde(default)]
     pub at: String,
+    /// Of `export`: the formats.
+    #[serde(default)]
+    pub to: Vec<String>,
     /// Starts with unit.
     #[serde(default)]
     pub set: Vec<(String, String)>,
@@ -44,6 +47,9 @@ pub struct Order {
     #[serde(default)]
     pub values: std::collections::BTreeMap<String, f64>,
 }
+
+/// What can be set going.
+pub const VERBS: [&str; 5] = ["fit", "add", "score", "ladder", "export"];
 
 /// The command line that does the same.
 pub fn command(bench: &Bench, order: &Order) -> String {
@@ -64,6 +70,9 @@ pub fn command(bench: &Bench, order: &Order) -> String {
         for (option, value) in [("--of", &order.of), ("--condition", &order.condition), ("--reference", &order.reference)] {
             line += &value.as_ref().map_or(String::new(), |v| format!(" {option} {}", quoted(v)));
         }
+    }
+    if order.verb == "export" {
+        line += &format!(" --to {}", order.to.join(","));
     }
     if bench.seed != 1 {
         line += &format!(" --seed {}", bench.seed);
@@ -102,7 +111,8 @@ pub fn act(bench: &Bench, loaded: &Loaded, job: &Job, order: &Order) -> Result<V
         "add" => add(loaded, job, &case, order),
         "score" => score(loaded, job, &model, order),
         "ladder" => ladder(loaded, job, &case, order),
-        other => Err(Failure::new("serve", other, format!("`{other}` is no verb of the workbench"), "fit, add, score or ladder")),
+        "export" => export(loaded, job, &case, order),
+        other => Err(Failure::new("serve", other, format!("`{other}` is no verb of the workbench"), VERBS.join(", "))),
     };
     bench.changed();
     done
@@ -241,6 +251,24 @@ fn ladder(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Valu
     let model = Model { case: case_of(&loaded.case, &system), system, fitted: None, marks: None };
     let id = loaded.enter(&folder.path, "ladder", value, model);
     Ok(json!({ "model": id, "parent": order.model, "verdict": plain(&result.verdict)?, "missing": plain(&result.missing)? }))
+}
+
+fn export(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {
+    let known: Vec<&str> = crate::export::EXPORTERS.iter().map(|e| e.name()).collect();
+    if let Some(other) = order.to.iter().find(|f| !known.contains(&f.as_str())) {
+        return Err(Failure::new("export", "to", format!("there is no format `{other}`"), known.join(", ")));
+    }
+    job.say("fit");
+    let at = work::Stand::of(&loaded.study, None)?;
+    let (_, fitted, result) = diagnose::fit(case, &loaded.splits(), &job.monitor(case.system.clone()))?;
+    let folder = RunFolder::create(&loaded.study, "export", None)?;
+    let formats: Vec<&str> = order.to.iter().map(String::as_str).collect();
+    let (files, notes) = work::export(&loaded.study, &fitted, &result, &at, &formats, &folder)?;
+    let json = json!({ "files": files, "notes": notes, "test": at.test, "termination": result.termination });
+    let mut value = work::json(&json, &folder)?;
+    value["workbench"] = mark(loaded, job, None);
+    folder.result(&value)?;
+    Ok(json!({ "files": files, "notes": notes, "run": folder.path.file_name().map(|n| n.to_string_lossy()) }))
 }
 
 fn read(study: &crate::study::Study, result: &LadderResult) -> bool {

@@ -217,27 +217,31 @@ fn described(bench: &Bench, id: &str) -> Result<Value, Refused> {
     Ok(value)
 }
 
-/// A file of a run: one of those that every run has.
+/// A file that lies in the folder of a run; the state of its solver is no concern of a page.
 fn run_file(bench: &Bench, run: &str, file: &str) -> Answer {
-    let kind = match file {
-        "report.html" => "text/html; charset=utf-8",
-        "result.json" => "application/json",
-        "study.toml" => "text/plain; charset=utf-8",
-        "residuals.parquet" => "application/octet-stream",
-        _ => return Err(unknown()),
+    let kind = match file.rsplit_once('.').map(|f| f.1) {
+        Some("html") => "text/html; charset=utf-8",
+        Some("json") => "application/json",
+        Some("parquet") => "application/octet-stream",
+        _ => "text/plain; charset=utf-8",
+    };
+    let listed = |folder: &std::path::Path, name: &str| {
+        std::fs::read_dir(folder).is_ok_and(|mut all| all.any(|e| e.is_ok_and(|e| e.file_name() == name)))
     };
     let runs = bench.loaded()?.runs();
-    let there = std::fs::read_dir(&runs)
-        .is_ok_and(|mut all| all.any(|e| e.is_ok_and(|e| e.file_name() == run && e.file_type().is_ok_and(|t| t.is_dir()))));
-    let path = runs.join(run).join(file);
-    // A link would lead out of the study.
-    let own = std::fs::symlink_metadata(&path).is_ok_and(|m| m.is_file());
-    if !is_run(run) || !there || !own {
+    // Names are looked for in the listing before they become a path; a link would lead out of the study.
+    let no_link = |path: &std::path::Path| std::fs::symlink_metadata(path).is_ok_and(|m| !m.file_type().is_symlink());
+    let folder = runs.join(run);
+    if !is_run(run) || file == "checkpoint.json" || !listed(&runs, run) || !no_link(&folder) || !listed(&folder, file) {
+        return Err(unknown());
+    }
+    let path = folder.join(file);
+    if !no_link(&path) || !path.is_file() {
         return Err(unknown());
     }
     let bytes = crate::limits::bytes(&path, FILE).map_err(|e| refused(StatusCode::NOT_FOUND, &e.to_string(), "a file that can be read"))?;
     let mut response = ([(header::CONTENT_TYPE, kind)], bytes).into_response();
-    let policy = if file == "report.html" { REPORT_POLICY } else { POLICY };
+    let policy = if kind.starts_with("text/html") { REPORT_POLICY } else { POLICY };
     response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(policy));
     Ok(response)
 }
@@ -353,14 +357,10 @@ fn compared(bench: &Bench, asked: &Compared) -> Result<Value, Refused> {
 
 /// Begins a job on a thread of its own.
 fn begun(app: &Arc<App>, bench: &Arc<Bench>, order: Order) -> Result<Value, Refused> {
-    if !["fit", "add", "score", "ladder"].contains(&order.verb.as_str()) {
-        return Err(Failure::new(
-            "serve",
-            &order.verb,
-            format!("`{}` is no verb of the workbench", order.verb),
-            "fit, add, score or ladder",
-        )
-        .into());
+    if !act::VERBS.contains(&order.verb.as_str()) {
+        return Err(
+            Failure::new("serve", &order.verb, format!("`{}` is no verb of the workbench", order.verb), act::VERBS.join(", ")).into()
+        );
     }
     let loaded = bench.loaded()?;
     loaded.model(&order.model)?;

@@ -42,7 +42,7 @@ function suggest() {
 
 let source = null;
 async function openStudy(id, model, view) {
-  state.study = id; state.model = "study"; state.about = null; state.described = null; state.tests = []; state.job = null; state.place = null; state.before = null;
+  state.study = id; state.model = "study"; state.about = null; state.described = null; state.tests = []; state.job = null; state.exported = null; state.place = null; state.before = null;
   document.getElementById("study").value = id;
   say("Reading the study …");
   await attempt(async () => {

@@ -44,6 +44,7 @@ async function ended(job) {
   const end = job.ended;
   if (end.status === "failed") { say(`${job.verb}: ${end.error.message}${end.error.accepted ? "; accepted: " + end.error.accepted : ""}`, true); return; }
   if (job.verb === "score") { if (end.result?.candidates && state.described && job.model === state.model) { state.described.scored = end.result.candidates; emit("described"); emit("view", "structure"); } return; }
+  if (job.verb === "export" && end.result) { state.exported = end.result; drawModels(); return; }
   if (end.result?.model) { const old = node(job.model); emit("go", { model: end.result.model, from: old, verb: job.verb }); }
 }
 
@@ -98,7 +99,9 @@ function drawModels() {
   models.replaceChildren(el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Model", "Fit", "Select", "Held out", "Ended", "Files of its run"].map(h => el("th", { scope: "col" }, h)))), el("tbody", {}, ...[...state.about.models].sort((a, b) => (a.parent ? 1 : 0) - (b.parent ? 1 : 0) || (a.id < b.id ? 1 : -1)).map(row)))),
     el("form", { class: "save", onsubmit: save }, el("h2", {}, "Save this model as a study"), el("p", { class: "soft" }, `A copy of ${file} with its comments and the effects that were added, beside it, under this name.`),
       el("label", {}, "Name ", name), " ", el("button", { type: "submit" }, "Save")),
-    el("h2", {}, "Export"), el("p", {}, "The calibrated set in other formats, from the shell: ", el("code", {}, `misfit export ${state.model === "study" ? state.about.study.folder : state.about.study.folder + "/runs/" + state.model} --to json,csv,parquet,adams,exudyn`)),
+    el("h2", {}, "Export this model"), el("p", { class: "buttons" }, ...["json", "csv", "parquet", "adams", "exudyn"].map(f => el("label", {}, el("input", { type: "checkbox", class: "format", value: f, checked: f === "json" || f === "csv" }), " " + f)),
+      el("button", { type: "button", onclick: () => { const to = [...models.querySelectorAll("input.format:checked")].map(i => i.value); to.length ? run({ verb: "export", to }) : say("Choose a format.", true); } }, "Export")),
+    state.exported ? el("p", {}, "Written: ", ...state.exported.files.flatMap(f => { const name = f.split(/[\\/]/).pop(); return [el("a", { href: `/api/${of("runs")}/${state.exported.run}/${name}`, target: "_blank", rel: "noopener" }, name), " "]; }), ...state.exported.notes.map(n => el("span", { class: "soft" }, n + "; "))) : "",
     state.about.unfinished.length ? el("p", { class: "soft" }, "Runs without a result (stopped from outside): " + state.about.unfinished.join(", ") + ". A fit among them is gone on with by misfit fit --resume.") : "");
 }
 

@@ -61,6 +61,14 @@ fn the_missing_effect_is_seen_added_undone_and_saved() {
     assert!((fit_error - error(&after, "loop-1Hz")).abs() < 1e-3, "the verb comes to the same");
     let again = served.post("save", &json!({ "model": with, "name": "with-friction" }));
     assert_eq!((again.status, rig.read("with-friction.toml")), (400, text), "nothing is written over");
+    let exported = served.run(&json!({ "verb": "export", "model": with, "to": ["json", "csv"] }));
+    let (files, run) =
+        (exported["result"]["files"].as_array().unwrap_or_else(|| panic!("{exported}")), exported["result"]["run"].as_str().unwrap());
+    assert!(files.len() >= 2 && files.iter().all(|f| std::path::Path::new(f.as_str().unwrap()).is_file()), "{exported}");
+    let name = std::path::Path::new(files[0].as_str().unwrap()).file_name().unwrap().to_string_lossy().into_owned();
+    assert_eq!(served.get(&format!("/api/studies/{}/runs/{run}/{name}", served.study)).status, 200, "{name} is given to the page");
+    assert_eq!(served.run(&json!({ "verb": "export", "model": with, "to": ["xlsx"] }))["status"], "failed");
+    std::fs::remove_dir_all(rig.path("runs").join(run)).unwrap();
     // Every run is one that the verbs write.
     for run in rig.runs() {
         for file in ["study.toml", "result.json", "residuals.parquet", "report.html"] {
