@@ -23,4 +23,6 @@ pub mod trial;
 pub mod report;
 pub mod export;
 pub mod campaign;
+pub mod work;
+pub mod serve;
 pub mod cli;

@@ -15,10 +15,10 @@ use crate::residual::Problem;
 use crate::response::Plan;
 use crate::study::{Study, StudyError};
 
-use super::failure::Failure;
 use super::session::{Common, Session};
 use super::table::{significant, table};
 use super::{NOT_DONE, Outcome};
+use crate::work::Failure;
 
 #[derive(clap::Args)]
 pub(super) struct Args {

@@ -2,10 +2,9 @@
 
 use serde_json::json;
 
-use crate::diagnose::results::{EffectAt, FitResult, SplitName, TestResult};
-use crate::diagnose::{self, Case};
+use crate::diagnose;
+use crate::work::{Failure, as_it_stands};
 
-use super::failure::Failure;
 use super::session::{Common, Session};
 use super::{Outcome, fit, report, text};
 
@@ -39,26 +38,4 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         folder.path.display()
     );
     Ok(Outcome { json: value, text, code: 0 })
-}
-
-/// The comparison in the form the report draws: no iteration was made and no parameter was identified.
-fn as_it_stands(case: &Case, tests: &[TestResult]) -> FitResult {
-    let fitted = || tests.iter().filter(|t| t.split == SplitName::Fit);
-    FitResult {
-        study: case.name.clone(),
-        termination: "not fitted".into(),
-        cost: fitted().map(|t| 0.5 * t.whitened_rms.powi(2) * t.n as f64).sum(),
-        n_residuals: fitted().map(|t| t.n).sum(),
-        n_free: case.system.free().len(),
-        wall_s: 0.0,
-        iterations: 0,
-        tests: tests.to_vec(),
-        parameters: vec![],
-        model_error: vec![],
-        scatter: vec![],
-        noise: 1.0,
-        unidentifiable: vec![],
-        effects: case.system.instances.iter().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() }).collect(),
-        notes: std::iter::once("the model at the values of study.toml, not fitted".to_string()).chain(case.notes()).collect(),
-    }
 }

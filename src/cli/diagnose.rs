@@ -3,10 +3,10 @@
 use crate::diagnose::results::{Candidate, Diagnosis, FitResult, Verdict};
 use crate::diagnose::{self, Case, Unexplained};
 
-use super::failure::Failure;
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{INTERRUPTED, Outcome, fit, report, text};
+use crate::work::Failure;
 
 #[derive(clap::Args)]
 pub(super) struct Args {

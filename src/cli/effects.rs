@@ -1,17 +1,16 @@
 //! `misfit effects`: the library.
 
-mod demonstration;
 mod plot;
 
 use serde_json::{Value, json};
 
-use crate::effect::{self, Dim, Effect, Info, Kind, LIBRARY, Param};
+use crate::effect::{self, Effect, Info, LIBRARY, Param};
+
+use crate::work::{Demonstration, Failure, curves_json, demonstrate, effect_json, parameter_kind, parameter_unit};
 
 use super::Outcome;
-use super::failure::Failure;
 use super::table::{significant, table};
 
-use demonstration::{Demonstration, demonstrate};
 use plot::{Curve, plot};
 
 #[derive(clap::Args)]
@@ -28,27 +27,18 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         Some(name) => vec![effect::find(name)?],
         None => LIBRARY.iter().collect(),
     };
-    let mut values: Vec<Value> = effects.iter().map(|e| value(e.info())).collect();
+    let mut values: Vec<Value> = effects.iter().map(|e| effect_json(e.info())).collect();
     let text = match (&args.name, effects.as_slice()) {
         (Some(_), [effect]) => {
             let shown = demonstrate(effect);
             if let (Some(d), Some(value)) = (&shown, values.first_mut().and_then(Value::as_object_mut)) {
-                value.extend(curves(d));
+                value.extend(curves_json(d));
             }
             one(effect.info()) + &shown.map_or_else(example, |d| pictures(&d))
         }
         _ => list(&effects.iter().map(|e| e.info()).collect::<Vec<_>>()),
     };
     Ok(Outcome { json: json!({ "effects": values }), text, code: 0 })
-}
-
-/// The curves of a demonstration for scripts.
-fn curves(d: &Demonstration) -> serde_json::Map<String, Value> {
-    let parts = |h: &[num_complex::Complex64]| h.iter().map(|h| [h.re, h.im]).collect::<Vec<_>>();
-    let parameters: serde_json::Map<String, Value> = d.parameters.iter().map(|(name, v)| (name.to_string(), json!(v))).collect();
-    let loops = json!({ "of": d.of, "parameters": parameters, "x": d.x, "without": d.without, "with": d.with });
-    let frf = json!({ "omega": d.omega, "without": parts(&d.h0), "with": parts(&d.h) });
-    [("loop".to_string(), loops), ("frf".to_string(), frf)].into_iter().collect()
 }
 
 /// Loop and frequency response as text.
@@ -82,42 +72,9 @@ fn example() -> String {
         .into()
 }
 
-fn unit(p: &Param) -> String {
-    match p.dim {
-        Dim::One => "-".into(),
-        dim => dim.si(false),
-    }
-}
-
-fn kind(p: &Param) -> &'static str {
-    match p.kind {
-        Kind::Strength => "strength",
-        Kind::Shape => "shape",
-        Kind::Setting => "setting",
-    }
-}
-
-fn value(info: &Info) -> Value {
-    let parameter = |p: &Param| {
-        json!({ "name": p.name, "unit": unit(p), "unit_about_a_rotation": p.dim.si(true), "sign": p.sign.word(), "bounds": p.bounds(), "kind": kind(p),
-                "default": (p.kind != Kind::Shape).then_some(p.default), "doc": p.doc })
-    };
-    json!({
-        "effect": info.name,
-        "role": info.role.word(),
-        "claim": info.claim,
-        "equation": info.equation,
-        "parameters": info.params.iter().map(parameter).collect::<Vec<_>>(),
-        "family": info.family,
-        "states": info.states,
-        "source": info.source,
-        "range": info.range,
-    })
-}
-
 fn list(infos: &[&Info]) -> String {
     let row = |i: &&Info| {
-        let parameters: Vec<String> = i.params.iter().map(|p| format!("{} [{}]", p.name, unit(p))).collect();
+        let parameters: Vec<String> = i.params.iter().map(|p| format!("{} [{}]", p.name, parameter_unit(p))).collect();
         vec![i.name.into(), i.role.word().into(), parameters.join(", "), i.claim.into()]
     };
     let rows: Vec<Vec<String>> = infos.iter().map(row).collect();
@@ -125,7 +82,7 @@ fn list(infos: &[&Info]) -> String {
 }
 
 fn one(info: &Info) -> String {
-    let row = |p: &Param| vec![p.name.into(), unit(p), p.dim.si(true), p.bounds(), kind(p).into(), p.doc.into()];
+    let row = |p: &Param| vec![p.name.into(), parameter_unit(p), p.dim.si(true), p.bounds(), parameter_kind(p).into(), p.doc.into()];
     let rows: Vec<Vec<String>> = info.params.iter().map(row).collect();
     format!(
         "{} ({}, {})\n  {}\n\n  {}\n  F is the force on `to` that holds it there, x = q_to - q_from\n\n{}\n  source: {}\n  range:  {}\n",

@@ -2,18 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
-use crate::diagnose::results::{FitResult, ParameterResult, SplitName};
+use crate::diagnose::results::FitResult;
 use crate::diagnose::{self, Case, Fitted};
 use crate::identify::Monitor;
-use crate::model::System;
-use crate::study::Study;
 use crate::study::run::RunFolder;
 
-use super::failure::Failure;
 use super::session::{Common, Session};
-use super::{INTERRUPTED, NOT_DONE, Outcome, report, scatter, text};
+use super::{INTERRUPTED, NOT_DONE, Outcome, scatter, text};
+use crate::work::Failure;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -30,7 +26,7 @@ pub(super) struct Args {
     bootstrap: Option<u32>,
 }
 
-pub(super) const ALL: [SplitName; 3] = [SplitName::Fit, SplitName::Select, SplitName::HeldOut];
+pub(super) use crate::work::{ALL, at_values, json, keep, plain};
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
@@ -119,37 +115,4 @@ fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
         }
     }
     Ok(())
-}
-
-/// Writes study, result, residuals and report of a fit.
-pub(super) fn keep(study: &Study, system: &System, folder: &RunFolder, result: &FitResult) -> Result<(), Failure> {
-    folder.study(study, system)?;
-    folder.residuals(&result.tests)?;
-    report::write(folder, study, system, Some(result), None, None)?;
-    folder.result(&json(result, folder)?)?;
-    Ok(())
-}
-
-/// The system with the fitted values of its free parameters.
-pub(super) fn at_values(system: &System, parameters: &[ParameterResult]) -> System {
-    let mut fitted = system.clone();
-    for f in system.free() {
-        if let Some(p) = parameters.iter().find(|p| p.name == f.name) {
-            fitted.instances[f.instance].params[f.param].value = p.value;
-        }
-    }
-    fitted
-}
-
-/// A result as JSON, with the folder of its run. Numbers that are not finite are null.
-pub(super) fn json(result: &impl serde::Serialize, folder: &RunFolder) -> Result<Value, Failure> {
-    let mut value = plain(result)?;
-    if let Value::Object(map) = &mut value {
-        map.insert("run".into(), folder.path.display().to_string().into());
-    }
-    Ok(value)
-}
-
-pub(super) fn plain(result: &impl serde::Serialize) -> Result<Value, Failure> {
-    serde_json::to_value(result).map_err(|e| Failure::new("cli", "result", e.to_string(), "a result that is valid JSON"))
 }

@@ -10,7 +10,6 @@ mod compare;
 mod diagnose;
 mod effects;
 mod export;
-mod failure;
 mod fit;
 mod ladder;
 mod new;
@@ -19,6 +18,7 @@ mod progress;
 mod report;
 mod scatter;
 mod schema;
+mod serve;
 mod session;
 mod simulate;
 mod table;
@@ -32,7 +32,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use serde_json::Value;
 
-use failure::Failure;
+use crate::work::Failure;
 
 /// Calibrates models of assembled flexible mechanical systems and finds out what physics they are missing.
 #[derive(Parser)]
@@ -68,6 +68,8 @@ enum Verb {
     Export(export::Args),
     /// Writes one HTML file that opens offline
     Report(report::Args),
+    /// Opens the workbench: a page in the browser to compare, localise, add and fit
+    Serve(serve::Args),
     /// Known-truth recovery: how often generated hidden effects are found
     Trial(trial::Args),
     /// One verb over many variants, on this machine or through Slurm
@@ -93,6 +95,7 @@ impl Verb {
             Verb::Tolerance(a) => tolerance::run(a),
             Verb::Export(a) => export::run(a),
             Verb::Report(a) => report::run(a),
+            Verb::Serve(a) => serve::run(a),
             Verb::Trial(a) => trial::run(a),
             Verb::Campaign(a) => campaign::run(a),
             Verb::Effects(a) => effects::run(a),
@@ -114,6 +117,7 @@ impl Verb {
             Verb::Tolerance(a) => a.common.json,
             Verb::Export(a) => a.common.json,
             Verb::Report(a) => a.common.json,
+            Verb::Serve(a) => a.json,
             Verb::Trial(a) => a.json,
             Verb::Campaign(a) => a.json,
             Verb::Effects(a) => a.json,
@@ -171,9 +175,12 @@ fn usage(e: &clap::Error) -> ExitCode {
     ExitCode::from(USAGE)
 }
 
-/// One JSON object, or the text, on stdout. A reader that has closed the pipe is no error of ours.
+/// One JSON object, or the text, on stdout; nothing of a verb that has told all there is. A reader that has closed the pipe is no error of ours.
 fn print(json: bool, value: &Value, text: &str) {
     use std::io::Write;
+    if value.is_null() {
+        return;
+    }
     let mut out = std::io::stdout().lock();
     let _ = if json { writeln!(out, "{value}") } else { write!(out, "{text}") };
     let _ = out.flush();

@@ -11,8 +11,8 @@ use crate::data::modal_fit::{self, FrfSet, ModalFit};
 use crate::data::{Dataset, Estimate, Record, Role};
 
 use super::Outcome;
-use super::failure::Failure;
 use super::table::{percent, significant, table};
+use crate::work::Failure;
 
 mod scaffold;
 

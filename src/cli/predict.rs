@@ -15,10 +15,10 @@ use crate::study::run::{RunError, RunFolder};
 use crate::study::{Predicted, PredictionSpec, Study, ToleranceSpec};
 use crate::units::Dimension;
 
-use super::failure::Failure;
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{INTERRUPTED, Outcome, fit, report, scatter, text};
+use crate::work::Failure;
 
 mod told;
 pub(super) mod tolerance;

@@ -2,15 +2,9 @@
 
 use serde_json::json;
 
-use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
-use crate::model::System;
-use crate::report::{ReportInput, html};
-use crate::study::Study;
-use crate::study::run::RunFolder;
-
-use super::failure::Failure;
 use super::session::{Common, Session};
 use super::{Outcome, fit};
+use crate::work::Failure;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -18,20 +12,7 @@ pub(super) struct Args {
     pub common: Common,
 }
 
-pub(super) const FILE: &str = "report.html";
-
-/// Writes `report.html` into the folder of a run and returns its path.
-pub(super) fn write(
-    folder: &RunFolder,
-    study: &Study,
-    system: &System,
-    fit: Option<&FitResult>,
-    diagnosis: Option<&Diagnosis>,
-    ladder: Option<&LadderResult>,
-) -> Result<std::path::PathBuf, Failure> {
-    let html = html(&ReportInput { study, system: Some(system), fit, diagnosis, ladder })?;
-    Ok(folder.write(FILE, html.as_bytes())?)
-}
+pub(super) use crate::work::{REPORT as FILE, report as write};
 
 /// Fits the study and looks for what is missing, then reports both.
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {

@@ -18,9 +18,9 @@ use crate::identify::{IdentifyError, Replicate, bootstrap, profile, quantile};
 use crate::residual::Problem;
 use crate::study::run::RunFolder;
 
-use super::failure::Failure;
 use super::session::Session;
 use super::table::{significant, table};
+use crate::work::Failure;
 
 /// Files of a run that a resumed one takes over.
 pub(super) const KEPT: [&str; 2] = [BOOTSTRAP, PROFILES];

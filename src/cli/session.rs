@@ -12,8 +12,8 @@ use crate::identify::{Monitor, interrupt_flag};
 use crate::study::Study;
 use crate::study::run::RunFolder;
 
-use super::failure::Failure;
 use super::progress::Progress;
+use crate::work::Failure;
 
 /// Options of every verb on a study.
 #[derive(Args, Clone)]

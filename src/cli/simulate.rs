@@ -12,10 +12,10 @@ use crate::study::Study;
 use crate::study::run::RunFolder;
 use crate::units::{Dimension, Unit};
 
-use super::failure::Failure;
 use super::session::{Common, Session};
 use super::table::table;
 use super::{Outcome, fit};
+use crate::work::Failure;
 
 mod noise;
 mod tables;

@@ -9,10 +9,10 @@ use serde_json::{Value, json};
 use crate::identify::{Monitor, interrupt_flag};
 use crate::trial::{self, CaseResult, Counts, Data, Imperfection, Kept, Kind, NONCENTRALITY, Options, Structure, TrialError};
 
-use super::failure::Failure;
 use super::progress::Progress;
 use super::table::{significant, table};
 use super::{INTERRUPTED, Outcome};
+use crate::work::Failure;
 
 #[derive(clap::Args)]
 pub(super) struct Args {

@@ -330,12 +330,17 @@ pub fn compare(case: &Case, system: &System, splits: &[SplitName]) -> Result<Vec
     let one = |(plan, split): &&(Plan, SplitName)| {
         let computed = plan.evaluate(system, &[], false)?;
         let constant_damping = constant_damping(plan, *split, &computed, ratio);
-        Ok(TestResult { constant_damping, ..test_result(plan, *split, system, &computed) })
+        Ok(TestResult { constant_damping, factors: factors(plan, system, &computed), ..test_result(plan, *split, &computed) })
     };
     parallel::map(&wanted, one).into_iter().collect()
 }
 
-fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Computed) -> TestResult {
+/// One test against a system: its errors and curves, without what asks for further evaluations (factors, constant damping).
+pub fn glance(plan: &Plan, split: SplitName, system: &System) -> Result<TestResult, DiagnoseError> {
+    Ok(test_result(plan, split, &plan.evaluate(system, &[], false)?))
+}
+
+fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult {
     let e = test_error(plan, &computed.values);
     let block = &plan.blocks[e.worst.1];
     let within = e.worst.0 - block.range.start;
@@ -377,7 +382,7 @@ fn test_result(plan: &Plan, split: SplitName, system: &System, computed: &Comput
         },
         n: plan.len(),
         largest_difference: curves.iter().map(difference).collect(),
-        factors: factors(plan, system, computed),
+        factors: vec![],
         constant_damping: None,
         curves,
     }

@@ -74,20 +74,7 @@ pub struct Against<'a> {
 pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let (scale, base, watch) = (a.scale, a.base, a.watch);
     let system = &base.fitted.system;
-    // Refits race under the variances of the model without them where strengths do not scatter, every coefficient a datum.
-    let loose = scale.evidence.estimate_without_scatter(&base.seen, &scale.counts, &base.v);
-    let squares = scale.evidence.squares(&base.seen, &scale.counts, &loose);
-    let independent = scale.evidence.independent();
-    // A datum is a part of a fact here, and the cost is counted in data.
-    let worth = scale.settings.settled * independent.n / scale.counts.n;
-    let race = Case { worth: Some(worth), ..scale.under(&base.seen, &loose, &independent) };
-    let plans = race.plans_of(SplitName::Fit);
-    let all = candidates(&race, system, &plans, &Scene::new(&plans, system));
-    let (names, trials) = once(all, &a.added);
-    watch(&format!("scoring {} effects at places, {} shapes", names.len(), trials.len()));
-    let started = std::time::Instant::now();
-    let scores = scored(&race, base, &trials)?;
-    let mut effort = Effort { trials: trials.len(), score_s: started.elapsed().as_secs_f64(), ..Effort::default() };
+    let Survey { loose, squares, race, names, trials, scores, mut effort } = survey(a)?;
     let best = best_per_candidate(&scores.list, &trials);
     let price = Price::new(a, &names, squares);
     let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
@@ -135,6 +122,44 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible })
 }
 
+/// Every candidate with its score.
+pub(super) struct Survey {
+    /// Variances of the model without them where strengths do not scatter.
+    loose: Variances,
+    /// Its squares under these.
+    pub squares: f64,
+    /// The case under them, every coefficient a datum.
+    race: Case,
+    /// Candidates.
+    pub names: Vec<Name>,
+    /// Their shapes.
+    pub trials: Vec<Trial>,
+    /// What these score.
+    pub scores: Scores,
+    effort: Effort,
+}
+
+/// Scores every candidate.
+pub(super) fn survey(a: &Against) -> Result<Survey, DiagnoseError> {
+    let (scale, base) = (a.scale, a.base);
+    // Refits race under the variances of the model without them where strengths do not scatter, every coefficient a datum.
+    let loose = scale.evidence.estimate_without_scatter(&base.seen, &scale.counts, &base.v);
+    let squares = scale.evidence.squares(&base.seen, &scale.counts, &loose);
+    let independent = scale.evidence.independent();
+    // A datum is a part of a fact here, and the cost is counted in data.
+    let worth = scale.settings.settled * independent.n / scale.counts.n;
+    let race = Case { worth: Some(worth), ..scale.under(&base.seen, &loose, &independent) };
+    let plans = race.plans_of(SplitName::Fit);
+    let system = &base.fitted.system;
+    let all = candidates(&race, system, &plans, &Scene::new(&plans, system));
+    let (names, trials) = once(all, &a.added);
+    (a.watch)(&format!("scoring {} effects at places, {} shapes", names.len(), trials.len()));
+    let started = std::time::Instant::now();
+    let scores = scored(&race, base, &trials)?;
+    let effort = Effort { trials: trials.len(), score_s: started.elapsed().as_secs_f64(), ..Effort::default() };
+    Ok(Survey { loose, squares, race, names, trials, scores, effort })
+}
+
 /// The candidates that do not say again what an addition says: the same law at its place, or another friction with memory there, of which any
 /// sum of two is one with a softer knee.
 fn once((names, trials): (Vec<Name>, Vec<Trial>), added: &[&Name]) -> (Vec<Name>, Vec<Trial>) {
@@ -159,7 +184,7 @@ fn scored(race: &Case, base: &Weighed, trials: &[Trial]) -> Result<Scores, Diagn
 }
 
 /// What a candidate has to gain, and what it promises.
-struct Price<'a> {
+pub(super) struct Price<'a> {
     against: &'a Against<'a>,
     names: &'a [Name],
     /// `r'V^-1 r` of the model without a candidate.
@@ -169,7 +194,7 @@ struct Price<'a> {
 }
 
 impl<'a> Price<'a> {
-    fn new(against: &'a Against, names: &'a [Name], squares: f64) -> Self {
+    pub fn new(against: &'a Against, names: &'a [Name], squares: f64) -> Self {
         let channel = |n: &&Name| role(n) == Some(Role::Channel);
         let physics = names.iter().filter(|n| !channel(n)).count();
         Price { against, names, squares, physics: physics.max(1) as f64, all: names.len().max(1) as f64 }
@@ -180,13 +205,13 @@ impl<'a> Price<'a> {
         if role(&self.names[candidate]) == Some(Role::Channel) { self.all } else { self.physics }
     }
 
-    fn price(&self, candidate: usize) -> f64 {
+    pub fn price(&self, candidate: usize) -> f64 {
         self.against.need.unwrap_or(0.5 * self.against.scale.counts.n.ln() + self.tried(candidate).ln())
     }
 
     /// A bound on the gain of what takes this part of the cost away: with the variances as they are, or with a model error that falls with the
     /// residual.
-    fn bound(&self, candidate: usize, drop: f64) -> f64 {
+    pub fn bound(&self, candidate: usize, drop: f64) -> f64 {
         let s = &self.against.scale.settings;
         let factor = if role(&self.names[candidate]) == Some(Role::Series) { s.promise_series } else { s.promise };
         factor * promised(self.squares, drop)

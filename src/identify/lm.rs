@@ -470,6 +470,9 @@ where
                 if let Some(callback) = &self.monitor.on_iteration {
                     callback(&Progress { iteration: k + 1, cost: point.cost, lambda: self.lambda, step: relative_step });
                 }
+                if let Some(callback) = &self.monitor.on_point {
+                    callback(point.p.as_slice());
+                }
                 let log = kv!("lambda" => self.lambda; "step" => relative_step; "ratio" => ratio;);
                 Ok((store(state, point), Some(log)))
             }

@@ -24,6 +24,9 @@ pub struct Progress {
 /// Called after every accepted iteration, from the thread of the fit.
 pub type Callback<'a> = Box<dyn Fn(&Progress) + Sync + 'a>;
 
+/// Called with the variables of the fit after every accepted iteration, from its thread.
+pub type PointCallback<'a> = Box<dyn Fn(&[f64]) + Sync + 'a>;
+
 /// Keeps the best state in a file, written whole or not at all.
 #[derive(Debug, Clone)]
 pub struct CheckpointFile {
@@ -59,6 +62,8 @@ pub struct Monitor<'a> {
     /// stop with the best state at this moment
     pub deadline: Option<Instant>,
     pub on_iteration: Option<Callback<'a>>,
+    /// called with the variables of the fit after every accepted iteration
+    pub on_point: Option<PointCallback<'a>>,
     pub checkpoint: Option<CheckpointFile>,
 }
 
@@ -84,6 +89,12 @@ impl<'a> Monitor<'a> {
     }
 
     #[must_use]
+    pub fn on_point(mut self, callback: impl Fn(&[f64]) + Sync + 'a) -> Self {
+        self.on_point = Some(Box::new(callback));
+        self
+    }
+
+    #[must_use]
     pub fn checkpoint(mut self, path: impl Into<PathBuf>, resume: bool) -> Self {
         self.checkpoint = Some(CheckpointFile { path: path.into(), resume, every: Duration::from_secs(1), best: None });
         self
@@ -102,7 +113,7 @@ impl<'a> Monitor<'a> {
 
     /// Same flag and deadline, neither callback nor checkpoint.
     pub fn quiet(&self) -> Monitor<'static> {
-        Monitor { cancel: self.cancel.clone(), deadline: self.deadline, on_iteration: None, checkpoint: None }
+        Monitor { cancel: self.cancel.clone(), deadline: self.deadline, on_iteration: None, on_point: None, checkpoint: None }
     }
 
     /// Flag and deadline, for evaluations that may be given up.

@@ -105,6 +105,16 @@ impl Chart {
     }
 }
 
+/// The page's style for charts that are drawn elsewhere: an empty layout, an axis of each kind, colours.
+pub fn style() -> Value {
+    let axis = |along: &Along| Value::from(axis(along));
+    json!({
+        "layout": Value::from(Chart::new(&linear(""), &linear("")).layout),
+        "linear": axis(&linear("")), "decades": axis(&decades("")), "frequencies": axis(&frequencies("")),
+        "ink": INK, "first": FIRST, "last": LAST, "grey": GREY, "others": OTHERS,
+    })
+}
+
 /// What an axis shows.
 pub struct Along<'a> {
     /// Title with unit.

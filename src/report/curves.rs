@@ -3,6 +3,7 @@
 use crate::data::{Condition, Record};
 use crate::diagnose::results::{Curve, Factor};
 use crate::response::BlockKind;
+use crate::study::Study;
 
 use super::ReportInput;
 use super::chart::{self, Along, Chart, Charts, decades, frequencies, line, linear, pick, points, shown, stage_colour, thin};
@@ -166,11 +167,11 @@ fn figures(input: &ReportInput, stages: &[Stage], id: &str, limit: usize, charts
                 test(&stages[*k], id)?.curves.iter().find(|c| c.label == wanted.label && c.measured.len() == wanted.measured.len())?;
             Some((*k, name.as_str(), curve))
         });
-        let series = Series { on: found.collect(), stages: stages.len(), limit, driven: driven(input, id) };
+        let series = Series { on: found.collect(), stages: stages.len(), limit, driven: driven(input.study, id) };
         if series.on.is_empty() || wanted.measured.is_empty() {
             continue;
         }
-        let print = Units::of(input, id, wanted);
+        let print = Units::of(input.study, id, wanted);
         out += &match wanted.kind {
             BlockKind::Loop => loops(&series, &print, charts),
             BlockKind::Frf => frf(&series, &print, charts),
@@ -182,16 +183,19 @@ fn figures(input: &ReportInput, stages: &[Stage], id: &str, limit: usize, charts
 }
 
 /// Units of a curve as the data were written: symbol and SI units in one.
-struct Units {
-    x: (String, f64),
-    y: (String, f64),
+pub struct Units {
+    /// Of the drive.
+    pub x: (String, f64),
+    /// Of the curve.
+    pub y: (String, f64),
 }
 
 impl Units {
-    fn of(input: &ReportInput, id: &str, curve: &Curve) -> Units {
+    /// Those of a channel of a test.
+    pub fn of(study: &Study, id: &str, curve: &Curve) -> Units {
         let si = (curve.unit.clone(), 1.0);
         let pair = |u: &crate::units::Unit| (u.symbol.clone(), u.difference_to_si(1.0));
-        let (x, y) = match input.study.dataset.test(id).map(|t| &t.record) {
+        let (x, y) = match study.dataset.test(id).map(|t| &t.record) {
             Some(Record::Cycle(r) | Record::Transient(r)) => {
                 let channel = r.channels.iter().find(|c| c.label() == curve.label);
                 (r.controlled().map(|c| pair(&c.unit)), channel.map(|c| pair(&c.unit)))
@@ -205,8 +209,8 @@ impl Units {
 }
 
 /// What drives a cycle test, in words.
-fn driven(input: &ReportInput, id: &str) -> &'static str {
-    match input.study.dataset.test(id).map(|t| &t.record) {
+pub fn driven(study: &Study, id: &str) -> &'static str {
+    match study.dataset.test(id).map(|t| &t.record) {
         Some(Record::Cycle(r)) if r.control == Some(crate::data::Control::Force) => "driving force",
         _ => "driven displacement",
     }

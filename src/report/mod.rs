@@ -5,7 +5,7 @@
 //! standard deviations. plotly's script stands once in the file; nothing is loaded from elsewhere.
 
 mod assumptions;
-mod chart;
+pub mod chart;
 mod curves;
 mod error;
 mod evidence;
@@ -35,8 +35,11 @@ use crate::model::System;
 use crate::study::Study;
 use crate::tolerance::Outcome;
 
+pub use curves::{Units, driven};
 pub use error::ReportError;
+pub use page::PLOTLY;
 pub use population::population;
+pub use shapes::outline;
 pub use sweeps::Sweep;
 pub use text::esc as escaped;
 

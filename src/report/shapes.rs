@@ -99,6 +99,18 @@ fn bars(model: &Model, space: &Space) -> Vec<Bar> {
     (0..space.parts.len()).filter_map(|part| Some(Bar { part, ends: of(part)? })).collect()
 }
 
+/// Where the parts of a spatial model lie on a page [mm]: the index of each with its two ends on the chain; empty for other models.
+pub fn outline(model: &Model) -> Vec<(usize, [(f64, f64); 2])> {
+    let Some(space) = &model.space else { return vec![] };
+    let bars = bars(model, space);
+    let (Some(first), Some(last)) = (bars.first(), bars.last()) else { return vec![] };
+    let reach = sub(last.ends[1], first.ends[0]);
+    let length = dot(reach, reach).sqrt().max(1e-9);
+    let along = [reach[0] / length, reach[1] / length, 0.0];
+    let view = View { along, across: [-along[1], along[0], 0.0], from: first.ends[0] };
+    bars.iter().map(|b| (b.part, b.ends.map(|e| view.show(e)))).collect()
+}
+
 fn spatial(model: &Model, space: &Space, shape: &[f64]) -> Chart {
     let across = chart::linear("across [mm]");
     // One scale in both directions.

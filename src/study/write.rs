@@ -13,25 +13,58 @@ impl Study {
     /// with it. The new text is read as a study before it takes the place of the old; on any error the file is as it was.
     pub fn write_effect(&self, instance: &Instance) -> Result<Study, StudyError> {
         let file = self.file.canonicalize().map_err(|e| fail(&self.file, &e))?;
+        let (whole, study) = self.appended(&file, std::slice::from_ref(instance))?;
+        replace(&file, &whole)?;
+        Ok(study)
+    }
+
+    /// Writes the file of this study with `instances` appended, as [`Study::write_effect`] appends one, under another name beside it, so that
+    /// its comments stay. Never writes over a file.
+    pub fn save_beside(&self, instances: &[Instance], name: &str) -> Result<PathBuf, StudyError> {
+        let refuse = |reason: &str| StudyError::Write {
+            file: self.folder.join(name),
+            reason: reason.into(),
+            accepted: "a new name of letters, digits, `-` and `_`, at most 64".into(),
+        };
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
+            return Err(refuse("it is no name of a file that is written here"));
+        }
+        let own = self.file.canonicalize().map_err(|e| fail(&self.file, &e))?;
+        let file = self.folder.join(format!("{name}.toml"));
+        if std::fs::symlink_metadata(&file).is_ok() {
+            return Err(refuse("a file of this name is there"));
+        }
+        let (whole, _) = self.appended(&own, instances)?;
+        replace(&file, &whole)?;
+        Ok(file)
+    }
+
+    /// The text of `file`, this study's, with the effects at its end, and the study that it then is.
+    fn appended(&self, file: &Path, instances: &[Instance]) -> Result<(String, Study), StudyError> {
         // The file as it is now, not as it was loaded: the engineer may have edited it meanwhile.
-        let mut whole = crate::limits::text(&file).map_err(|e| fail(&file, &e))?;
+        let mut whole = crate::limits::text(file).map_err(|e| fail(file, &e))?;
         let before = whole.clone();
-        let block = text::effect(&self.system, &self.dataset, instance);
         let newline = if whole.contains("\r\n") { "\r\n" } else { "\n" };
         if !whole.ends_with('\n') && !whole.is_empty() {
             whole.push_str(newline);
         }
-        whole.push_str(&format!("\n{block}").replace('\n', newline));
-        let study = self.reread(&self.file, whole.clone()).map_err(|e| not_appendable(&file, &before, e))?;
-        if study.system.instances.len() != self.system.instances.len() + 1 {
+        // A coefficient may act on an effect that stands before it.
+        let mut grown = self.system.clone();
+        for instance in instances {
+            let block = text::effect(&grown, &self.dataset, instance);
+            whole.push_str(&format!("\n{block}").replace('\n', newline));
+            grown.instances.push(instance.clone());
+        }
+        let study = self.reread(&self.file, whole.clone()).map_err(|e| not_appendable(file, &before, e))?;
+        if study.system.instances.len() != grown.instances.len() {
             return Err(StudyError::Write {
-                file,
+                file: file.to_path_buf(),
                 reason: "the effects in the file are no longer those that were read".into(),
                 accepted: "the verb again, on the file as it is now".into(),
             });
         }
-        replace(&file, &whole)?;
-        Ok(study)
+        Ok((whole, study))
     }
 
     /// Writes `<folder>/study.toml` with the values and effects of `system` ([`Study::with_values`]) and returns its path; makes the

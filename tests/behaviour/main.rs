@@ -27,3 +27,4 @@ mod tensioner;
 mod tolerance;
 mod trial;
 mod verbs;
+mod workbench;

@@ -9,7 +9,7 @@ use crate::study::run::RunFolder;
 use crate::study::{Study, ToleranceSpec};
 use crate::tolerance::{Constant, Finding, LawOutcome, LawQuestion, Outcome, Prediction, Quantity, Rung, Surface, outcome, through};
 
-use super::super::failure::Failure;
+use crate::work::Failure;
 
 /// Points of the surface from one case to the next.
 const FINER: usize = 8;

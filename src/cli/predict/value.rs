@@ -17,7 +17,7 @@ use crate::response::Plan;
 use crate::study::{CycleQuantity, Predicted, PredictionSpec, Study};
 use crate::units::{Dimension, Unit};
 
-use super::super::failure::Failure;
+use crate::work::Failure;
 
 pub(super) fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
     let system = structure(system);

@@ -20,7 +20,7 @@ const LINES: usize = 64;
 const FORCE: f64 = 0.05;
 
 /// Curves of a demonstration.
-pub(super) struct Demonstration {
+pub struct Demonstration {
     /// Parameters it was made with, name and value [SI of order one].
     pub parameters: Vec<(&'static str, f64)>,
     /// What the loop is of.
@@ -86,7 +86,7 @@ fn receptance(instances: Vec<Instance>, omega: &[f64]) -> Option<Vec<Complex64>>
 }
 
 /// The demonstration of an effect; none for a formula, which has no law of its own.
-pub(super) fn demonstrate(effect: &'static Effect) -> Option<Demonstration> {
+pub fn demonstrate(effect: &'static Effect) -> Option<Demonstration> {
     let info = effect.info();
     let omega: Vec<f64> = (0..LINES).map(|k| 0.3 * 10f64.powf(k as f64 / (LINES - 1) as f64)).collect();
     let spring = |k: f64| named("linear_stiffness", &[k]);

@@ -8,7 +8,7 @@ use crate::explain::Explain;
 
 /// What could not be done, where, and what would be accepted.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Failure {
+pub struct Failure {
     stage: String,
     place: String,
     message: String,

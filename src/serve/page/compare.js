@@ -1,0 +1,129 @@
+// Compare: every test measured and computed, small; one of them large.
+import { state, el, of, api, on, emit, attempt, ask, percent, digits, splitWords, say, remember } from "./core.js";
+import { thumb, drawLarge } from "./plots.js";
+
+const view = document.getElementById("view-compare");
+let cards = new Map();
+
+/** Curves of the model, whole; and those of the model it was made from, to be seen behind them. */
+export async function load() {
+  const model = state.model;
+  const found = await api(of("compare"), { model, whole: true });
+  const parent = state.about.models.find(m => m.id === model)?.parent;
+  let before = null;
+  if (parent) {
+    const old = await api(of("compare"), { model: parent });
+    before = new Map(old.tests.map(t => [t.id, (t.curves || []).map(c => c.computed)]));
+  }
+  if (model !== state.model) return;
+  state.tests = found.tests; state.before = before; state.values = {};
+  emit("tests");
+}
+
+/** Computed values at the sliders' values, or of a fit that runs; only what is on the page. */
+let asking = false, again = null;
+export async function move(model, values, shown, begun = performance.now()) {
+  // The last position counts; those between two answers are passed over.
+  if (asking) { again = [model, values, shown, begun]; return; }
+  asking = true;
+  await attempt(async () => {
+    const found = await api(of("compare"), { model, values, tests: shown });
+    for (const t of found.tests) if (!t.sealed) emit("moved", t);
+    await new Promise(done => requestAnimationFrame(() => setTimeout(done, 0)));
+    performance.measure("slider", { start: begun });
+  });
+  asking = false;
+  if (again) { const next = again; again = null; move(...next); }
+}
+
+export const visibleTests = () => state.tests.filter(t => !t.sealed);
+
+/** A card of a test. */
+export function card(t, { click, large = false } = {}) {
+  if (t.sealed) {
+    return { node: el("div", { class: "card sealed" }, el("h3", {}, t.id), el("p", {}, "Sealed: held out. ", el("span", { class: "soft" }, t.about))), update() {} };
+  }
+  const score = el("span", { class: "score" });
+  const bar = el("span", { class: "bar" });
+  const pictures = t.curves.slice(0, large ? 9 : 2).map((c, k) => ({ ...thumb(c, state.before?.get(t.id)?.[k]), label: c.label, unit: c.unit }));
+  const told = (error, floor) => {
+    const ratio = error / floor;
+    score.textContent = `${percent(error)}, ${digits(ratio, 3)} × floor`;
+    bar.style.setProperty("--part", Math.min(1, Math.log10(Math.max(ratio, 1)) / 2));
+    bar.classList.toggle("good", ratio < 1.5);
+  };
+  told(t.error, t.floor);
+  const body = [el("h3", {}, t.id, " ", el("span", { class: "tag " + t.split }, splitWords[t.split])), bar, score,
+    ...pictures.map(p => el("div", { class: "panel" }, p.node, el("span", { class: "soft" }, `${p.label} [${p.unit}]`)))];
+  const node = click
+    ? el("button", { type: "button", class: "card", onclick: click, title: "Enlarge" }, ...body)
+    : el("div", { class: "card" }, ...body);
+  return { node, update(moved) { moved.curves.forEach((c, k) => pictures[k]?.update(c.computed)); told(moved.error, moved.floor); } };
+}
+
+function draw() {
+  cards = new Map();
+  const large = el("div", { id: "large" });
+  const grid = el("div", { class: "grid" });
+  for (const t of state.tests) {
+    const c = card(t, { click: () => enlarge(state.detail === t.id ? null : t.id) });
+    cards.set(t.id, c);
+    grid.append(c.node);
+  }
+  const sealed = state.tests.filter(t => t.sealed).length;
+  const open = sealed ? el("p", { class: "note" }, `${sealed} held-out tests are sealed: they are for the last word on a model. `,
+    el("button", { type: "button", onclick: openHeldOut }, "Open the held-out tests")) : null;
+  const opened = state.about.held_out_opened.length && state.about.study.tests.some(t => t.split === "held_out")
+    ? el("p", { class: "note" }, `The held-out tests were opened (${state.about.held_out_opened.map(o => o.by === "ladder" ? "by a ladder" : "by the reader").join(", ")}); that stands in the results from then on.`) : null;
+  const legend = el("p", { class: "legend" }, el("span", { class: "key measured" }, "measured"), el("span", { class: "key computed" }, "computed"),
+    state.before ? el("span", { class: "key old" }, "before") : null, el("span", { class: "soft" }, "error: rms(measured − computed) / rms(measured − mean); floor: the noise alone would give this"));
+  view.replaceChildren(legend, ...[open, opened].filter(Boolean), large, grid);
+  enlarge(state.detail, false);
+}
+
+async function openHeldOut() {
+  if (!await ask("Open the held-out tests? They are then no longer unseen, and every result written from now on says so.")) return;
+  await attempt(async () => { await api(of("open"), { model: state.model }); emit("reload"); });
+}
+
+async function enlarge(id, scroll = true) {
+  state.detail = state.tests.some(t => t.id === id && !t.sealed) ? id : null;
+  remember();
+  const large = document.getElementById("large");
+  const t = state.tests.find(t => t.id === state.detail);
+  for (const [k, c] of cards) c.node.classList.toggle("chosen", k === state.detail);
+  if (!large) return;
+  if (!t) { large.replaceChildren(); return; }
+  const figures = el("div", { class: "figures" });
+  large.replaceChildren(el("div", { class: "large-head" }, el("h2", {}, t.id), el("span", { class: "soft" }, t.about),
+    el("span", {}, `farthest point: ${t.worst.where}`), el("button", { type: "button", onclick: () => enlarge(null) }, "Close")), figures);
+  await attempt(() => drawLarge(figures, t.curves, t.curves.map(c => c.computed), state.before?.get(t.id)));
+  if (scroll) large.scrollIntoView({ block: "nearest" });
+}
+
+on("tests", draw);
+on("moved", async moved => {
+  cards.get(moved.id)?.update(moved);
+  if (moved.id === state.detail && state.view === "compare") {
+    const t = state.tests.find(t => t.id === moved.id);
+    const figures = document.querySelector("#large .figures");
+    if (t && figures) await drawLarge(figures, t.curves, moved.curves.map(c => c.computed), state.before?.get(t.id));
+  }
+});
+
+/** The first line: does it fit? */
+export function answer() {
+  const seen = visibleTests();
+  if (!seen.length) return say("No test can be shown.");
+  const pooled = split => {
+    const here = seen.filter(t => t.split === split);
+    if (!here.length) return null;
+    const rms = f => Math.sqrt(here.reduce((s, t) => s + f(t) ** 2, 0) / here.length);
+    return { error: rms(t => t.error), floor: rms(t => t.floor) };
+  };
+  const words = ["fit", "select", "held_out"].map(s => [s, pooled(s)]).filter(p => p[1]);
+  const worst = Math.max(...words.map(([, p]) => p.error / p.floor));
+  const verdict = worst < 1.3 ? "The model agrees with the tests to within the noise." : worst < 3 ? "The model is close, and more than the noise is left." : "The model fails: the error is many times the noise.";
+  say(`${verdict} Error ${words.map(([s, p]) => `${percent(p.error)} on the ${splitWords[s]} tests (floor ${percent(p.floor)})`).join(", ")}.`);
+}
+on("tests", answer);

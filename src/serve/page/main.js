@@ -1,0 +1,131 @@
+// The page: studies, views, the model that is shown, events of the server.
+import { state, el, api, of, on, emit, attempt, say, command, node, modelName, percent, remember } from "./core.js";
+import { load } from "./compare.js";
+import "./structure.js";
+import "./parameters.js";
+import { run, event } from "./models.js";
+
+// The token is in the cookie now; in the address it would be seen and kept.
+const hash = new URLSearchParams(location.hash.slice(1));
+if (location.search) history.replaceState(null, "", "/" + location.hash);
+
+const views = ["compare", "structure", "parameters", "ladder", "models"];
+const tabs = views.map(v => document.getElementById("tab-" + v));
+
+function show(view) {
+  state.view = views.includes(view) ? view : "compare";
+  for (const v of views) {
+    const chosen = v === state.view, tab = document.getElementById("tab-" + v);
+    document.getElementById("view-" + v).hidden = !chosen;
+    tab.setAttribute("aria-selected", chosen);
+    tab.tabIndex = chosen ? 0 : -1;
+  }
+  if (state.study) remember();
+  suggest();
+}
+tabs.forEach((tab, k) => {
+  tab.addEventListener("click", () => show(tab.dataset.view));
+  tab.addEventListener("keydown", e => {
+    const to = { ArrowRight: k + 1, ArrowLeft: k - 1, Home: 0, End: tabs.length - 1 }[e.key];
+    if (to === undefined) return;
+    const next = tabs[(to + tabs.length) % tabs.length];
+    show(next.dataset.view); next.focus(); e.preventDefault();
+  });
+});
+
+/** The command line of what is shown, as long as nothing was set going. */
+function suggest() {
+  if (!state.about || (state.job && !state.job.ended)) return;
+  const folder = state.about.study.folder, path = state.model === "study" ? folder : `${folder}/runs/${state.model}`;
+  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${/^[\w\-./]+$/.test(path) ? path : `'${path}'`}`);
+}
+
+let source = null;
+async function openStudy(id, model, view) {
+  state.study = id; state.model = "study"; state.about = null; state.described = null; state.tests = []; state.job = null; state.exported = null; state.place = null; state.before = null;
+  document.getElementById("study").value = id;
+  say("Reading the study …");
+  await attempt(async () => {
+    state.about = await api(of(""));
+    const running = state.about.jobs.find(j => !j.ended);
+    if (running) { state.job = running; command(running.command); }
+    if (model && node(model)) state.model = model;
+    document.title = `${state.about.study.title} - misfit`;
+    listen();
+    emit("about");
+    show(view);
+    await showModel();
+  });
+}
+
+function listen() {
+  source?.close();
+  source = new EventSource(`/api/${of("events")}`);
+  let lost = false;
+  source.onmessage = m => event(JSON.parse(m.data));
+  source.onerror = () => { lost = true; };
+  // A server that was started again knows the runs; a job that it did not survive is told as it stands.
+  source.onopen = () => { if (lost) { lost = false; state.job = null; refresh().then(showModel); } };
+}
+
+let refreshing = null, stale = false;
+/** The tree and the jobs as they are now; what is asked meanwhile is asked once more at the end. */
+function refresh() {
+  if (refreshing) { stale = true; return refreshing; }
+  refreshing = look().finally(() => { refreshing = null; if (stale) { stale = false; refresh(); } });
+  return refreshing;
+}
+
+async function look() {
+  await attempt(async () => {
+    const about = await api(of(""));
+    if (about.study.id !== state.study) return;
+    state.about = about;
+    const running = about.jobs.find(j => !j.ended);
+    if (running && state.job?.id !== running.id) { state.job = running; command(running.command); }
+    if (state.job && !state.job.ended) { const known = about.jobs.find(j => j.id === state.job.id); if (known?.ended) state.job.ended = known.ended; }
+    if (!node()) { state.model = "study"; await showModel(); }
+    emit("about");
+  });
+}
+
+async function showModel() {
+  remember();
+  await attempt(async () => {
+    const model = state.model;
+    await Promise.all([load(), api(of(`models/${model}`)).then(d => { if (model === state.model) { state.described = d; emit("described"); } })]);
+    emit("about");
+    suggest();
+  });
+}
+
+on("reload", () => refresh().then(showModel));
+on("reload-tree", () => refresh());
+on("view", show);
+on("go", async ({ model, from, verb }) => {
+  if (!state.about.models.some(m => m.id === model)) await refresh();
+  state.model = model;
+  await showModel();
+  const now = node();
+  if (verb === "add" && from && now?.errors?.fit) {
+    const before = now.before || from.errors?.fit;
+    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (floor ${percent(now.errors.fit.floor)}), on the select tests it is ${percent(now.errors.select?.error)}. Undo goes back.`);
+  }
+});
+
+document.getElementById("study").addEventListener("change", e => openStudy(e.target.value, null, state.view));
+document.getElementById("undo").addEventListener("click", () => { const parent = node()?.parent; if (parent) emit("go", { model: parent }); });
+document.getElementById("do-fit").addEventListener("click", () => run({ verb: "fit", values: state.values }));
+document.getElementById("do-score").addEventListener("click", () => { show("structure"); run({ verb: "score" }); });
+document.getElementById("copy").addEventListener("click", () => navigator.clipboard?.writeText(document.getElementById("command").textContent));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => emit("tests"));
+
+await attempt(async () => {
+  const [studies, style] = await Promise.all([api("studies"), api("style")]);
+  state.studies = studies.studies; state.style = style; state.detail = hash.get("test");
+  const select = document.getElementById("study");
+  select.replaceChildren(...state.studies.map(s => el("option", { value: s.id }, s.id)));
+  const wanted = hash.get("study");
+  await openStudy(state.studies.some(s => s.id === wanted) ? wanted : state.studies[0].id, hash.get("model"), hash.get("view") || "compare");
+});
+document.documentElement.dataset.ready = "true";

@@ -1,0 +1,135 @@
+// Models: the tree, work under way, the ladder, saving.
+import { state, el, svg, of, api, on, emit, attempt, percent, digits, say, command, node, modelName, runTime, remember, splitWords } from "./core.js";
+import { move, visibleTests } from "./compare.js";
+import { thumb } from "./plots.js";
+
+const tree = document.getElementById("tree"), jobBox = document.getElementById("job");
+const models = document.getElementById("view-models"), ladder = document.getElementById("view-ladder");
+
+/** Starts a verb on the model that is shown. */
+export async function run(order) {
+  await attempt(async () => {
+    const begun = await api(of("run"), { model: state.model, ...order });
+    command(begun.command);
+    state.job = { id: begun.job, verb: order.verb, model: state.model, lines: [], cost: [], ended: null, order };
+    drawJob();
+    if (order.verb === "ladder") drawLadder();
+  });
+}
+
+export const stop = () => state.job && attempt(() => api(of("stop"), { job: state.job.id }));
+
+let drawing = false, picture = null;
+/** The worst test, followed while a fit runs. */
+function follow() {
+  const worst = [...visibleTests()].sort((a, b) => b.error / b.floor - a.error / a.floor)[0];
+  return worst || null;
+}
+
+export function event(e) {
+  if (e.type === "tree") return emit("reload-tree");
+  const job = state.job;
+  if (!job || job.id !== e.job) return emit("reload-tree");
+  if (e.type === "line") job.lines.push(e.line);
+  if (e.type === "cost") job.cost.push(e.cost);
+  if (e.type === "point") {
+    const shown = state.view === "compare" ? visibleTests().map(t => t.id) : [follow()?.id].filter(Boolean);
+    if (shown.length && node() && job.model === state.model) move("job:" + job.id, {}, shown);
+  }
+  if (e.type === "end") { job.ended = e.ended; ended(job); }
+  if (!drawing) { drawing = true; requestAnimationFrame(() => { drawing = false; drawJob(); if (state.view === "ladder") drawLadder(); }); }
+}
+
+async function ended(job) {
+  const end = job.ended;
+  if (end.status === "failed") { say(`${job.verb}: ${end.error.message}${end.error.accepted ? "; accepted: " + end.error.accepted : ""}`, true); return; }
+  if (job.verb === "score") { if (end.result?.candidates && state.described && job.model === state.model) { state.described.scored = end.result.candidates; emit("described"); emit("view", "structure"); } return; }
+  if (job.verb === "export" && end.result) { state.exported = end.result; drawModels(); return; }
+  if (end.result?.model) { const old = node(job.model); emit("go", { model: end.result.model, from: old, verb: job.verb }); }
+}
+
+function drawJob() {
+  const job = state.job;
+  if (!job) { jobBox.replaceChildren(); return; }
+  const running = !job.ended;
+  const last = job.lines[job.lines.length - 1] || "begins";
+  const recent = job.cost.slice(-300);
+  let chart = null;
+  if (recent.length > 1) {
+    const log = recent.map(c => Math.log10(Math.max(c, 1e-300)));
+    const low = Math.min(...log), high = Math.max(...log);
+    chart = svg("svg", { class: "thumb cost", viewBox: "0 0 220 60", role: "img", "aria-label": "cost over iterations" },
+      svg("path", { class: "computed", d: log.map((v, k) => `${k ? "L" : "M"}${(4 + 212 * k / (log.length - 1)).toFixed(1)} ${(56 - 52 * (v - low) / ((high - low) || 1)).toFixed(1)}`).join("") }));
+  }
+  const test = running && state.view !== "compare" ? follow() : null;
+  if (test && picture?.id !== test.id) picture = { id: test.id, ...thumb(test.curves[0]) };
+  jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status}`),
+    el("p", { class: "line", "aria-live": "polite" }, last), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
+    test ? el("div", { class: "panel" }, picture.node, el("span", { class: "soft" }, test.id)) : null,
+    running ? el("button", { type: "button", onclick: stop }, "Stop") : null));
+}
+on("moved", t => { if (picture?.id === t.id) picture.update(t.curves[0].computed); });
+
+const ratio = e => e ? `${percent(e.error)} (${digits(e.error / e.floor, 2)} × floor)` : "-";
+
+function drawTree() {
+  const all = state.about.models;
+  const below = parent => all.filter(m => m.parent === parent);
+  const branch = m => el("li", {}, el("button", { type: "button", class: "node" + (m.id === state.model ? " chosen" : ""), "aria-current": m.id === state.model ? "true" : null, onclick: () => emit("go", { model: m.id }) },
+    el("b", {}, modelName(m)), el("span", { class: "soft" }, [runTime(m.id), m.errors?.fit ? `fit ${percent(m.errors.fit.error)}` : "", m.errors?.select ? `select ${percent(m.errors.select.error)}` : ""].filter(Boolean).join(", "))),
+    below(m.id).length ? el("ul", {}, ...below(m.id).map(branch)) : null);
+  tree.replaceChildren(el("ul", { class: "tree" }, ...all.filter(m => !m.parent).map(branch)));
+  const now = node();
+  document.getElementById("model-name").textContent = modelName(now);
+  document.getElementById("undo").disabled = !now?.parent;
+}
+
+function drawModels() {
+  const row = m => el("tr", { class: m.id === state.model ? "chosen" : null },
+    el("th", { scope: "row" }, el("button", { type: "button", class: "link", onclick: () => emit("go", { model: m.id }) }, modelName(m)), el("div", { class: "soft" }, m.id)),
+    ...["fit", "select", "held_out"].map(s => el("td", {}, ratio(m.errors?.[s]))),
+    el("td", {}, m.termination || "", m.verb === "ladder" && m.verdict ? ` ${m.verdict.replaceAll("_", " ")}` : ""),
+    el("td", {}, m.id === "study" ? "" : ["report.html", "study.toml", "result.json", "residuals.parquet"].flatMap(f => [el("a", { href: `/api/${of("runs")}/${m.id}/${f}`, target: "_blank", rel: "noopener" }, f), " "])));
+  const name = el("input", { type: "text", id: "save-name", pattern: "[A-Za-z0-9_\\-]{1,64}", maxlength: 64, placeholder: "with-friction", "aria-label": "Name of the study" });
+  const save = async e => {
+    e.preventDefault();
+    await attempt(async () => { const done = await api(of("save"), { model: state.model, name: name.value }); command(done.command); say(`Saved as ${done.file}: your study.toml with its comments, and ${done.added.map(a => `${a.effect} at ${a.at}`).join(", ") || "nothing added"}.`); });
+  };
+  const file = state.about.study.file;
+  models.replaceChildren(el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Model", "Fit", "Select", "Held out", "Ended", "Files of its run"].map(h => el("th", { scope: "col" }, h)))), el("tbody", {}, ...[...state.about.models].sort((a, b) => (a.parent ? 1 : 0) - (b.parent ? 1 : 0) || (a.id < b.id ? 1 : -1)).map(row)))),
+    el("form", { class: "save", onsubmit: save }, el("h2", {}, "Save this model as a study"), el("p", { class: "soft" }, `A copy of ${file} with its comments and the effects that were added, beside it, under this name.`),
+      el("label", {}, "Name ", name), " ", el("button", { type: "submit" }, "Save")),
+    el("h2", {}, "Export this model"), el("p", { class: "buttons" }, ...["json", "csv", "parquet", "adams", "exudyn"].map(f => el("label", {}, el("input", { type: "checkbox", class: "format", value: f, checked: f === "json" || f === "csv" }), " " + f)),
+      el("button", { type: "button", onclick: () => { const to = [...models.querySelectorAll("input.format:checked")].map(i => i.value); to.length ? run({ verb: "export", to }) : say("Choose a format.", true); } }, "Export")),
+    state.exported ? el("p", {}, "Written: ", ...state.exported.files.flatMap(f => { const name = f.split(/[\\/]/).pop(); return [el("a", { href: `/api/${of("runs")}/${state.exported.run}/${name}`, target: "_blank", rel: "noopener" }, name), " "]; }), ...state.exported.notes.map(n => el("span", { class: "soft" }, n + "; "))) : "",
+    state.about.unfinished.length ? el("p", { class: "soft" }, "Runs without a result (stopped from outside): " + state.about.unfinished.join(", ") + ". A fit among them is gone on with by misfit fit --resume.") : "");
+}
+
+function drawLadder() {
+  const job = state.job?.verb === "ladder" ? state.job : null;
+  const done = state.about.models.filter(m => m.verb === "ladder");
+  const shown = done.find(m => m.id === state.model) || done[done.length - 1];
+  const held = state.about.study.tests.some(t => t.split === "held_out");
+  const parts = [el("p", {}, "The ladder fits the model, scores all effects at all places, refits the best, weighs them, adds what gains most, and takes out what has become superfluous, until nothing gains more than it costs.",
+    held ? " At its end it reads the held-out tests: from then on they count as opened." : ""),
+    el("p", { class: "buttons" }, el("button", { type: "button", class: "main", disabled: job && !job.ended, onclick: () => run({ verb: "ladder" }) }, "Run the ladder from this model"),
+      job && !job.ended ? el("button", { type: "button", onclick: stop }, "Stop and keep what it has") : null)];
+  if (job) {
+    const added = job.lines.filter(l => /added .* at .*: .* nats/.test(l));
+    parts.push(el("h2", {}, job.ended ? "Last ladder" : "Under way"), added.length ? el("ol", {}, ...added.map(l => el("li", {}, l))) : "", el("pre", { class: "log", tabindex: 0, "aria-label": "Progress" }, job.lines.slice(-40).join("\n")));
+  }
+  if (shown?.rungs) {
+    const words = e => e ? `${e.effect} at ${e.at}` : "-";
+    const h = shown.held_out;
+    parts.push(el("h2", {}, `${shown.interrupted ? "So far" : "Found"}: ${(shown.missing || []).map(words).join(", ") || (shown.verdict || "").replaceAll("_", " ")}`),
+      el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Rung", "Added", "Removed", "Cost", "Fit", "Select", "Held out"].map(t => el("th", { scope: "col" }, t)))),
+        el("tbody", {}, ...shown.rungs.map((r, k) => el("tr", {}, el("td", {}, String(k)), el("td", {}, words(r.added)), el("td", {}, (r.removed || []).map(words).join(", ") || "-"), el("td", { class: "n" }, digits(r.cost, 4)), ...["fit", "select", "held_out"].map(s => el("td", {}, ratio(r.errors?.[s])))))))),
+      shown.why ? el("p", {}, `${shown.proven ? "Proven" : "Not proven"}: ${shown.why}.`) : "", h?.after ? el("p", {}, `Held-out error: ${percent(h.before)} before, ${percent(h.after)} after, floor ${percent(h.floor)}.`) : "",
+      ...(shown.missing || []).filter(m => m.tied_with?.length).map(m => el("p", {}, `${words(m)} cannot be told from ${m.tied_with.join(", ")} by these tests.`)),
+      shown.next_test ? el("div", { class: "next-test" }, el("h3", {}, "The next test"), el("p", {}, shown.next_test.describe), el("button", { type: "button", onclick: () => window.print() }, "Print")) : "",
+      shown.ended ? el("p", { class: "soft" }, `It ended because ${shown.ended}.`) : "");
+  }
+  ladder.replaceChildren(...parts);
+}
+
+on("about", () => { drawTree(); drawModels(); drawLadder(); drawJob(); });
