@@ -10,10 +10,10 @@ use crate::campaign::{self, CampaignError, Record, Runner, Spec, Task, slurm, ta
 use crate::identify::interrupt_flag;
 use crate::parallel;
 
-use super::failure::Failure;
 use super::progress::Progress;
 use super::table::table;
 use super::{INTERRUPTED, Outcome};
+use crate::work::Failure;
 
 /// Where the tasks run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

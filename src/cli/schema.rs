@@ -8,7 +8,7 @@ use schemars::{JsonSchema, Schema};
 use serde_json::{Map, Value, json};
 
 use super::Outcome;
-use super::failure::Failure;
+use crate::work::Failure;
 
 #[derive(clap::Args)]
 pub(super) struct Args {

@@ -13,11 +13,11 @@ use crate::study::{Banded, Study, ToleranceSpec};
 use crate::tolerance::Quantity;
 use crate::units::Unit;
 
-use super::failure::Failure;
 use super::predict::{WRITTEN, calibrated, tolerance::law};
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{Outcome, fit};
+use crate::work::Failure;
 
 #[derive(clap::Args)]
 pub(super) struct Args {

@@ -138,7 +138,14 @@ fn scales(case: &Case, site: &Site) -> Result<Scales, Failure> {
         let Site::Places(places) = site else { continue };
         for a in plan.amplitudes(&case.system)?.iter().flat_map(|all| places.iter().filter_map(|p| all.get(*p))) {
             let least_v = if a.v > 0.0 { widest.least_v.min(a.v) } else { widest.least_v };
-            widest = Scales { x: widest.x.max(a.x), most: widest.most.max(a.most), v: widest.v.max(a.v), f: widest.f.max(a.f), least_v, ..widest };
+            widest = Scales {
+                x: widest.x.max(a.x),
+                most: widest.most.max(a.most),
+                v: widest.v.max(a.v),
+                f: widest.f.max(a.f),
+                least_v,
+                ..widest
+            };
         }
     }
     Ok(widest)
