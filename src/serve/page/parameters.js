@@ -66,7 +66,7 @@ function draw() {
   view.replaceChildren(table(free.length ? free : fixed),
     free.length && fixed.length ? el("details", {}, el("summary", {}, `${fixed.length} fixed values`), table(fixed)) : "",
     el("p", { class: "buttons" }, el("button", { type: "button", onclick: () => { state.values = {}; draw(); send(); } }, "Put back"),
-      el("button", { type: "button", onclick: () => run({ verb: "fit", values: state.values }) }, "Fit from these values"), el("label", {}, "Curves of ", select)), grid);
+      el("button", { type: "button", onclick: () => run({ verb: "fit", values: state.values }) }, "Fit from these values"), el("label", {}, "Curves of ", select)), el("h2", {}, "Tests"), grid);
 }
 
 on("tests", draw);

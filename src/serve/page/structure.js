@@ -38,6 +38,8 @@ function picture(d) {
     shade(node, heat);
     return node;
   };
+  // What is written on a place stands beside its button: a screen reader says the button's own name, which holds more.
+  const labelled = (node, ...texts) => svg("g", {}, node, ...texts);
   const hover = (places, label, heat) => [label, ...d.effects.filter(e => e.places.some(p => places.includes(p))).map(e => `${e.effect} (${e.values.join(", ")})`),
     marks() ? `expected fall of the cost: ${percent(heat)}` : "not scored yet"].join("\n");
   /** In a long chain every third connector is named, above it; the others say their name when they are pointed at. */
@@ -59,8 +61,8 @@ function picture(d) {
       lines = [svg("path", { d: `M${x1} ${y1}Q${mx} ${deep} ${x2} ${y2}`, class: "link" })];
       my = 0.25 * y1 + 0.5 * deep + 0.25 * y2;
     } else if (d.spatial) named = links.length <= 14 || places(c);
-    return button(c.places, c.name, [...lines, svg("circle", { cx: mx, cy: my, r: 11, class: "spot" }),
-      svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name", "aria-hidden": "true" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count", "aria-hidden": "true" }, String(acts(c).length))], heat);
+    return labelled(button(c.places, c.name, [...lines, svg("circle", { cx: mx, cy: my, r: 11, class: "spot" })], heat),
+      svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name", "aria-hidden": "true" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count", "aria-hidden": "true" }, String(acts(c).length)));
   });
   const boxes = bodies.map((b, k) => {
     if (d.spatial && b.fixed) return null;
@@ -71,7 +73,7 @@ function picture(d) {
       ? [svg("line", { x1: X(b.ends[0][0]), y1: Y(b.ends[0][1]), x2: X(b.ends[1][0]), y2: Y(b.ends[1][1]), class: "part" })]
       : [svg("rect", { x: X(b.x) - 19, y: Y(b.y) - 13, width: 38, height: 26, rx: b.fixed ? 0 : 5, class: b.fixed ? "body fixed" : "body" })];
     const name = svg("text", { x: X(b.x), y: Y(b.y) + (b.ends ? -9 : 4), class: "name", "aria-hidden": "true" }, b.ends ? "" : b.name.length > 7 ? b.name.slice(0, 6) + "…" : b.name);
-    return places.length && !b.fixed ? button(places, b.name, [...shape, name], heat) : svg("g", {}, svg("title", {}, b.name), ...shape, name);
+    return places.length && !b.fixed ? labelled(button(places, b.name, shape, heat), name) : svg("g", {}, svg("title", {}, b.name), ...shape, name);
   });
   // It shrinks with the window as far as names can be read, and scrolls beyond.
   const fits = width < 1400;
