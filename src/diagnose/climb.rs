@@ -22,6 +22,8 @@ pub struct Added {
     pub tied: Vec<(Name, Weighed)>,
     /// What came closest to it at other places, as it was fitted there.
     pub rivals: Vec<(Name, Instance)>,
+    /// Nats that it gained when it was added.
+    pub gain: f64,
     /// The model without it, once that was weighed.
     pub without: Option<Weighed>,
     /// Squared error of that.
@@ -31,7 +33,7 @@ pub struct Added {
 impl Added {
     /// Nothing else is known of it.
     pub fn new(name: Name) -> Added {
-        Added { name, tied: vec![], rivals: vec![], without: None, loss: 0.0 }
+        Added { name, tied: vec![], rivals: vec![], gain: 0.0, without: None, loss: 0.0 }
     }
 }
 
@@ -127,7 +129,7 @@ impl<'a> Climb<'a> {
     pub fn add(&mut self, taken: &Move, step: &Step) {
         self.forget();
         for name in &taken.names {
-            let mut added = Added::new(name.clone());
+            let mut added = Added { gain: taken.gain / taken.names.len() as f64, ..Added::new(name.clone()) };
             if let [_] = taken.names.as_slice() {
                 let others = || step.stood.iter().filter(|s| s.admissible && s.name != *name);
                 let close = others().filter(|s| taken.gain - s.gain <= self.settings.tie).take(self.settings.ties);

@@ -239,6 +239,7 @@ impl Climb<'_> {
         Grounds {
             added: of(false),
             faults: of(true),
+            gain: self.added.iter().map(|a| a.gain).sum(),
             held_out,
             tests_held_out: !tests.is_empty(),
             floor: (floors.iter().map(|f| f * f).sum::<f64>() / floors.len().max(1) as f64).sqrt(),
@@ -275,33 +276,34 @@ impl Climb<'_> {
 
     /// The result of the climb.
     fn finish(
-        &self,
+        &mut self,
         mut rungs: Vec<Rung>,
         end: &End,
         visible: Vec<(Name, f64)>,
         started: std::time::Instant,
     ) -> Result<(LadderResult, System), DiagnoseError> {
         let stopped = matches!(end, End::Stopped);
-        let (next_test, no_next_test) = self.next_test(started);
-        let held = HeldOutTests::new(self.case.plans_of(SplitName::HeldOut), &self.first, &self.now, &self.settings);
         let (before, after) = (self.held_out(&self.first)?, self.held_out(&self.now));
         let mut ended = end.describe(self);
-        let after = after.unwrap_or_else(|why| {
+        let mut after = after.unwrap_or_else(|why| {
             ended += &format!("; the held-out tests cannot be computed: {why}");
             vec![]
         });
-        let errors =
-            HeldOut { before: pooled(&before, |t| t.error), after: pooled(&after, |t| t.error), floor: pooled(&before, |t| t.floor) };
-        let last = held.as_ref().and_then(|h| h.look(&self.now));
-        // Where nothing was added and nothing given slack, they are one model.
-        let same = self.added.is_empty() && self.first.fitted.system.instances.len() == self.now.fitted.system.instances.len();
-        let first = held.as_ref().filter(|_| !same).and_then(|h| h.look(&self.first));
-        let word = held.as_ref().zip(last.as_ref()).and_then(|(h, last)| match &first {
-            _ if same => Some(h.word(last, last)),
-            first => Some(h.word(first.as_ref()?, last)),
-        });
-        let grounds = self.grounds(word.zip(errors.before).zip(errors.after).map(|((w, b), a)| (w, b, a)), stopped);
-        let Judged { verdict, proven, why, remainder } = judged(&grounds, &self.settings);
+        let (word, mut missing) = self.word();
+        let errors = |after: &[TestResult]| HeldOut {
+            before: pooled(&before, |t| t.error),
+            after: pooled(after, |t| t.error),
+            floor: pooled(&before, |t| t.floor),
+        };
+        let mut held_out = errors(&after);
+        let grounds = self.grounds(word.zip(held_out.before).zip(held_out.after).map(|((w, b), a)| (w, b, a)), stopped);
+        let Judged { verdict, proven, why, remainder, withdrawn } = judged(&grounds, &self.settings);
+        if withdrawn {
+            rungs.push(self.withdraw()?);
+            (missing, after) = (vec![], before.clone());
+            held_out = errors(&after);
+        }
+        let (next_test, no_next_test) = self.next_test(started);
         // What was added is no part of the answer where it leaves most of the question.
         let of = if remainder.is_some_and(|r| r > self.settings.remainder) { &self.first } else { &self.now };
         let formula = if verdict == Verdict::Unexplained { self.suggestion(of) } else { None };
@@ -323,7 +325,7 @@ impl Climb<'_> {
             verdict,
             proven,
             why,
-            missing: self.missing(held.as_ref().zip(last.as_ref())),
+            missing,
             instruments: self.instruments(),
             corrections: self.slack.corrections(&self.now.fitted, &self.settings),
             remainder: left,
@@ -331,7 +333,7 @@ impl Climb<'_> {
             scatter: self.scale.scatter(&self.now),
             noise: self.now.v.kappa.exp(),
             settings: self.settings.clone(),
-            held_out: errors,
+            held_out,
             unexplained_remainder: grounds.seen(left, &self.settings),
             unexplained: formula,
             whitened_rms: (!stopped).then(|| self.scale.evidence.over_noise(&self.now.seen, &self.now.v)),
@@ -344,6 +346,35 @@ impl Climb<'_> {
             result_study: None,
         };
         Ok((result, self.slack.held(system)))
+    }
+
+    /// What the held-out tests say of the first and of the last model, and of every effect that was added.
+    fn word(&self) -> (Option<super::held_out::Word>, Vec<Missing>) {
+        let held = HeldOutTests::new(self.case.plans_of(SplitName::HeldOut), &self.first, &self.now, &self.settings);
+        let last = held.as_ref().and_then(|h| h.look(&self.now));
+        // Where nothing was added and nothing given slack, they are one model.
+        let same = self.added.is_empty() && self.first.fitted.system.instances.len() == self.now.fitted.system.instances.len();
+        let first = held.as_ref().filter(|_| !same).and_then(|h| h.look(&self.first));
+        let word = held.as_ref().zip(last.as_ref()).and_then(|(h, last)| match &first {
+            _ if same => Some(h.word(last, last)),
+            first => Some(h.word(first.as_ref()?, last)),
+        });
+        let missing = self.missing(held.as_ref().zip(last.as_ref()));
+        (word, missing)
+    }
+
+    /// Takes back all that was added; the rung on which the study's own model stands again.
+    fn withdraw(&mut self) -> Result<Rung, DiagnoseError> {
+        let gone = self.added.drain(..).map(|a| EffectAt { effect: a.name.effect.into(), at: a.name.at }).collect();
+        (self.watch)("withdrawing what the held-out tests do not bear out");
+        self.now = self.first.clone();
+        // Slack that was given on the way goes with the rest; what the study states is in its own model.
+        if self.base > self.now.fitted.system.instances.len() {
+            self.base = self.now.fitted.system.instances.len();
+            (self.slack, self.case.deviations) = Default::default();
+        }
+        self.order.clear();
+        self.rung(None, gone)
     }
 
     fn held_out(&self, w: &Weighed) -> Result<Vec<TestResult>, DiagnoseError> {

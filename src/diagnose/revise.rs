@@ -70,7 +70,7 @@ impl Climb<'_> {
         ));
         let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
         let exchanged = (named(&name), named(&gone.name));
-        self.added.push(Added::new(name));
+        self.added.push(Added { gain: gone.gain + nats, ..Added::new(name) });
         self.now = weighed;
         self.forget();
         if let Ok(again) = self.scale.weigh(&self.now.fitted.system, &self.now.v, self.monitor) {

@@ -41,6 +41,8 @@ pub struct Settings {
     pub held_out_nats: f64,
     /// Part by which their error must fall beside that.
     pub held_out_fall: f64,
+    /// Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn.
+    pub decisive: f64,
     /// Pieces into which the held-out tests are cut at least, for the standard error of the fall of their error: fewer give no spread.
     pub held_out_pieces: usize,
     /// Part of the first model error left on the held-out tests above which the verdict stays `unexplained`...
@@ -145,6 +147,7 @@ impl Default for Settings {
             ties: 5,
             held_out_nats: 1.0,
             held_out_fall: 0.03,
+            decisive: 8.0,
             held_out_pieces: 8,
             remainder: 1.0 / 3.0,
             visible: 2.0,
