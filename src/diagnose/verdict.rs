@@ -155,7 +155,7 @@ mod tests {
             let j = of(&grounds(0.2, left, 0.05, 0.05));
             assert!(!j.withdrawn && j.verdict == Verdict::Unexplained, "{j:?}");
         }
-        assert!(!of(&grounds(5.0, (0.005, 0.003), 0.012, 0.010)).withdrawn);
+        assert!(!of(&grounds(5.0, (0.005, 0.003), 0.012, 0.004)).withdrawn);
     }
 
     #[test]
