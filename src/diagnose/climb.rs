@@ -109,7 +109,8 @@ impl<'a> Climb<'a> {
         if !self.added.is_empty() {
             let mut scale = Scale::new(&self.case, &system, &self.settings);
             scale.counts = self.scale.counts.clone();
-            self.now = scale.tempered(&self.now, self.monitor).map_err(failed)?;
+            let now = scale.tempered(&self.now, self.monitor).map_err(failed)?;
+            self.now = scale.finished(now, self.monitor).map_err(failed)?;
             self.scale = scale;
         }
         let (monitor, watch) = (self.monitor, self.watch);
@@ -176,7 +177,8 @@ impl<'a> Climb<'a> {
         let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
         let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
         let Ok(began) = begin(&loose, &self.monitor.quiet()) else { return false };
-        let Ok(weighed) = scale.weigh(&began.fitted.system, &self.now.v, self.monitor) else { return false };
+        let Ok(start) = scale.at_first(&began.fitted.system) else { return false };
+        let Ok(weighed) = scale.weigh(&began.fitted.system, &start, self.monitor) else { return false };
         // Its parameters are paid for by their widths.
         let gain = weighed.likelihood - self.now.likelihood;
         if gain <= than.max(0.0) {

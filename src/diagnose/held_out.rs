@@ -93,10 +93,7 @@ impl<'a> HeldOutTests<'a> {
         let all: Vec<f64> = v.own.iter().flatten().copied().collect();
         let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
         let own = self.evidence.records.iter().map(|r| vec![0.0; r.channels.len()]).collect();
-        let tau = v.tau + mean;
-        let known: Vec<f64> = v.lines.iter().flatten().flatten().copied().collect();
-        let line = if known.is_empty() { tau } else { known.iter().sum::<f64>() / known.len() as f64 };
-        Variances { tau, own, lines: self.evidence.lines(line), ..v.clone() }
+        Variances { tau: v.tau + mean, own, ..v.clone() }
     }
 
     /// A model in them; none where it cannot be computed there.

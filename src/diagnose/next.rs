@@ -28,6 +28,7 @@ use super::candidates::Name;
 use super::case::{COARSE, Fitted};
 use super::proposals::Proposals;
 use super::results::{NextTest, SplitName};
+use super::settings::Settings;
 
 /// A proposal: the plan, what it is, and how far the tied are apart there, unadjusted and adjusted.
 struct Proposal<'a> {
@@ -108,7 +109,7 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
         }
         let Some(apart) = tied.simulated(proposal, &monitor) else { continue };
         if found.as_ref().is_none_or(|f| apart > f.separation) {
-            found = Some(told(proposal, s, apart, "simulated with its noise and refitted"));
+            found = Some(told(proposal, &case.search.settings, apart, "simulated with its noise and refitted"));
         }
         if found.as_ref().is_some_and(|f| f.breaks) {
             break;
@@ -118,7 +119,9 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
     // What the simulation does not tell apart at all is no proposal; what there was no time to simulate is an estimate.
     let mut found = match found {
         Some(found) => Some(found).filter(|f| f.separation > 0.0),
-        None if cut => weighed.first().map(|p| NextTest { breaks: false, ..told(p, s, p.separation, "by their slopes, not simulated") }),
+        None if cut => weighed
+            .first()
+            .map(|p| NextTest { breaks: false, ..told(p, &case.search.settings, p.separation, "by their slopes, not simulated") }),
         None => None,
     };
     if let Some(found) = found.as_mut().filter(|_| cut) {
@@ -344,7 +347,7 @@ fn noise(seed: u64, stream: usize, n: usize) -> Vec<f64> {
     (0..n).map(|_| normal.inverse_cdf(rng.random_range(f64::EPSILON..1.0 - f64::EPSILON))).collect()
 }
 
-fn told(p: &Proposal, s: &Proposals, separation: f64, how: &str) -> NextTest {
+fn told(p: &Proposal, s: &Settings, separation: f64, how: &str) -> NextTest {
     let breaks = separation > 0.0 && 0.5 * separation * separation > s.decisive;
     let apart = if breaks { format!("{separation:.1} sigma apart") } else { format!("only {separation:.1} sigma apart") };
     let verdict = format!("{how}, they stand {apart}");

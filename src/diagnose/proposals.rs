@@ -21,8 +21,6 @@ pub struct Proposals {
     pub of_force: [f64; 3],
     /// Separation that is aimed at, in standard deviations of noise: among proposals beyond it the one nearest to what was tested is taken.
     pub enough: f64,
-    /// Difference of costs [nats] that breaks a tie: e^8 in odds.
-    pub decisive: f64,
     /// Proposals that are simulated...
     pub simulated: usize,
     /// ...and those that are weighed at a time.
@@ -48,7 +46,6 @@ impl Default for Proposals {
             excitations: [0.1, 0.3, 3.0, 10.0],
             of_force: [0.03, 0.3, 1.0],
             enough: 10.0,
-            decisive: 8.0,
             simulated: 2,
             batch: 4,
             iterations: 20,

@@ -25,6 +25,8 @@ pub struct Settings {
     pub rounds: usize,
     /// Iterations of each of these fits.
     pub iterations: u64,
+    /// Times that these are gone through again, at most, for a model that others are held against and that has not come to its end.
+    pub finish: usize,
     /// Nats that a fit which decides between models may leave unfound: far below a tie.
     pub settled: f64,
     /// Candidates that stood best alone and are tried in pairs where none alone gains.
@@ -41,7 +43,8 @@ pub struct Settings {
     pub held_out_nats: f64,
     /// Part by which their error must fall beside that.
     pub held_out_fall: f64,
-    /// Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn.
+    /// Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; a test that
+    /// separates two laws by so much breaks their tie.
     pub decisive: f64,
     /// Pieces into which the held-out tests are cut at least, for the standard error of the fall of their error: fewer give no spread.
     pub held_out_pieces: usize,
@@ -55,6 +58,8 @@ pub struct Settings {
     pub slack_spring: f64,
     /// ...of nominal masses...
     pub slack_mass: f64,
+    /// ...of dampers, which nobody makes to measure: what damps alike joints differs by ten per cent...
+    pub slack_damper: f64,
     /// ...and of either at least.
     pub slack_least: f64,
     /// Deviations that are given without being asked for, at most: each costs a column in every evaluation.
@@ -139,6 +144,7 @@ impl Default for Settings {
             promise_series: 5.0,
             rounds: 2,
             iterations: 12,
+            finish: 10,
             settled: 0.02,
             pair_of: 4,
             pairs_from: 2.0,
@@ -154,6 +160,7 @@ impl Default for Settings {
             visible_least: 3.0,
             slack_spring: 0.05,
             slack_mass: 0.03,
+            slack_damper: 0.1,
             slack_least: 0.002,
             slack_members: 40,
             slack_reach: 0.9,

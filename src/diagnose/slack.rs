@@ -16,6 +16,7 @@ use super::settings::Settings;
 
 /// What deviates.
 const SPRING: &str = "linear_stiffness.k";
+const DAMPER: &str = "viscous.c";
 const MASS: &str = "mass";
 /// The effects that stand for deviations.
 const FAMILY: &str = "deviation";
@@ -30,13 +31,13 @@ pub fn deviates(effect: &Effect) -> bool {
 struct Member {
     /// Index of its instance.
     instance: usize,
-    /// The parameter that deviates: `linear_stiffness.k`, `mass`.
+    /// The parameter that deviates: `linear_stiffness.k`, `viscous.c`, `mass`.
     parameter: &'static str,
-    /// The spring's place, the body.
+    /// The place of the spring or damper, the body.
     at: String,
-    /// Of a spring the index of the instance that its group shares; a nominal mass has a number of its own.
+    /// Of a spring or damper the index of the instance that its group shares; a nominal mass has a number of its own.
     group: usize,
-    /// What the study says [SI]; of a free stiffness its value when the slack was given.
+    /// What the study says [SI]; of a free parameter its value when the slack was given.
     nominal: f64,
     /// Whether the width of its prior is estimated with those of its kind; one that the study states is not.
     estimated: bool,
@@ -63,7 +64,7 @@ struct Nominal {
 /// The system with deviations at `all` that it ties or fixes, or at what the study states alone; the system as it is where there are none. Where
 /// there would be more than [`Settings::slack_members`] unasked, those that the study states stand alone.
 pub fn given(case: &Case, system: &System, all: bool, settings: &Settings) -> (System, Slack) {
-    let mut nominal = springs(system, all);
+    let mut nominal = tied(system, all);
     nominal.extend(masses(case, system, all));
     nominal.retain(|n| !stands(system, n) && n.value.is_finite() && n.value > 0.0);
     if nominal.iter().filter(|n| n.stated.is_none()).count() > settings.slack_members {
@@ -72,7 +73,7 @@ pub fn given(case: &Case, system: &System, all: bool, settings: &Settings) -> (S
     let (mut with, mut slack) = (system.clone(), Slack::default());
     for n in nominal {
         let Ok(effect) = find(n.effect) else { continue };
-        let width = if n.parameter == SPRING { settings.slack_spring } else { settings.slack_mass };
+        let width = widest(n.parameter, settings);
         let reach = settings.slack_reach * n.value;
         let prior = Some((0.0, n.stated.unwrap_or(width) * n.value));
         let value = ParamValue { min: -reach, max: reach, free: true, prior, unit: n.unit, ..ParamValue::fixed(0.0) };
@@ -90,17 +91,31 @@ fn stands(system: &System, n: &Nominal) -> bool {
     system.instances.iter().any(there)
 }
 
-/// Springs that share a stiffness or have a fixed one.
-fn springs(system: &System, all: bool) -> Vec<Nominal> {
+/// Width of the prior of a deviation at most.
+fn widest(parameter: &str, settings: &Settings) -> f64 {
+    match parameter {
+        SPRING => settings.slack_spring,
+        DAMPER => settings.slack_damper,
+        _ => settings.slack_mass,
+    }
+}
+
+/// Springs and dampers that share a coefficient or have a fixed one.
+fn tied(system: &System, all: bool) -> Vec<Nominal> {
     let plain = system.model.space.is_none() && all;
     let mut found = Vec::new();
     for (group, instance) in system.instances.iter().enumerate() {
         let (Site::Places(places), Some(k)) = (&instance.site, instance.params.first()) else { continue };
+        let (parameter, effect) = match instance.name() {
+            "linear_stiffness" => (SPRING, "stiffness_deviation"),
+            "viscous" => (DAMPER, "damping_deviation"),
+            _ => continue,
+        };
         let tied = places.len() > 1 || !k.free;
-        if instance.name() == "linear_stiffness" && instance.only.is_none() && (k.slack.is_some() || (tied && plain)) {
+        if instance.only.is_none() && (k.slack.is_some() || (tied && plain)) {
             found.extend(places.iter().map(|p| Nominal {
-                parameter: SPRING,
-                effect: "stiffness_deviation",
+                parameter,
+                effect,
                 at: system.model.place_name(*p),
                 places: vec![*p],
                 group,
@@ -165,16 +180,14 @@ impl Slack {
             return system;
         }
         let spread = Covariance::of(fitted);
-        for (kind, least, most) in
-            [(SPRING, settings.slack_least, settings.slack_spring), (MASS, settings.slack_least, settings.slack_mass)]
-        {
+        for kind in [SPRING, DAMPER, MASS] {
             let own: Vec<&Member> = self.members.iter().filter(|m| m.parameter == kind && m.estimated).collect();
             let square = |m: &&Member| {
                 let (value, variance) = (system.instances[m.instance].params[0].value, spread.variance(&[(m.instance, 1.0)]));
                 (value * value + variance) / (m.nominal * m.nominal)
             };
             let mean = own.iter().map(square).sum::<f64>() / own.len().max(1) as f64;
-            let width = mean.sqrt().clamp(least, most);
+            let width = mean.sqrt().clamp(settings.slack_least, widest(kind, settings));
             for m in own {
                 system.instances[m.instance].params[0].prior = Some((0.0, width * m.nominal));
             }
@@ -203,7 +216,7 @@ impl Slack {
         let covariance = Covariance::of(fitted);
         let value = |instance: usize| fitted.system.instances[instance].params[0].value;
         // What a group has in common is its own parameter; a nominal value is what the study says.
-        let common = |m: &Member| if m.parameter == SPRING { value(m.group) } else { m.nominal };
+        let common = |m: &Member| if m.parameter == MASS { m.nominal } else { value(m.group) };
         let mut open: Vec<usize> = (0..self.members.len()).collect();
         let mut told = Vec::new();
         // Deviation of a member from the mean of those of its group that are open, and its standard deviation: own / mean - 1.
@@ -215,7 +228,7 @@ impl Slack {
             let (own, mean) = (common(m) + value(m.instance), common(m) + others.iter().map(|o| value(*o)).sum::<f64>() / n);
             let mut weights = vec![(m.instance, 1.0 / mean)];
             weights.extend(others.iter().map(|o| (*o, -own / (n * mean * mean))));
-            if m.parameter == SPRING {
+            if m.parameter != MASS {
                 weights.push((m.group, 1.0 / mean - own / (mean * mean)));
             }
             (own / mean - 1.0, covariance.variance(&weights).sqrt())

@@ -147,16 +147,39 @@ impl Scale {
         Some(Weighed { fitted: fitted.clone(), seen, v, likelihood })
     }
 
+    /// Variances by what a system leaves that was not fitted under any: where an estimate begins. From a large model error the first fit would have
+    /// nothing to explain, and what the study ties would keep what it could take up.
+    pub fn at_first(&self, system: &System) -> Result<Variances, String> {
+        let seen = self.see(system)?;
+        Ok(self.evidence.estimate(&seen, &self.counts, &Variances::start(&self.evidence)))
+    }
+
     /// The system weighed, the counts set by what it leaves.
     pub fn begin(&mut self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
         self.counts = self.evidence.independent();
         parallel::watched(&monitor.watch(), || {
-            let mut now = self.weigh(system, &Variances::start(&self.evidence), monitor)?;
+            let mut now = self.weigh(system, &self.at_first(system)?, monitor)?;
             for _ in 0..self.settings.rounds {
                 now = self.tempered(&now, monitor)?;
             }
-            Ok(now)
+            self.finished(now, monitor)
         })
+    }
+
+    /// The same fitted on until it has come to its end: what a model has not yet found by itself would be the gain of whatever is added to it.
+    pub fn finished(&self, mut now: Weighed, monitor: &Monitor) -> Result<Weighed, String> {
+        for _ in 0..self.settings.finish {
+            if now.fitted.outcome.termination != Termination::MaxIterations || super::trace::stopped(monitor) {
+                break;
+            }
+            let again = self.weigh(&now.fitted.system, &now.v, monitor)?;
+            let gained = again.likelihood - now.likelihood;
+            now = again;
+            if gained <= self.settings.settled {
+                break;
+            }
+        }
+        Ok(now)
     }
 
     /// Sets the counts by what this model leaves, and weighs it under them.

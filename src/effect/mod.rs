@@ -30,6 +30,7 @@ mod contact;
 mod coulomb;
 mod cubic_stiffness;
 mod delay;
+mod damping_deviation;
 mod digressive_damping;
 mod drift;
 mod elastic_slip;
@@ -186,6 +187,7 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Force(&Dispatch::<added_mass::AddedMass>::NEW),
     Effect::Force(&Dispatch::<absorber::Absorber>::NEW),
     Effect::Force(&Dispatch::<stiffness_deviation::StiffnessDeviation>::NEW),
+    Effect::Force(&Dispatch::<damping_deviation::DampingDeviation>::NEW),
     Effect::Force(&Dispatch::<mass_deviation::MassDeviation>::NEW),
     Effect::Series(&backlash::Backlash),
     Effect::Series(&support_compliance::SupportCompliance),

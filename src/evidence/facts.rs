@@ -39,10 +39,10 @@ impl Evidence {
     fn counted(&self, v: &Variances, of: impl Fn(&[(usize, usize)]) -> f64) -> Counts {
         let mut counts = self.independent();
         let share = |t: usize| -> Vec<f64> {
-            let (record, errors) = (&self.records[t], v.errors(t, &self.settings));
+            let (record, errors) = (&self.records[t], v.own_errors(t, &self.settings));
             let d = record.variance(v.kappa, &errors);
             let mut share = vec![0.0; d.len()];
-            for (c, tau) in record.channels.iter().zip(&errors.points) {
+            for (c, tau) in record.channels.iter().zip(&errors) {
                 c.range.clone().for_each(|i| share[i] = if d[i].is_finite() { tau * tau * record.size[i] / d[i] } else { 0.0 });
             }
             share

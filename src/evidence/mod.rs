@@ -7,8 +7,7 @@
 //! y_t - f_t ~ N(0, V_t),  V_t = diag(d) + B B',  d_i = kappa^2 nu_i + tau_b^2 rho_i,  tau_b = max(tau e^(g_b), tau_min)
 //! nu      noise: spectrum of the scatter between cycles, coherence, or as stated; kappa its unknown scale
 //! tau_b   relative error of the model itself in block b (a channel of a test); rho_i what an error of 1 is in coefficient i
-//! B       one column each: instruments within tolerance; omega s_k df_t/ds_k, a strength that differs a little from test to test;
-//!         tau_b times what an error of a mode's frequency, damping or residue changes in an FRF ([`modal`]), whose lines have a tau_b of their own
+//! B       one column each: instruments within tolerance; omega s_k df_t/ds_k, a strength that differs a little from test to test
 //! z_i     1 - p_i (1 - z0), p_i = tau_b^2 rho_i / d_i: a coefficient that the model's error dominates counts as z0 facts (the coarsened
 //!         posterior of Miller and Dunson, J. Am. Stat. Assoc. 114, 2019), so that the error of a channel over all tests counts as few
 //! l_z     -1/2 [ sum z ln d + ln|I + B'(Z/D)B| + r'(D/Z + BB')^-1 r ] + ln prior(kappa, tau, omega, g)
@@ -20,7 +19,6 @@
 
 mod facts;
 mod likelihood;
-mod modal;
 mod record;
 mod settings;
 mod variances;
@@ -28,7 +26,7 @@ mod variances;
 pub use facts::Counts;
 pub use record::{Record, Seen};
 pub use settings::Settings;
-pub use variances::{Errors, Variances};
+pub use variances::Variances;
 
 use nalgebra::DMatrix;
 
@@ -55,10 +53,9 @@ impl Evidence {
     pub fn covariances(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Vec<Covariance> {
         let of = |t: usize| {
             let (record, z) = (&self.records[t], &counts.z[t]);
-            let errors = v.errors(t, &self.settings);
-            let d = record.variance(v.kappa, &errors);
+            let d = record.variance(v.kappa, &v.own_errors(t, &self.settings));
             let counted: Vec<f64> = d.iter().zip(z.iter()).map(|(d, z)| if *z > 0.0 { d / z } else { f64::INFINITY }).collect();
-            Covariance::new(record.coefficients.clone(), &counted, &record.shared(&seen[t], v.omega, &errors))
+            Covariance::new(record.coefficients.clone(), &counted, &record.shared(&seen[t], v.omega))
         };
         (0..self.records.len()).map(of).collect()
     }

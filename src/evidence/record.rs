@@ -10,8 +10,7 @@ use crate::model::{FreeParam, System};
 use crate::parallel;
 use crate::response::{BlockKind, Coefficients, Computed, Plan, instruments};
 
-use super::modal;
-use super::{Errors, Settings};
+use super::{Settings, beside};
 
 /// Lines on either side over which the size of an FRF is averaged: between resonances a model errs by what its neighbours are.
 const NEIGHBOURS: usize = 3;
@@ -29,8 +28,6 @@ pub struct Channel {
     pub kind: BlockKind,
     /// Resonances of an FRF.
     pub modes: usize,
-    /// What errors of its modes change in an FRF's coefficients, one column each ([`super::modal`]); none of other channels.
-    pub modal: DMatrix<f64>,
     /// Harmonic of each coefficient of a loop.
     pub harmonics: Vec<usize>,
 }
@@ -62,35 +59,19 @@ pub struct Seen {
 }
 
 impl Record {
-    /// Variance of each coefficient by noise of scale `e^kappa` and the model's error in each channel.
-    pub fn variance(&self, kappa: f64, errors: &Errors) -> Vec<f64> {
+    /// Variance of each coefficient by noise of scale `e^kappa` and the model's error of each channel.
+    pub fn variance(&self, kappa: f64, errors: &[f64]) -> Vec<f64> {
         let scale = (2.0 * kappa).exp();
         let mut d: Vec<f64> = self.noise.iter().map(|n| scale * n).collect();
-        for (channel, tau) in self.channels.iter().zip(&errors.points) {
+        for (channel, tau) in self.channels.iter().zip(errors) {
             channel.range.clone().for_each(|i| d[i] += tau * tau * self.size[i]);
         }
         d
     }
 
-    /// The columns that coefficients share: instruments, strengths that scatter by `e^omega`, modes of FRFs that are off. Those of a channel's modes
-    /// begin at [`Record::modal_from`].
-    pub fn shared(&self, seen: &Seen, omega: f64, errors: &Errors) -> DMatrix<f64> {
-        let (own, scattering) = (self.instruments.ncols(), seen.strengths.ncols());
-        let modal: usize = self.channels.iter().map(|c| c.modal.ncols()).sum();
-        let mut whole = DMatrix::zeros(self.noise.len(), own + scattering + modal);
-        whole.columns_mut(0, own).copy_from(&self.instruments);
-        whole.columns_mut(own, scattering).copy_from(&(&seen.strengths * omega.exp()));
-        for (b, (channel, tau)) in self.channels.iter().zip(&errors.whole).enumerate().filter(|(_, (c, _))| c.modal.ncols() > 0) {
-            let at = (channel.range.start, self.modal_from(seen, b));
-            whole.view_mut(at, channel.modal.shape()).copy_from(&(&channel.modal * *tau));
-        }
-        whole
-    }
-
-    /// First of the shared columns that are errors of the modes of a channel.
-    pub fn modal_from(&self, seen: &Seen, channel: usize) -> usize {
-        let before: usize = self.channels[..channel].iter().map(|c| c.modal.ncols()).sum();
-        self.instruments.ncols() + seen.strengths.ncols() + before
+    /// The columns that coefficients share, strengths scattering by `e^omega`.
+    pub fn shared(&self, seen: &Seen, omega: f64) -> DMatrix<f64> {
+        beside(&self.instruments, &(&seen.strengths * omega.exp()))
     }
 
     /// The model in this test, from its response with derivatives.
@@ -142,8 +123,7 @@ fn channel(plan: &Plan, block: &crate::response::Block, range: Range<usize>) -> 
     let measured = &plan.measured[block.range.clone()];
     let harmonics = if block.kind == BlockKind::Loop { harmonic_of(measured.len()) } else { vec![] };
     let modes = if block.kind == BlockKind::Frf { resonances(measured) } else { 0 };
-    let modal = if block.kind == BlockKind::Frf { modal::columns(plan, block) } else { DMatrix::zeros(range.len(), 0) };
-    Channel { range, label: block.label.clone(), kind: block.kind, modes, modal, harmonics }
+    Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics }
 }
 
 /// What a relative error of 1, alike in all coefficients, is in each: of a loop and a record of their rms about the mean, of an FRF of its

@@ -26,7 +26,6 @@ fn evidence(tests: usize) -> Evidence {
             label: "force at c1.x".into(),
             kind: BlockKind::Loop,
             modes: 0,
-            modal: DMatrix::zeros(n, 0),
             harmonics: crate::data::harmonic_of(200),
         }],
         noise: vec![1e-4 / n as f64; n],
@@ -106,28 +105,4 @@ fn a_strength_that_differs_from_test_to_test_is_no_model_error() {
     }
     let v = estimated(&e, &seen);
     assert!((0.01..=0.0401).contains(&v.omega.exp()) && v.model_error(&e.settings) < 0.006, "{v:?}");
-}
-
-/// A mode that is off is an error of what its lines share, and leaves the lines themselves at their noise.
-#[test]
-fn a_mode_that_is_off_is_no_scatter_of_lines() {
-    let n = 80;
-    let mut e = evidence(1);
-    let column = DVector::from_fn(n, |i, _| {
-        let x = (i as f64 - 40.0) / 6.0;
-        x / (1.0 + x * x)
-    });
-    let record = &mut e.records[0];
-    record.coefficients = crate::response::Coefficients::empty(n);
-    (record.noise, record.size, record.instruments) = (vec![1e-6; n], vec![1.0; n], DMatrix::zeros(n, 0));
-    let modal = DMatrix::from_columns(&[column.clone()]);
-    record.channels[0] = Channel { range: 0..n, kind: BlockKind::Frf, modes: 1, modal, ..record.channels[0].clone() };
-    let r = column * 0.3 + noise(n, 3.0) * 1e-3;
-    let seen = vec![Seen { r, j: DMatrix::zeros(n, 0), strengths: DMatrix::zeros(n, 0) }];
-    let v = estimated(&e, &seen);
-    let errors = v.errors(0, &e.settings);
-    assert!((0.1..0.6).contains(&errors.whole[0]) && errors.points[0] < 0.005, "{errors:?}");
-    // The same spread over the lines costs more.
-    let alike = Variances { lines: vec![vec![None]], ..v.clone() };
-    assert!(e.likelihood(&seen, &e.independent(), &v) > e.likelihood(&seen, &e.independent(), &alike) + 50.0);
 }

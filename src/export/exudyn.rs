@@ -56,7 +56,7 @@ fn put(law: &Law, fits: bool) -> Result<Put, String> {
     let branch = |k: f64, tau: f64| format!("(\"branch\", {}, {})", number(k), number(tau));
     match law.info.name {
         "linear_stiffness" | "stiffness_deviation" => out.stiffness = p[0],
-        "viscous" => out.damping = p[0],
+        "viscous" | "damping_deviation" => out.damping = p[0],
         "added_mass" | "mass_deviation" if fits => out.more.push(format!("(\"mass\", {})", number(p[0]))),
         "elastic_slip" => out.more.push(format!("(\"slider\", {}, {})", number(p[0] / p[1]), number(p[0]))),
         "iwan" => {

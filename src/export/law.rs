@@ -17,7 +17,7 @@ pub(super) fn memoryless(effect: &str, p: &[String], si: &[f64], x: &str, v: &st
     Some(match effect {
         "preload" => a.to_string(),
         "linear_stiffness" | "stiffness_deviation" => format!("{a}*{x}"),
-        "viscous" => format!("{a}*{v}"),
+        "viscous" | "damping_deviation" => format!("{a}*{v}"),
         "quadratic_stiffness" => format!("{a}*{x}**2"),
         "cubic_stiffness" => format!("{a}*{x}**3"),
         "saturating_stiffness" => format!("{a}*{x}/SQRT(1+({x}/{b})**2)"),

@@ -119,7 +119,7 @@ impl Coefficients {
     pub fn noise(&self, plan: &Plan) -> Vec<f64> {
         let mut out = Vec::with_capacity(self.count);
         for (k, (from, to, basis)) in self.blocks.iter().enumerate() {
-            let variance = |row: usize| if plan.left_out.contains(&row) { f64::INFINITY } else { plan.noise()[row].powi(2) };
+            let variance = |row: usize| if plan.left_out.contains(&row) { f64::INFINITY } else { plan.sigma[row].powi(2) };
             if basis.is_none() {
                 out.extend(from.clone().map(variance));
                 continue;

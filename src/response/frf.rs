@@ -64,12 +64,6 @@ impl FrfPlan {
         let omega = lines.iter().map(|k| self.omega[*k] * by.frequency).collect();
         FrfPlan { omega, excitation: by.excitation.or(self.excitation), ..self.clone() }
     }
-
-    /// What is measured.
-    pub(super) fn quantity(&self) -> FrfQuantity {
-        self.quantity
-    }
-
     /// Peak of the exciting force.
     pub(super) fn excitation(&self) -> Option<f64> {
         self.excitation

@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DMatrixViewMut, DVector};
 
-use crate::data::{FrfQuantity, Record, Test, TestKind, Unsettled};
+use crate::data::{Record, Test, TestKind, Unsettled};
 use crate::model::{Bound, FreeParam, Model, System};
 use crate::units::Unit;
 
@@ -93,8 +93,6 @@ pub struct Plan {
     pub measured: Vec<f64>,
     /// Standard deviation of each.
     pub sigma: Vec<f64>,
-    /// That of the noise alone, where sigma holds an error that the study allows its model ([`Plan::tolerant`]).
-    noise: Option<Vec<f64>>,
     /// Channels.
     pub blocks: Vec<Block>,
     /// What was done to the data.
@@ -163,7 +161,6 @@ impl Plan {
             condition_units: test.conditions.iter().map(|(k, c)| (k.clone(), c.unit.clone())).collect(),
             measured: vec![],
             sigma: vec![],
-            noise: None,
             blocks: vec![],
             notes: vec![],
             left_out: vec![],
@@ -426,30 +423,15 @@ impl Plan {
     /// An FRF test whose model is known to be off by itself by this part of |H|, root mean square; others as they are. The variance of each
     /// line becomes `sigma^2 + (part |H|)^2 / 2`, of the real and of the imaginary part alike.
     pub fn tolerant(mut self, part: f64) -> Plan {
-        let noise = self.sigma.clone();
         for block in self.blocks.iter().filter(|b| b.kind == BlockKind::Frf) {
             let lines = self.measured[block.range.clone()].chunks(2).zip(self.sigma[block.range.clone()].chunks_mut(2));
             for (h, sigma) in lines {
                 let own = part * h.iter().map(|x| x * x).sum::<f64>().sqrt() / std::f64::consts::SQRT_2;
                 sigma.iter_mut().for_each(|s| *s = s.hypot(own));
             }
-            self.noise = Some(noise.clone());
             self.notes.push(format!("{:.3} % of |H| is allowed to the model beside the noise (frf_tolerance)", 100.0 * part));
         }
         self
-    }
-
-    /// Standard deviation of the noise of each value.
-    pub fn noise(&self) -> &[f64] {
-        self.noise.as_ref().unwrap_or(&self.sigma)
-    }
-
-    /// What an FRF test measures.
-    pub fn frf_quantity(&self) -> Option<FrfQuantity> {
-        match &self.work {
-            Work::Frf(w) => Some(w.quantity()),
-            _ => None,
-        }
     }
 
     /// Shortest and longest period the test speaks of [s].

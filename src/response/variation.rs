@@ -43,7 +43,7 @@ impl Plan {
     /// The same test with its drive changed; `None` for tests that are neither cycles nor FRFs. What was measured loses its meaning, and
     /// with it what instruments add to the covariance; sigma grows with the range of a drive and shrinks with none.
     pub fn varied(&self, by: &Variation) -> Option<Plan> {
-        let mut plan = Plan { scatter: vec![], noise: None, covariance: None, ..self.clone() };
+        let mut plan = Plan { scatter: vec![], covariance: None, ..self.clone() };
         match &self.work {
             Work::Cycle(cycle) => {
                 plan.work = Work::Cycle(cycle.varied(by));

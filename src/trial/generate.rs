@@ -259,7 +259,8 @@ fn in_chain(kind: Kind, realistic: bool, mut draw: Draw) -> Generated {
     if hits {
         // Half a period of the first mode long, so that the fast modes are hardly struck.
         let period = 1.0 / f1;
-        let two = vec![bodies, 1 + bodies / 2];
+        let other = if bodies == 2 { 1 } else { 1 + bodies / 2 };
+        let two = if bodies > 1 { vec![bodies, other] } else { vec![bodies] };
         for (j, (part, split)) in [(1.0, "fit"), (0.3, "fit"), (0.6, "select"), (0.8, "held_out")].into_iter().enumerate() {
             let drive = Drive::Hit {
                 length: 0.5 * period,

@@ -33,6 +33,7 @@ impl Correction {
     pub fn describe(&self) -> String {
         let (more, than) = match self.parameter.as_str() {
             "mass" => (["heavier", "lighter"], "its nominal mass"),
+            "viscous.c" => (["more damped", "less damped"], "its group or its nominal damping"),
             _ => (["stiffer", "softer"], "its group or its nominal stiffness"),
         };
         let which = more[usize::from(self.relative < 0.0)];
