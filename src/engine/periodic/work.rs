@@ -1,7 +1,7 @@
 //! A bound on the work of one steady cycle, counted in iterations of Newton's method, so that a model that cannot be computed is refused
 //! after a count and not after a time. A healthy model takes 2 to 10 iterations a step; it settles, or is refused as not periodic, within
 //! tens of cycles. A model that is far from one that stands (a section of a thousandth of the others) takes 25 iterations a step throughout
-//! and hundreds of cycles: minutes for one evaluation.
+//! and hundreds of cycles.
 
 use super::EngineError;
 use super::March;
