@@ -19,8 +19,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let study = session.study()?;
     let case = session.case(&study)?;
     session.progress.say("computing every test");
-    let case = case.refined(&case.system).unwrap_or(case);
-    let tests = diagnose::compare(&case, &case.system, &fit::ALL)?;
+    let (case, tests) = session.watched(|| {
+        let case = case.refined(&case.system).unwrap_or(case);
+        diagnose::compare(&case, &case.system, &fit::ALL).map(|tests| (case, tests))
+    })?;
     session.progress.end();
     let folder = session.folder(&study, "compare")?;
     folder.study(&study, &case.system)?;

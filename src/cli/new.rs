@@ -62,8 +62,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let scaffold = scaffold::write(&found);
     let Some(scaffold) = scaffold else {
         let inside: String = found.iter().flat_map(|f| &f.items).take(20).map(described).collect();
-        let message =
-            format!("the files hold no test: neither a history with a channel that drives and one that answers, nor an FRF\n{inside}");
+        let message = format!(
+            "the files hold no test: neither a history with a channel that drives and one that answers, nor an FRF, nor modes\n{inside}"
+        );
         return Err(Failure::new(
             "data",
             names.join(", "),
@@ -180,6 +181,10 @@ fn item(file: &FoundFile, item: &FoundItem) -> Value {
                     "channels": f.columns.iter().map(|(r, c, u)| json!({ "column": c, "role": r.word(), "unit": u })).collect::<Vec<_>>(),
                     "lines": f.lines, "from_hz": f.band.0, "to_hz": f.band.1, "findings": f.findings })
         }
+        FoundItem::Modes(m) => {
+            let mode = |(f, z): &(f64, Option<f64>)| json!({ "frequency_hz": f, "damping": z });
+            json!({ "file": path, "what": "modal", "modes": m.modes.iter().map(mode).collect::<Vec<_>>() })
+        }
         FoundItem::Other(text) => json!({ "file": path, "what": "other", "text": text }),
     }
 }
@@ -239,6 +244,10 @@ fn described(item: &FoundItem) -> String {
     match item {
         FoundItem::History(h) => history(h),
         FoundItem::Frf(f) => frf(f),
+        FoundItem::Modes(m) => {
+            let (first, last) = (m.modes.first().map_or(0.0, |m| m.0), m.modes.last().map_or(0.0, |m| m.0));
+            format!("  table of modes: {} from {} to {} Hz\n", m.modes.len(), significant(first, 6), significant(last, 6))
+        }
         FoundItem::Other(what) => format!("  {what}\n"),
     }
 }

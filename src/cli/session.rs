@@ -9,6 +9,7 @@ use clap::Args;
 
 use crate::diagnose::Case;
 use crate::identify::{Monitor, interrupt_flag};
+use crate::parallel;
 use crate::study::Study;
 use crate::study::run::RunFolder;
 
@@ -93,6 +94,11 @@ impl<'a> Session<'a> {
         let mut monitor = Monitor::default().cancel(self.flag.clone()).on_iteration(|p| self.progress.iteration(p));
         monitor.deadline = self.deadline;
         monitor
+    }
+
+    /// `work` that gives up at Ctrl-C and at `--max-seconds`, within an evaluation of the model too.
+    pub fn watched<T>(&self, work: impl FnOnce() -> T) -> T {
+        parallel::watched(&self.monitor().watch(), work)
     }
 
     /// Whether a signal came or the time is used up.

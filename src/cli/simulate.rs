@@ -46,12 +46,14 @@ const AVERAGES: u32 = 20;
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
-    let study = session.study()?;
+    let mut study = session.study()?;
+    // A fit may compare fewer points of a loop; what is written has all that were measured.
+    study.fit.points = None;
     let case = session.case(&study)?;
     session.progress.say("computing every test");
-    let case = case.refined(&case.system).unwrap_or(case);
+    let case = session.watched(|| case.refined(&case.system).unwrap_or(case));
     let folder = target(&session, &study)?;
-    let written = dataset(&study, &case, args, &folder);
+    let written = session.watched(|| dataset(&study, &case, args, &folder));
     session.progress.end();
     let tests = written?;
     let rows: Vec<Vec<String>> =

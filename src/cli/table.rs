@@ -1,7 +1,11 @@
 //! Tables of text with aligned columns.
 
-/// Rows under a header; columns whose cells are all numbers are set to the right.
+/// Most characters of a cell. The name of a parameter holds every place it stands at, and thousands of them are no name to read.
+const CELL: usize = 300;
+
+/// Rows under a header; a cell of more than [`CELL`] characters loses its middle; columns whose cells are all numbers are set to the right.
 pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let rows: Vec<Vec<String>> = rows.iter().map(|r| r.iter().map(|cell| short(cell)).collect()).collect();
     let width = |c: usize| {
         let cells = rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count());
         cells.chain([header[c].chars().count()]).max().unwrap_or(0)
@@ -21,10 +25,19 @@ pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let mut text = line(&mut header.iter().copied());
     let rules: Vec<String> = columns.iter().map(|c| "-".repeat(c.0)).collect();
     text += &line(&mut rules.iter().map(String::as_str));
-    for row in rows {
+    for row in &rows {
         text += &line(&mut row.iter().map(String::as_str));
     }
     text
+}
+
+fn short(cell: &str) -> String {
+    let n = cell.chars().count();
+    if n <= CELL {
+        return cell.into();
+    }
+    let (start, end) = (CELL / 2, CELL / 2 - 5);
+    cell.chars().take(start).chain(" ... ".chars()).chain(cell.chars().skip(n - end)).collect()
 }
 
 /// A fraction in percent with three significant digits.
@@ -61,6 +74,11 @@ mod tests {
             (significant(1234.5678, 4), significant(0.00123, 2), significant(1e9, 3)),
             ("1235".into(), "0.0012".into(), "1.00e9".into())
         );
+        // A parameter at 22 000 places: a width beyond 65 535 is more than a format takes.
+        let name = (1..22_000).map(|k| format!("c{k}.x,")).collect::<String>() + "c22000.x.viscous.c";
+        let text = table(&["parameter", "value"], &[vec![name, "1".into()]]);
+        assert!(text.contains("c1.x,c2.x") && text.contains(" ... ") && text.contains("c22000.x.viscous.c      1\n"), "{text}");
+        assert!(text.lines().all(|l| l.chars().count() < CELL + 20));
         assert_eq!((percent(0.0265), percent(f64::NAN)), ("2.65 %".into(), "-".into()));
     }
 }

@@ -463,6 +463,10 @@ fn drift(folded: &[f64], n: usize, cycles: usize, floor: f64) -> Option<Drift> {
     let variance = (between / dof).max(within / ((cycles - 1) * (n - 1)) as f64 / n as f64);
     let deviation = (variance / sxx).sqrt().max(floor / (sxx * n as f64).sqrt());
     let t = slope / deviation;
+    // Readings of 1e300 overflow in their squares, and say nothing of a drift.
+    if t.is_nan() {
+        return None;
+    }
     let p = 2.0 * (1.0 - StudentsT::new(0.0, 1.0, dof).ok()?.cdf(t.abs()));
     (p < DRIFT_SIGNIFICANCE).then_some(Drift { slope, t, p })
 }

@@ -48,8 +48,20 @@ pub enum EngineError {
         /// Cycles marched.
         cycles: usize,
     },
+    /// The march to the steady cycle takes more than any that ends.
+    #[error("no steady cycle within {most} iterations of Newton's method: {cycles} cycles of {steps} steps took {iterations}")]
+    Work {
+        /// Cycles marched.
+        cycles: usize,
+        /// Steps per cycle.
+        steps: usize,
+        /// Iterations that they took.
+        iterations: usize,
+        /// Iterations that they may take.
+        most: usize,
+    },
     /// Ctrl-C, or the time allowed was used up, while it was computed.
-    #[error("the computation was given up: the fit was stopped")]
+    #[error("the computation was stopped before its end")]
     GivenUp,
     /// A request that has no meaning.
     #[error("{what} is {value}")]
@@ -93,7 +105,7 @@ impl Explain for EngineError {
             EngineError::Effect(e) => e.place(),
             EngineError::NoEquilibrium { step, .. } | EngineError::NotFinite { step } => format!("step {step}"),
             EngineError::Unstable { step, dof, .. } => format!("step {step}, {dof}"),
-            EngineError::NotPeriodic { .. } => "cycle".into(),
+            EngineError::NotPeriodic { .. } | EngineError::Work { .. } => "cycle".into(),
             EngineError::GivenUp => "time".into(),
             EngineError::Request { what, .. } => (*what).into(),
             EngineError::NoHarmonicBalance { frequency, .. } | EngineError::NoMode { frequency, .. } => format!("{frequency} Hz"),
@@ -116,6 +128,10 @@ impl Explain for EngineError {
             }
             EngineError::NoMode { .. } => "laws whose stiffness varies slowly with frequency around the mode, or a narrower band".into(),
             EngineError::NotPeriodic { .. } => "a stable structure with damping".into(),
+            EngineError::Work { .. } => {
+                "a structure whose steps take a few iterations each: sections, stiffness and masses of like size, a load within its range"
+                    .into()
+            }
             EngineError::GivenUp => "more time (--max-seconds)".into(),
         }
     }

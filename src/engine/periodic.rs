@@ -15,6 +15,7 @@ use super::march::{Loads, March, Probe, State};
 mod large;
 mod secants;
 mod shooting;
+mod work;
 
 use shooting::{Shooting, solve_fixed_point};
 
@@ -77,6 +78,7 @@ pub fn periodic(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], s
         let before = state.clone();
         cycle(&mut march, &mut state, &mut z, steps)?;
         cycles += 1;
+        work::bounded(&march, steps, cycles, work::CYCLES_SMALL)?;
         let last = change;
         change = z.change(&before, &state);
         // The monodromy matrix at hand serves as long as it brings the cycle closer.

@@ -236,11 +236,38 @@ impl Model {
         (0..self.dofs.len()).find(|&d| self.dofs[d].axis == axis && self.bodies[self.dofs[d].body].name == body)
     }
 
-    /// The places an `at` names: `c1.x`, or a range `c1-7.x`, whose connectors all exist.
+    /// The places an `at` names: `c1.x`, or a range `c1-7.x`, whose connectors all exist. For many of them: [`Model::finder`].
     pub fn places_at(&self, at: &str) -> Result<Vec<usize>, ModelError> {
-        let known = || (0..self.places.len()).map(|p| self.place_name(p));
-        let unknown = |name: &str| ModelError::no_such("place", name, known());
-        let place = |name: &str| self.place(name).ok_or_else(|| unknown(name));
+        self.finder().places_at(at)
+    }
+
+    /// The place of this name (`c1.x`), if it is one.
+    pub fn place(&self, name: &str) -> Option<usize> {
+        let (connector, axis) = split(name)?;
+        self.places.iter().position(|p| p.axis == axis && self.connectors[p.connector].name == connector)
+    }
+
+    /// Connectors and places by name: one pass over the model, however many names are asked for.
+    pub fn finder(&self) -> Finder<'_> {
+        Finder {
+            model: self,
+            connectors: self.connectors.iter().enumerate().map(|(k, c)| (c.name.as_str(), k)).collect(),
+            places: self.places.iter().enumerate().map(|(k, p)| ((p.connector, p.axis), k)).collect(),
+        }
+    }
+}
+
+/// Places of a model by name.
+pub struct Finder<'a> {
+    model: &'a Model,
+    connectors: HashMap<&'a str, usize>,
+    places: HashMap<(usize, Axis), usize>,
+}
+
+impl Finder<'_> {
+    /// As [`Model::places_at`].
+    pub fn places_at(&self, at: &str) -> Result<Vec<usize>, ModelError> {
+        let known = || (0..self.model.places.len()).map(|p| self.model.place_name(p));
         let (connector, axis) = at.rsplit_once('.').ok_or_else(|| {
             ModelError::invalid(
                 at,
@@ -248,11 +275,14 @@ impl Model {
                 format!("connector and axis, as in `{}`", known().next().unwrap_or_default()),
             )
         })?;
-        Axis::parse(axis)?;
-        if self.connectors.iter().any(|c| c.name == connector) {
-            return Ok(vec![place(at)?]);
-        }
-        let Some((stem, first, last)) = range(connector) else { return Ok(vec![place(at)?]) };
+        let along = Axis::parse(axis)?;
+        let place = |name: &str| {
+            let found = self.connectors.get(name).and_then(|c| self.places.get(&(*c, along))).copied();
+            found.ok_or_else(|| ModelError::no_such("place", &format!("{name}.{axis}"), known()))
+        };
+        let Some((stem, first, last)) = range(connector).filter(|_| !self.connectors.contains_key(connector)) else {
+            return Ok(vec![place(connector)?]);
+        };
         if last < first {
             return Err(ModelError::invalid(
                 at,
@@ -260,27 +290,10 @@ impl Model {
                 format!("`{stem}{last}-{first}.{axis}`"),
             ));
         }
-        if last - first >= self.connectors.len() {
+        if last - first >= self.model.connectors.len() {
             return Err(ModelError::no_such("place", &format!("{stem}{last}.{axis}"), known()));
         }
-        // One pass over connectors and places for the whole range.
-        let numbered: HashMap<&str, usize> =
-            self.connectors.iter().enumerate().filter(|(_, c)| c.name.starts_with(stem)).map(|(k, c)| (c.name.as_str(), k)).collect();
-        let along = Axis::parse(axis)?;
-        let there: HashMap<usize, usize> =
-            self.places.iter().enumerate().filter(|(_, p)| p.axis == along).map(|(k, p)| (p.connector, k)).collect();
-        let one = |n: usize| {
-            let name = format!("{stem}{n}");
-            let found = numbered.get(name.as_str()).and_then(|c| there.get(c)).copied();
-            found.ok_or_else(|| unknown(&format!("{name}.{axis}")))
-        };
-        (first..=last).map(one).collect()
-    }
-
-    /// The place of this name (`c1.x`), if it is one.
-    pub fn place(&self, name: &str) -> Option<usize> {
-        let (connector, axis) = split(name)?;
-        self.places.iter().position(|p| p.axis == axis && self.connectors[p.connector].name == connector)
+        (first..=last).map(|n| place(&format!("{stem}{n}"))).collect()
     }
 }
 

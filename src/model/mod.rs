@@ -15,7 +15,7 @@ mod system;
 pub use bound::{Acting, Bound, BoundLoad, ChannelPiece};
 pub use element::{Element, ElementScratch};
 pub use error::ModelError;
-pub use graph::{Axis, Body, Connector, Dof, Level, Load, Model, Place};
+pub use graph::{Axis, Body, Connector, Dof, Finder, Level, Load, Model, Place};
 pub use sensed::{Depth, Sensed};
 pub use system::{AtCondition, ChannelSite, FreeParam, Instance, ParamValue, Site, System, Target};
 

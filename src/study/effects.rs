@@ -96,13 +96,14 @@ fn head<'a>(table: &TableView<'a>, model: &Model, dataset: &Dataset) -> Result<H
 /// Deviations of the masses that a study fits: one along all axes in which such a body moves, unless it stands among the effects already.
 pub(super) fn masses(graph: &super::GraphSpec, model: &Model, stated: &[Instance]) -> Vec<Instance> {
     let Ok(law) = crate::effect::find("mass_deviation") else { return vec![] };
+    let finder = model.finder();
     let one = |(name, body): (String, &super::BodySpec)| -> Option<Instance> {
         let (mass, (least, most)) = (body.mass.as_ref()?, body.mass_range?);
         let places: Vec<usize> = body
             .free
             .iter()
             .filter(|a| !a.rotational())
-            .flat_map(|a| model.places_at(&format!("{name}.{}", a.name())).unwrap_or_default())
+            .flat_map(|a| finder.places_at(&format!("{name}.{}", a.name())).unwrap_or_default())
             .collect();
         let site = Site::Places(places);
         let there = stated.iter().any(|i| i.name() == "mass_deviation" && i.site == site);
@@ -127,10 +128,10 @@ pub(super) fn is_formula(effect: &Effect) -> bool {
 /// A series effect needs a force to be in series with, at each of its places.
 pub(super) fn series_has_company(model: &Model, instance: &Instance, all: &[Instance]) -> Result<(), ModelError> {
     let (Effect::Series(_), Site::Places(places)) = (instance.effect, &instance.site) else { return Ok(()) };
-    let acts = |place: &usize| {
-        all.iter().any(|i| matches!(i.effect, Effect::Force(_)) && matches!(&i.site, Site::Places(at) if at.contains(place)))
-    };
-    match places.iter().find(|p| !acts(p)) {
+    let forces = all.iter().filter(|i| matches!(i.effect, Effect::Force(_)));
+    let acted: std::collections::HashSet<usize> =
+        forces.flat_map(|i| if let Site::Places(at) = &i.site { at.as_slice() } else { &[] }).copied().collect();
+    match places.iter().find(|p| !acted.contains(p)) {
         None => Ok(()),
         Some(p) => {
             let (name, place) = (instance.name(), model.place_name(*p));

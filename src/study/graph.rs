@@ -157,12 +157,13 @@ fn bodies(root: &TableView<'_>, spec: &mut GraphSpec) -> Result<Model, TomlError
         }
         spec.bodies.push(body);
     }
+    let mut index = bodies.iter().enumerate().map(|(k, b): (usize, &Body)| (b.name.clone(), k)).collect();
     let mut connectors = Vec::new();
     root.require("connector", "[[connector]] with name, from and to, or name and chain")?.list()?;
     for table in root.tables("connector")? {
         let connector = connector(&table)?;
         let value = table.require("name", "a name")?;
-        for (name, from, to) in joins(&table, &connector, spec, &mut bodies)? {
+        for (name, from, to) in joins(&table, &connector, spec, &mut bodies, &mut index)? {
             names.add("connector", name.clone(), &value)?;
             tables.insert(name.clone(), table.clone());
             connectors.push(Connector { name, from, to });
@@ -275,12 +276,13 @@ pub(super) fn unknown_body(what: &str, name: &str, known: Vec<String>) -> TomlPr
     TomlProblem::UnknownWord { what: what.into(), found: name.into(), nearest, accepted: known }
 }
 
-/// The connectors one declaration stands for: name, index of `from`, index of `to`. Declares `ground` where it is named and missing.
+/// The connectors one declaration stands for: name, index of `from`, index of `to`; `index` holds every body's by its name. Declares `ground` where it is named and missing.
 fn joins(
     table: &TableView<'_>,
     connector: &ConnectorSpec,
     spec: &GraphSpec,
     bodies: &mut Vec<Body>,
+    index: &mut HashMap<String, usize>,
 ) -> Result<Vec<(String, usize, usize)>, TomlError> {
     let unknown = |key: &str, name: &str, known: Vec<String>| -> TomlError {
         let problem = unknown_body("body", name, known);
@@ -289,10 +291,11 @@ fn joins(
     match &connector.ends {
         Ends::Between { from, to } => {
             let mut end = |key: &str, name: &str| {
-                if let Some(b) = bodies.iter().position(|b| b.name == name) {
-                    return Ok(b);
+                if let Some(b) = index.get(name) {
+                    return Ok(*b);
                 }
                 if name == GROUND {
+                    index.insert(GROUND.into(), bodies.len());
                     bodies.push(Body { name: GROUND.into(), mass: 0.0, inertia: 0.0, free: vec![] });
                     return Ok(bodies.len() - 1);
                 }
@@ -325,7 +328,7 @@ fn joins(
                     "a body with a count of 2 or more",
                 ));
             }
-            let Some(first) = bodies.iter().position(|b| b.name == format!("{stem}1")) else {
+            let Some(&first) = index.get(&format!("{stem}1")) else {
                 return Err(unknown("chain", stem, counted));
             };
             Ok((1..count).map(|j| (format!("{}{j}", connector.name), first + j - 1, first + j)).collect())

@@ -195,10 +195,11 @@ pub(super) fn search(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> 
     };
     let known = |v: &ValueView<'_>| effect(v).map(|_| ());
     // A place or a channel: what stands before the last dot tells which is meant.
+    let finder = model.finder();
     let there = |v: &ValueView<'_>| {
         let text = v.string()?;
         // A group of places is written as effects have it, with commas.
-        let force = text.split(',').try_for_each(|at| model.places_at(at.trim()).map(|_| ()));
+        let force = text.split(',').try_for_each(|at| finder.places_at(at.trim()).map(|_| ()));
         let test = text.rsplit_once('.').map_or("", |(test, _)| test);
         if force.is_err() && (test == "*" || dataset.test(test).is_some()) {
             let delay = effect::LIBRARY.iter().find(|e| matches!(e, Effect::Channel(_)));

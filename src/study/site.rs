@@ -58,8 +58,9 @@ pub(super) fn resolve(model: &Model, dataset: &Dataset, effect: &Effect, at: &[&
     }
     let mut places: Vec<usize> = Vec::new();
     let mut seen = std::collections::HashSet::new();
+    let finder = model.finder();
     for (i, entry) in at.iter().enumerate() {
-        for place in model.places_at(entry).map_err(|e| (i, e))? {
+        for place in finder.places_at(entry).map_err(|e| (i, e))? {
             if !seen.insert(place) {
                 let name = model.place_name(place);
                 let e = ModelError::invalid(*entry, format!("`{name}` stands twice among the places of one effect"), "each place once");

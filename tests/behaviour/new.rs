@@ -97,3 +97,32 @@ fn a_unit_that_is_not_in_the_file_has_to_be_given() {
     let problem = json["problem"].to_string();
     assert!(problem.contains("study/data/dataset.toml") && !problem.contains(".misfit-new"), "{problem}");
 }
+
+/// Set 55: mode shapes of a universal file are a table of modes, and the model that is written has as many degrees of freedom.
+#[test]
+fn mode_shapes_become_a_modal_test() {
+    let dir = tempfile::tempdir().unwrap();
+    let shape = |n: usize, f: f64, z: f64| {
+        let node = |k: i32| format!("{k:10}\n  1.00000E+00  0.00000E+00  0.00000E+00\n");
+        format!(
+            "    -1\n    55\nmode\nNONE\nNONE\nNONE\nNONE\n         1         2         2         8         2         3\n         2         4         1{n:10}\n\
+             {f:>13.5E}  1.00000E+00{z:>13.5E}  0.00000E+00\n{}{}    -1\n",
+            node(7),
+            node(9)
+        )
+    };
+    let path = dir.path().join("shapes.unv").display().to_string();
+    std::fs::write(&path, shape(2, 76.8, 0.04) + &shape(1, 27.4, 0.014) + &shape(3, 120.0, 0.0)).unwrap();
+    let study = dir.path().join("study").display().to_string();
+    let ran = misfit(&["new", &study, "--json", "--from", &path]);
+    assert_eq!(ran.code, 0, "{}{}", ran.stdout, ran.stderr);
+    let json = ran.json();
+    assert!(json["problem"].is_null(), "{json}");
+    let found = json["found"].as_array().unwrap().iter().find(|f| f["what"] == "modal").unwrap();
+    assert_eq!(found["modes"][0]["frequency_hz"], 27.4, "{found}");
+    assert!(found["modes"][2]["damping"].is_null(), "{found}");
+    let check = misfit(&["check", &study, "--json", "--max-seconds", "5"]).json();
+    assert!(check["problems"].as_array().unwrap().iter().all(|p| p["stage"] == "identify"), "{check}");
+    let fit = misfit(&["fit", &study, "--json", "--max-seconds", "5"]);
+    assert!(matches!(fit.code, 0 | 130), "{}{}", fit.stdout, fit.stderr);
+}

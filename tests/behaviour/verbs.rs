@@ -159,6 +159,9 @@ fn what_is_simulated_gives_its_truth_back() {
     };
     let (a, b, c) = (file("3", "a"), file("3", "b"), file("4", "c"));
     assert!(a == b && a != c);
+    // A fit that compares 40 points of a loop leaves what is simulated as it is.
+    rig.change("study.toml", "schema = 1\n", "schema = 1\nfit = { points = 40 }\n");
+    assert_eq!(file("3", "d").lines().count(), a.lines().count());
     // Measurements are never written over.
     let ran = rig.run("simulate", &["--json", "--out", &rig.path("data").display().to_string()]);
     assert!(ran.error()[2].contains("never written over"));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::data::inspect::{FoundFile, FoundFrf, FoundHistory, FoundItem};
+use crate::data::inspect::{FoundFile, FoundFrf, FoundHistory, FoundItem, FoundModes};
 use crate::data::{Control, Role};
 use crate::units::{Dimension, parse_unit};
 
@@ -23,6 +23,9 @@ fn rounded(x: f64, digits: usize) -> f64 {
     format!("{x:.*e}", digits.saturating_sub(1)).parse().unwrap_or(x)
 }
 
+/// Axes in the order in which the nodes of a table of modes get them.
+const AXES: [&str; 6] = ["x", "y", "z", "theta", "phi", "psi"];
+
 #[derive(Default)]
 struct Writer {
     tests: String,
@@ -31,7 +34,7 @@ struct Writer {
     /// Stiffness and damping (SI) of the loops, with the units to print them in.
     connector: Option<(f64, f64, String, String, &'static str)>,
     loops: bool,
-    /// Nodes of the FRFs with their axes.
+    /// Nodes of the FRFs and mode shapes with their axes.
     nodes: BTreeMap<i64, Vec<&'static str>>,
     frfs: bool,
 }
@@ -43,6 +46,7 @@ pub(super) fn write(found: &[FoundFile]) -> Option<Scaffold> {
             match item {
                 FoundItem::History(h) => w.history(&file.path, h),
                 FoundItem::Frf(f) => w.frf(&file.path, f),
+                FoundItem::Modes(m) => w.modes(&file.path, m),
                 FoundItem::Other(_) => {}
             }
         }
@@ -207,6 +211,29 @@ impl Writer {
         self.to_confirm.extend(confirm);
         self.tests += &(text + "]\n");
         self.frfs = true;
+    }
+
+    /// A table of modes. Where no FRF names degrees of freedom, the model gets as many at the nodes of the shapes as there are modes.
+    fn modes(&mut self, path: &Path, m: &FoundModes) {
+        let id = self.id(path, "-modes");
+        let row = |(k, (f, z)): (usize, &(f64, Option<f64>))| {
+            let damping = z.map_or(String::new(), |z| format!(", damping = \"{} %\"", rounded(100.0 * z, 6)));
+            format!(" {{ mode = {}, frequency = \"{} Hz\"{damping} }},\n", k + 1, rounded(*f, 8))
+        };
+        let rows: String = m.modes.iter().enumerate().map(row).collect();
+        self.tests += &format!("\n[[test]]\nid = {}\nkind = \"modal\"\nrows = [\n{rows}]\n", quoted(&id));
+        self.to_confirm
+            .push(format!("{id}: whether mode 1 is the first of the structure; the numbers count the file's modes by frequency"));
+        self.frfs = true;
+        let nodes = if m.nodes.is_empty() { &[1][..] } else { &m.nodes[..m.nodes.len().min(m.modes.len())] };
+        for axis in AXES.into_iter().take(m.modes.len().div_ceil(nodes.len())) {
+            for node in nodes {
+                let axes = self.nodes.entry(*node).or_default();
+                if !axes.contains(&axis) {
+                    axes.push(axis);
+                }
+            }
+        }
     }
 
     fn study(&mut self) -> String {

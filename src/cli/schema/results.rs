@@ -57,7 +57,7 @@ pub struct New {
 pub struct Found {
     /// The file.
     file: String,
-    /// cycle, transient, frf, other.
+    /// cycle, transient, frf, modal, other.
     what: String,
 }
 

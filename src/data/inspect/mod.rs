@@ -38,6 +38,7 @@ pub struct FoundFile {
 pub enum FoundItem {
     History(Box<FoundHistory>),
     Frf(FoundFrf),
+    Modes(FoundModes),
     /// Something that is no measurement, or none this version makes a test of.
     Other(String),
 }
@@ -57,6 +58,15 @@ pub struct FoundFrf {
     /// Hz
     pub band: (f64, f64),
     pub findings: Vec<String>,
+}
+
+/// Modes that somebody has identified: shapes of a universal file with their frequency.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundModes {
+    /// Frequency [Hz] and damping ratio, where the file gives one, by rising frequency.
+    pub modes: Vec<(f64, Option<f64>)>,
+    /// Nodes of the shapes.
+    pub nodes: Vec<i64>,
 }
 
 /// Looks into a file.

@@ -1,9 +1,9 @@
 //! Universal files: functions as FRFs and histories; geometry, shapes and units named.
 
-use super::{FoundColumn, FoundFrf, FoundItem, history};
+use super::{FoundColumn, FoundFrf, FoundItem, FoundModes, history};
 use crate::data::uff::{Dof, Function, SetContent, UffFile, Values, describe, function_kind};
 use crate::data::{DataError, Role};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 fn place(dof: &Dof) -> Option<(i64, &'static str, bool)> {
     let axis = match dof.direction.abs() {
@@ -28,6 +28,7 @@ struct Group {
 pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
     let mut items = Vec::new();
     let mut groups: Vec<Group> = Vec::new();
+    let (mut modes, mut nodes) = (Vec::new(), BTreeSet::new());
     let mut others: BTreeMap<String, usize> = BTreeMap::new();
     let coherences: Vec<String> = file
         .functions()
@@ -87,8 +88,13 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
             SetContent::Elements(e) => items.push(FoundItem::Other(format!("{} elements", e.len()))),
             SetContent::Trace(t) => count(format!("trace line ({})", t.name)),
             SetContent::NodalData(d) => match d.mode() {
+                // A mode at rest is a rigid body's, and no value of a table.
                 Some((f, z)) => {
-                    items.push(FoundItem::Other(format!("mode shape at {f:.3} Hz, damping {:.3} %, {} nodes", 100.0 * z, d.nodes.len())))
+                    items.push(FoundItem::Other(format!("mode shape at {f:.3} Hz, damping {:.3} %, {} nodes", 100.0 * z, d.nodes.len())));
+                    if f > 0.0 && f.is_finite() {
+                        modes.push((f, Some(z).filter(|z| *z > 0.0 && *z < 1.0)));
+                        nodes.extend(d.nodes.iter().copied());
+                    }
                 }
                 None => count("data at nodes".into()),
             },
@@ -100,6 +106,10 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
         let mut columns = vec![FoundColumn { column: "time".into(), role: Some(Role::Time), unit: g.unit, values: g.abscissa }];
         columns.extend(g.columns);
         items.push(FoundItem::History(Box::new(history::found(columns))));
+    }
+    if !modes.is_empty() {
+        modes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        items.push(FoundItem::Modes(FoundModes { modes, nodes: nodes.into_iter().collect() }));
     }
     items.extend(others.into_iter().map(|(what, n)| FoundItem::Other(if n > 1 { format!("{n} x {what}") } else { what })));
     Ok(items)

@@ -117,6 +117,12 @@ pub(super) fn refine(set: &FrfSet, candidates: &[Candidate]) -> Refined {
     problem.result(poles, state)
 }
 
+/// Chance that an F of `more` and `left` degrees of freedom lies above `f`. A model that leaves nothing has an F without bound, for which
+/// the distribution has no value; 1e100 is beyond any chance already.
+fn f_beyond(f: f64, more: f64, left: f64) -> f64 {
+    if f > 0.0 { FisherSnedecor::new(more, left).map_or(1.0, |d| d.sf(f.min(1e100))) } else { 1.0 }
+}
+
 impl Problem<'_> {
     fn columns(&self) -> usize {
         self.set.h.len()
@@ -137,7 +143,7 @@ impl Problem<'_> {
     fn chance(&self, cost: f64, poles: &[Working], without: f64, fewer: &[Working]) -> f64 {
         let (more, left) = ((self.numbers(poles) - self.numbers(fewer)) as f64, self.freedom(poles));
         let f = (without - cost) / more / (cost / left).max(f64::MIN_POSITIVE);
-        if f > 0.0 { FisherSnedecor::new(more, left).map_or(1.0, |d| d.sf(f)) } else { 1.0 }
+        f_beyond(f, more, left)
     }
 
     /// First and last frequency in Hz.
@@ -355,4 +361,18 @@ fn solve_triangle(r: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
         c[k] = if r[(k, k)].abs() > 1e-13 * largest { (b[k] - rest) / r[(k, k)] } else { 0.0 };
     }
     c
+}
+
+#[cfg(test)]
+mod tests {
+    use super::f_beyond;
+
+    #[test]
+    fn a_model_that_leaves_nothing_gains_beyond_chance() {
+        for f in [1e150, 1e300, 1.7e308, f64::INFINITY] {
+            assert!(f_beyond(f, 4.0, 100.0) < 1e-100, "{f}");
+        }
+        assert!((f_beyond(f64::NAN, 4.0, 100.0), f_beyond(-1.0, 4.0, 100.0)) == (1.0, 1.0));
+        assert!((f_beyond(2.462_6, 4.0, 100.0) - 0.05).abs() < 1e-4);
+    }
 }

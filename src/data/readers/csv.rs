@@ -2,8 +2,8 @@
 //! short row with nulls and does not say in which line a cell cannot be read.
 
 use super::dialect::{self, Dialect, cells, unclosed};
-use super::stamp;
 use super::{Column, Columns, DataError, Wanted};
+use super::{complex, stamp};
 use polars::prelude::*;
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -68,6 +68,18 @@ fn whole_lines(bytes: &[u8]) -> usize {
     let whole = &bytes[..memchr::memrchr(b'\n', bytes).map_or(0, |k| k + 1)];
     let last = whole.iter().rposition(|b| !b.is_ascii_whitespace()).unwrap_or(whole.len());
     memchr::memchr(b'\n', &whole[last..]).map_or(0, |k| last + k + 1)
+}
+
+/// Cells of the first row, as far as `head` holds it.
+pub(super) fn first_row(head: &[u8], dialect: &Dialect) -> Vec<String> {
+    let body = head.get(dialect.body..).unwrap_or_default();
+    let line = body.split(|b| *b == b'\n').next().unwrap_or_default();
+    cells(&String::from_utf8_lossy(line), dialect.separator).unwrap_or_default()
+}
+
+/// Which part of a complex column is asked for, where no column has the name as it stands.
+fn part_of(dialect: &Dialect, wanted: &Wanted) -> Option<usize> {
+    complex::part(&wanted.name).map(|p| p.0).filter(|_| !dialect.names.contains(&wanted.name))
 }
 
 fn place(path: &Path, dialect: &Dialect, wanted: &[Wanted]) -> Result<Vec<usize>, DataError> {
@@ -180,7 +192,7 @@ fn no_points(path: &Path, body: &str, dialect: &Dialect, at: &[usize], wanted: &
 fn frame(body: &str, dialect: &Dialect, at: &[usize], wanted: &[Wanted], as_text: bool) -> PolarsResult<DataFrame> {
     let mut types = vec![DataType::String; dialect.names.len()];
     if !as_text {
-        for (i, _) in at.iter().zip(wanted).filter(|(_, w)| !w.text) {
+        for (i, _) in at.iter().zip(wanted).filter(|(_, w)| !w.text && part_of(dialect, w).is_none()) {
             types[*i] = DataType::Float64;
         }
     }
@@ -220,6 +232,16 @@ fn numbers(
         };
         columns.push(if w.text {
             Column::Text(series.str().map_err(format)?.iter().map(|c| c.unwrap_or("").trim().to_string()).collect())
+        } else if let Some(part) = part_of(dialect, w) {
+            let cell = |(row, c): (usize, Option<&str>)| match c.map(str::trim).unwrap_or("") {
+                "" => Err(bad(row, "an empty cell".to_string())),
+                c if dialect.decimal_comma => Ok(complex::parse(&c.replace(',', ".")).map(|z| z[part])),
+                c => Ok(complex::parse(c).map(|z| z[part])),
+            };
+            let value = |(row, c): (usize, Option<&str>)| {
+                cell((row, c))?.ok_or_else(|| bad(row, format!("`{}` is no complex number such as (1+2j)", clip(c.unwrap_or("")))))
+            };
+            Column::Numbers(series.str().map_err(format)?.iter().enumerate().map(value).collect::<Result<_, _>>()?)
         } else if let Ok(values) = series.f64() {
             let cell = |(row, v): (usize, Option<f64>)| v.ok_or_else(|| bad(row, "an empty cell".to_string()));
             Column::Numbers(values.iter().enumerate().map(cell).collect::<Result<_, _>>()?)
@@ -237,7 +259,10 @@ fn numbers(
             }
             let cell = |(row, c): (usize, Option<&str>)| match c.map(str::trim).unwrap_or("") {
                 "" => Err(bad(row, "an empty cell".to_string())),
-                c => number(c).map_err(|_| bad(row, format!("`{}` is not a number", clip(c)))),
+                c => number(c).map_err(|_| {
+                    let ask = format!("`{}` is complex: ask for real({name}) and imag({name})", clip(c), name = dialect::bare(&w.name));
+                    bad(row, if complex::is(c) { ask } else { format!("`{}` is not a number", clip(c)) })
+                }),
             };
             Column::Numbers(series.str().map_err(format)?.iter().enumerate().map(cell).collect::<Result<_, _>>()?)
         });

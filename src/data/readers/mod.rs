@@ -1,5 +1,6 @@
 //! Readers of measurement files, one per file: columns by name, as numbers or text.
 
+mod complex;
 mod csv;
 pub(crate) mod dialect;
 mod mat;
@@ -139,7 +140,12 @@ pub(crate) fn names(path: &Path) -> Result<Vec<(String, Option<String>)>, DataEr
                 return Err(DataError::Empty { file: path.to_path_buf() });
             }
             let d = dialect::find(path, &head)?;
-            Ok(d.names.into_iter().zip(d.units).collect())
+            let first = csv::first_row(&head, &d);
+            let each = |(k, (name, unit)): (usize, (String, Option<String>))| match first.get(k).is_some_and(|c| complex::is(c)) {
+                true => ["real", "imag"].map(|part| (format!("{part}({})", dialect::bare(&name)), unit.clone())).to_vec(),
+                false => vec![(name, unit)],
+            };
+            Ok(d.names.into_iter().zip(d.units).enumerate().flat_map(each).collect())
         }
         FileKind::Parquet => Ok(parquet::names(path, bytes(path)?)?.into_iter().map(|n| (n.clone(), dialect::bracket(&n))).collect()),
         FileKind::Universal => {
@@ -161,9 +167,11 @@ fn locate(path: &Path, header: &[String], wanted: &[Wanted]) -> Result<Vec<usize
     wanted
         .iter()
         .map(|w| {
-            // `Force` finds `Force [N]` where no column has the very name.
-            let exact = header.contains(&w.name);
-            let same = |h: &&String| if exact { **h == w.name } else { dialect::bare(h) == w.name };
+            // `Force` finds `Force [N]` where no column has the very name, and `real(H)` the complex column `H`.
+            let there = |name: &str| header.iter().any(|h| h == name || dialect::bare(h) == name);
+            let name = complex::part(&w.name).map(|p| p.1).filter(|n| !header.contains(&w.name) && there(n)).unwrap_or(&w.name);
+            let exact = header.iter().any(|h| h == name);
+            let same = |h: &&String| if exact { *h == name } else { dialect::bare(h) == name };
             let mut found = header.iter().enumerate().filter(|(_, h)| same(h)).map(|(i, _)| i);
             let (first, second) = (found.next(), found.next());
             match (first, second) {

@@ -204,3 +204,32 @@ proptest! {
         }
     }
 }
+
+/// A complex column as NumPy writes it is asked for by its parts, and offered by them.
+#[test]
+fn complex_text_is_read_by_its_parts() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = |text: &str| {
+        let path = dir.path().join("h.csv");
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let parts = [number("f"), number("real(H)"), number("imag(H)")];
+    for text in ["f,H [m/N]\n1,(1+2j)\n2,(-3e-01-4j)\n", "f;H\n1;1,0+2,0i\n2;-0,3-4,0i\n"] {
+        let path = file(text);
+        let expected = [vec![1.0, 2.0], vec![1.0, -0.3], vec![2.0, -4.0]].map(Column::Numbers);
+        assert_eq!(read(&path, &parts, None).unwrap().columns, expected, "{text}");
+        let offered: Vec<String> = names(&path).unwrap().into_iter().map(|n| n.0).collect();
+        assert_eq!(offered, ["f", "real(H)", "imag(H)"], "{text}");
+    }
+    let path = file("f,H [m/N]\n1,(1+2j)\n2,(3+4k)\n");
+    let error = read(&path, &parts, None).unwrap_err().to_string();
+    assert!(error.contains("(3+4k)") && error.contains("(1+2j)"), "{error}");
+    let error = read(&path, &[number("f"), number("H")], None).unwrap_err().to_string();
+    assert!(error.contains("real(H)"), "{error}");
+    assert_eq!(names(&path).unwrap()[1].1.as_deref(), Some("m/N"));
+    // A header that is `real(H)` as it stands is a column of its own.
+    let path = file("f,real(H),imag(H)\n1,5,6\n2,7,8\n");
+    let expected = [vec![1.0, 2.0], vec![5.0, 7.0], vec![6.0, 8.0]].map(Column::Numbers);
+    assert_eq!(read(&path, &parts, None).unwrap().columns, expected);
+}

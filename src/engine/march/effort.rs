@@ -45,6 +45,11 @@ impl Effort {
 }
 
 impl March<'_> {
+    /// Iterations of Newton's method so far, shortened steps included.
+    pub(in crate::engine) fn iterations(&self) -> usize {
+        self.effort.iterations
+    }
+
     /// One step, to the loads at index `k`. Where no equilibrium is found at its end, it is taken in halves.
     pub fn step(&mut self, k: usize, state: &mut State, columns: usize) -> Result<(), EngineError> {
         if parallel::given_up() {

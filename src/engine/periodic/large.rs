@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::secants::{Pass, Secants};
 use super::shooting::Shooting;
-use super::{CYCLES, Cycle, follow, record_with, with_columns};
+use super::{CYCLES, Cycle, follow, record_with, with_columns, work};
 use crate::engine::EngineError;
 use crate::engine::march::{March, Probe, State};
 
@@ -72,6 +72,7 @@ fn values(march: &mut March, mut state: State, z: &mut Shooting, wanted: &Wanted
         let columns = if cycles <= PATH { wanted.columns } else { 0 };
         let start = state.clone();
         let done = record_with(march, &mut state, wanted.steps, wanted.probes, columns, Some(z));
+        work::bounded(march, wanted.steps, cycles, work::CYCLES_LARGE)?;
         let change = z.slow_change(&start, &state);
         if let Some((stood, moved)) = marched.take()
             && (done.is_err() || change > moved.max(REPEATS))
@@ -137,7 +138,7 @@ fn sensitivities(march: &mut March, start: &State, path: &State, z: &Shooting, w
     let mut state = with_columns(march, start, Some(path), columns);
     let mut secants = Secants::within(AFFINE);
     let mut passes: Vec<Pass> = vec![];
-    for cycles in 1.. {
+    for cycles in 1..=ROUNDS + 1 {
         let begin = z.pack_columns(&state, columns);
         let mut cycle = record_with(march, &mut state, steps, wanted.probes, columns, None)?;
         cycle.cycles = cycles;
