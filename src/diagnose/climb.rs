@@ -177,8 +177,7 @@ impl<'a> Climb<'a> {
         let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
         let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
         let Ok(began) = begin(&loose, &self.monitor.quiet()) else { return false };
-        let Ok(start) = scale.at_first(&began.fitted.system) else { return false };
-        let Ok(weighed) = scale.weigh(&began.fitted.system, &start, self.monitor) else { return false };
+        let Ok(weighed) = scale.weigh(&began.fitted.system, &self.now.v, self.monitor) else { return false };
         // Its parameters are paid for by their widths.
         let gain = weighed.likelihood - self.now.likelihood;
         if gain <= than.max(0.0) {

@@ -58,7 +58,7 @@ pub struct Settings {
     pub slack_spring: f64,
     /// ...of nominal masses...
     pub slack_mass: f64,
-    /// ...of dampers, which nobody makes to measure: what damps alike joints differs by ten per cent...
+    /// ...of dampers, alike joints; wider, it takes a relaxing branch for a damper...
     pub slack_damper: f64,
     /// ...and of either at least.
     pub slack_least: f64,
@@ -160,7 +160,7 @@ impl Default for Settings {
             visible_least: 3.0,
             slack_spring: 0.05,
             slack_mass: 0.03,
-            slack_damper: 0.1,
+            slack_damper: 0.05,
             slack_least: 0.002,
             slack_members: 40,
             slack_reach: 0.9,

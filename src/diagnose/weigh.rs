@@ -147,18 +147,11 @@ impl Scale {
         Some(Weighed { fitted: fitted.clone(), seen, v, likelihood })
     }
 
-    /// Variances by what a system leaves that was not fitted under any: where an estimate begins. From a large model error the first fit would have
-    /// nothing to explain, and what the study ties would keep what it could take up.
-    pub fn at_first(&self, system: &System) -> Result<Variances, String> {
-        let seen = self.see(system)?;
-        Ok(self.evidence.estimate(&seen, &self.counts, &Variances::start(&self.evidence)))
-    }
-
     /// The system weighed, the counts set by what it leaves.
     pub fn begin(&mut self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
         self.counts = self.evidence.independent();
         parallel::watched(&monitor.watch(), || {
-            let mut now = self.weigh(system, &self.at_first(system)?, monitor)?;
+            let mut now = self.weigh(system, &Variances::start(&self.evidence), monitor)?;
             for _ in 0..self.settings.rounds {
                 now = self.tempered(&now, monitor)?;
             }

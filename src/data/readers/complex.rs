@@ -21,8 +21,9 @@ pub(super) fn parse(cell: &str) -> Option<[f64; 2]> {
     Some([if re.is_empty() { 0.0 } else { number(re)? }, number(im)?])
 }
 
-/// A number that begins with a digit, a point or a sign: `inf` and `nan` are none here.
+/// A number with a point or, where it has none, a comma for it: `inf` and `nan` are none here.
 fn number(text: &str) -> Option<f64> {
+    let text = if text.contains('.') { text.into() } else { text.replacen(',', ".", 1) };
     text.bytes().any(|b| b.is_ascii_digit()).then(|| text.parse().ok()).flatten()
 }
 
@@ -46,6 +47,7 @@ mod tests {
             ("1-2*i", [1.0, -2.0]),
             ("(7)", [7.0, 0.0]),
             ("7.5", [7.5, 0.0]),
+            ("-0,3-4,0i", [-0.3, -4.0]),
         ] {
             assert_eq!(parse(text), Some(value), "{text}");
         }

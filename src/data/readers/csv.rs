@@ -235,7 +235,6 @@ fn numbers(
         } else if let Some(part) = part_of(dialect, w) {
             let cell = |(row, c): (usize, Option<&str>)| match c.map(str::trim).unwrap_or("") {
                 "" => Err(bad(row, "an empty cell".to_string())),
-                c if dialect.decimal_comma => Ok(complex::parse(&c.replace(',', ".")).map(|z| z[part])),
                 c => Ok(complex::parse(c).map(|z| z[part])),
             };
             let value = |(row, c): (usize, Option<&str>)| {
