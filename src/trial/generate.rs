@@ -259,8 +259,8 @@ fn in_chain(kind: Kind, realistic: bool, mut draw: Draw) -> Generated {
     if hits {
         // Half a period of the first mode long, so that the fast modes are hardly struck.
         let period = 1.0 / f1;
-        let other = if bodies == 2 { 1 } else { 1 + bodies / 2 };
-        let two = if bodies > 1 { vec![bodies, other] } else { vec![bodies] };
+        // The last body and one in the middle that is another.
+        let two: Vec<usize> = [bodies, (1 + bodies / 2).min(bodies - 1)].into_iter().filter(|b| *b > 0).collect();
         for (j, (part, split)) in [(1.0, "fit"), (0.3, "fit"), (0.6, "select"), (0.8, "held_out")].into_iter().enumerate() {
             let drive = Drive::Hit {
                 length: 0.5 * period,
