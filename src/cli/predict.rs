@@ -116,18 +116,19 @@ fn cases(
     covariance: &DMatrix<f64>,
 ) -> Result<crate::tolerance::Outcome, Failure> {
     let earlier = way.len().saturating_sub(1);
+    let added = |k: usize, now: &Study| k.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &now.system));
     let mut rungs = Vec::new();
     for (k, before) in way[..earlier].iter().enumerate() {
         session.progress.say(&format!("fit of rung {k}"));
         let case = Case { f_tol: Some(WRITTEN), ..session.case(before)? };
         let (_, fitted, _) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
         let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
-        let added = k.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &before.system));
+        let added = added(k, before);
         let own = before.tolerance.as_ref().unwrap_or(spec);
         rungs.push(predict::rung(own, &calibrated(before, &fitted, &spread.covariance), title(k, &added), added)?);
     }
     session.progress.say("tolerance cases");
-    let added = earlier.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &study.system));
+    let added = added(earlier, study);
     let answer = calibrated(study, fitted, covariance);
     rungs.push(predict::rung(spec, &answer, title(earlier, &added), added)?);
     tolerance::outcome(spec, &answer, rungs, session.common.seed)

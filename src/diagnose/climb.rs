@@ -8,7 +8,7 @@ use super::candidates::Name;
 use super::case::{Case, Fitted, begin};
 use super::fault::of_channel;
 use super::horizon;
-use super::search::{Against, Move, Step, step};
+use super::search::{Against, Move, Step, Stood, step};
 use super::settings::Settings;
 use super::slack::{self, Slack};
 use super::weigh::{Scale, Weighed};
@@ -21,7 +21,7 @@ pub struct Added {
     pub name: Name,
     /// What it cannot be told from.
     pub tied: Vec<(Name, Weighed)>,
-    /// What came closest to it at other places, as it was fitted there.
+    /// What came closest to it at other places and what was tied with it at its own, as it was fitted there.
     pub rivals: Vec<(Name, Instance)>,
     /// Nats that it gained when it was added.
     pub gain: f64,
@@ -139,11 +139,15 @@ impl<'a> Climb<'a> {
                 let others = || step.stood.iter().filter(|s| s.admissible && s.name != *name);
                 let close = others().filter(|s| taken.gain - s.gain <= self.settings.tie).take(self.settings.ties);
                 added.tied = close.map(|s| (s.name.clone(), s.weighed.clone())).collect();
-                let elsewhere = others().filter(|s| s.name.at != name.at).filter_map(|s| {
+                let rival = |s: &Stood| {
                     let instance = s.weighed.fitted.system.instances.last()?;
                     (!of_channel(instance) && instance.target.is_none()).then(|| (s.name.clone(), instance.clone()))
-                });
-                added.rivals = elsewhere.take(self.settings.race.closest).collect();
+                };
+                let here = |s: &&Stood| s.name.at == name.at;
+                added.rivals = others().filter(|s| !here(s)).filter_map(rival).take(self.settings.race.closest).collect();
+                // A tie at its own place may be broken by what is added next.
+                let tied = others().filter(here).filter(|s| taken.gain - s.gain <= self.settings.tie);
+                added.rivals.extend(tied.filter_map(rival).take(self.settings.ties));
                 added.without = Some(self.now.clone());
             }
             self.added.push(added);

@@ -25,8 +25,8 @@ impl Evidence {
         Counts { n: z.iter().map(|z| z.sum()).sum(), z, facts: 0.0 }
     }
 
-    /// Counts by what a model leaves: loops of one channel together, every FRF and every channel of a record by itself; a row of a table is
-    /// a fact.
+    /// Counts by what a model leaves: loops of one channel together, FRFs between the same places together, every channel of a record by itself; a
+    /// row of a table is a fact.
     pub fn counts(&self, seen: &[Seen], v: &Variances) -> Counts {
         self.counted(v, |group| self.facts(group, Some(seen)))
     }
@@ -70,7 +70,8 @@ impl Evidence {
         for (t, record) in self.records.iter().enumerate() {
             for (b, c) in record.channels.iter().enumerate().filter(|(_, c)| c.kind != BlockKind::Table) {
                 let of = |&(t, b): &(usize, usize)| &self.records[t].channels[b];
-                let same = groups.iter_mut().find(|g| c.kind == BlockKind::Loop && of(&g[0]).kind == c.kind && of(&g[0]).label == c.label);
+                let one = matches!(c.kind, BlockKind::Loop | BlockKind::Frf);
+                let same = groups.iter_mut().find(|g| one && of(&g[0]).kind == c.kind && of(&g[0]).label == c.label);
                 match same {
                     Some(group) => group.push((t, b)),
                     None => groups.push(vec![(t, b)]),
@@ -84,7 +85,8 @@ impl Evidence {
         let s = &self.settings;
         let first = &self.records[group[0].0].channels[group[0].1];
         match first.kind {
-            BlockKind::Frf => s.facts_mode * first.modes as f64,
+            // What a model misses of a mode at one load or amplitude it misses at the next.
+            BlockKind::Frf => s.facts_mode * group.iter().map(|(t, b)| self.records[*t].channels[*b].modes).max().unwrap_or(0) as f64,
             BlockKind::Record => s.facts_record,
             BlockKind::Table => first.range.len() as f64,
             BlockKind::Loop => {

@@ -114,12 +114,19 @@ impl Coefficients {
         out
     }
 
-    /// Variance of each coefficient by the noise of the test's points: from the scatter between cycles where there is one, else the stated
+    /// Variance of each coefficient by the noise of the test's points, without what is granted to the model: from the scatter between cycles where there is one, else the stated
     /// sigma; infinite for rows that are left out.
     pub fn noise(&self, plan: &Plan) -> Vec<f64> {
         let mut out = Vec::with_capacity(self.count);
         for (k, (from, to, basis)) in self.blocks.iter().enumerate() {
-            let variance = |row: usize| if plan.left_out.contains(&row) { f64::INFINITY } else { plan.sigma[row].powi(2) };
+            let granted = |row: usize| plan.granted.get(row).copied().unwrap_or(0.0);
+            let variance = |row: usize| {
+                if plan.left_out.contains(&row) {
+                    f64::INFINITY
+                } else {
+                    (plan.sigma[row].powi(2) - granted(row)).max(f64::EPSILON * plan.sigma[row].powi(2))
+                }
+            };
             if basis.is_none() {
                 out.extend(from.clone().map(variance));
                 continue;

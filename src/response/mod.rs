@@ -97,6 +97,8 @@ pub struct Plan {
     pub blocks: Vec<Block>,
     /// What was done to the data.
     pub notes: Vec<String>,
+    /// Variance of each row within `sigma` that is granted to the model and no noise ([`Plan::tolerant`]); empty where none is.
+    pub granted: Vec<f64>,
     /// Rows that are computed and shown, and held against nothing.
     pub left_out: Vec<usize>,
     /// Channels of a cycle test whose kept cycles still change.
@@ -163,6 +165,7 @@ impl Plan {
             sigma: vec![],
             blocks: vec![],
             notes: vec![],
+            granted: vec![],
             left_out: vec![],
             unsettled: vec![],
             scatter: vec![],
@@ -423,11 +426,14 @@ impl Plan {
     /// An FRF test whose model is known to be off by itself by this part of |H|, root mean square; others as they are. The variance of each
     /// line becomes `sigma^2 + (part |H|)^2 / 2`, of the real and of the imaginary part alike.
     pub fn tolerant(mut self, part: f64) -> Plan {
+        self.granted = vec![0.0; self.len()];
         for block in self.blocks.iter().filter(|b| b.kind == BlockKind::Frf) {
-            let lines = self.measured[block.range.clone()].chunks(2).zip(self.sigma[block.range.clone()].chunks_mut(2));
-            for (h, sigma) in lines {
-                let own = part * h.iter().map(|x| x * x).sum::<f64>().sqrt() / std::f64::consts::SQRT_2;
-                sigma.iter_mut().for_each(|s| *s = s.hypot(own));
+            for line in block.range.clone().step_by(2) {
+                let rows = line..(line + 2).min(block.range.end);
+                let own = part * self.measured[rows.clone()].iter().map(|x| x * x).sum::<f64>().sqrt() / std::f64::consts::SQRT_2;
+                for row in rows {
+                    (self.sigma[row], self.granted[row]) = (self.sigma[row].hypot(own), own * own);
+                }
             }
             self.notes.push(format!("{:.3} % of |H| is allowed to the model beside the noise (frf_tolerance)", 100.0 * part));
         }
