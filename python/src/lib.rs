@@ -30,5 +30,5 @@ mod _native {
     #[pymodule_export]
     use crate::table::Table;
     #[pymodule_export]
-    use crate::write::write_study;
+    use crate::write::{save_study, write_study};
 }

@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use misfit::export::stand_alone;
+use misfit::study::Study;
 use misfit::work::Failure;
 use numpy::{AllowTypeChange, PyArrayLike1};
 use polars::prelude::{Column, DataFrame, ParquetWriter};
@@ -26,6 +28,18 @@ pub fn write_study(py: Python<'_>, folder: PathBuf, study: &str, dataset: &str, 
     let path = folder.join("study.toml");
     write_toml(py, &path, study)?;
     Ok(path)
+}
+
+/// Writes the study with all its data into `folder`, where it stands alone.
+#[pyfunction]
+#[pyo3(signature = (path, folder, data=None))]
+pub fn save_study(py: Python<'_>, path: PathBuf, folder: PathBuf, data: Option<PathBuf>) -> PyResult<()> {
+    let save = || -> Result<(), Failure> {
+        let study = Study::load(&path, data.as_deref())?;
+        stand_alone(&study, &study.system, &folder)?;
+        Ok(())
+    };
+    py.detach(save).map_err(|e| raise(py, &e))
 }
 
 fn unwritten(py: Python<'_>, path: &Path, e: &dyn std::fmt::Display) -> PyErr {
