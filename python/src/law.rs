@@ -1,5 +1,6 @@
 //! Laws written in Python: registered beside the library, called back by the engines, differentiated by [`Dual`].
 
+use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -45,6 +46,28 @@ pub fn explained(failure: Failure) -> Failure {
     let Some(odd) = ODD.lock().unwrap_or_else(PoisonError::into_inner).take() else { return failure };
     let stage = failure.json()["error"]["stage"].as_str().unwrap_or_default().to_string();
     Failure::new(&stage, failure.place(), format!("{} ({odd})", failure.message()), failure.accepted())
+}
+
+/// One thread at a time: they would only contend for the interpreter lock, which is dearer than a mutex.
+static TURN: Mutex<()> = Mutex::new(());
+
+thread_local! {
+    static KNOWN: Cell<bool> = const { Cell::new(false) };
+}
+
+/// `work` with the interpreter lock. A thread of rayon's pool is made known to Python once and for good: Python makes and destroys its state of a
+/// thread at every attachment otherwise, which takes longer than most laws.
+fn attached<T>(work: impl FnOnce(Python<'_>) -> T) -> T {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    if rayon::current_thread_index().is_some() && !KNOWN.replace(true) {
+        // SAFETY: the interpreter runs, since it called what is computed here. The lock that is taken is given back at once; the state of the
+        // thread stays, and later attachments find it.
+        unsafe {
+            pyo3::ffi::PyGILState_Ensure();
+            pyo3::ffi::PyEval_SaveThread();
+        }
+    }
+    Python::attach(work)
 }
 
 /// What an argument of the function is.
@@ -186,7 +209,7 @@ impl ForceLaw for PyLaw {
         if raised() {
             return f64::NAN;
         }
-        let done = Python::attach(|py| self.met(self.evaluate(py, u, dt, s, p), |v| v.iter().all(|v| v.is_finite()), u, s, p));
+        let done = attached(|py| self.met(self.evaluate(py, u, dt, s, p), |v| v.iter().all(|v| v.is_finite()), u, s, p));
         let Some(all) = done else { return f64::NAN };
         s.copy_from_slice(&all[1..]);
         all[0]
@@ -198,7 +221,7 @@ impl ForceLaw for PyLaw {
             return;
         }
         let finite = |d: &(Vec<Dual>, Vec<usize>)| d.0.iter().all(|v| v.0.re.is_finite() && (0..d.1.len()).all(|k| v.slope(k).is_finite()));
-        let done = Python::attach(|py| self.met(self.differentiate(py, u, dt, (s, p), wanted), finite, u, s, p));
+        let done = attached(|py| self.met(self.differentiate(py, u, dt, (s, p), wanted), finite, u, s, p));
         let Some((all, columns)) = done else { return };
         out.f = all[0].0.re;
         s.iter_mut().zip(&all[1..]).for_each(|(s, v)| *s = v.0.re);
