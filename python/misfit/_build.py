@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import pathlib
+import re
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -108,7 +109,7 @@ def study(
         raise Error("a study is there already", "study", str(place), "a new folder")
     listed, records = [], {}
     for k, test in enumerate(tests):
-        file = f"test-{k + 1}.parquet"
+        file = f"{k + 1}-{re.sub(r'[^A-Za-z0-9_.-]', '-', str(test.get('id', '')))}.parquet"
         records[file] = columns(test)
         listed.append({"file": file, **test})
     whole = {
@@ -154,6 +155,8 @@ def columns(test: Test) -> list[tuple[str, Any]]:
     if len(lengths) > 1:
         said = ", ".join(f"`{n}` {len(v)}" for n, v in found)
         raise Error(f"columns of different lengths: {said}", "data", f"test `{test['id']}`", "columns of one length")
+    if lengths == {0}:
+        raise Error("columns without rows", "data", f"test `{test['id']}`", "at least one row")
     for name, values in found:
         odd = np.flatnonzero(~np.isfinite(values))
         if len(odd):
