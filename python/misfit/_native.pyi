@@ -7,6 +7,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+__all__ = ["Called", "Curve", "Dual", "Model", "Table", "call", "panic", "register", "save_study", "write_study"]
+
 @final
 class Called:
     """What a verb gave."""
@@ -123,6 +125,7 @@ class Model:
     def values(self) -> NDArray[np.float64]: ...
     @property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def refined(self, p: ArrayLike) -> Model: ...
     def residual(self, p: ArrayLike, splits: Sequence[str] = ...) -> NDArray[np.float64]: ...
     def jacobian(self, p: ArrayLike, splits: Sequence[str] = ...) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 

@@ -6,7 +6,7 @@ import os
 import pathlib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import msgspec
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 R = TypeVar("R", bound=Run)
 Tell = Callable[["str | None", "tuple[int, float] | None"], Any]
-PathLike = "str | os.PathLike[str]"
+PathLike: TypeAlias = "str | os.PathLike[str]"
 
 
 def run(kind: type[R], words: Sequence[str], study: Study | None, progress: bool | Tell, max_seconds: float | None) -> R:
@@ -47,7 +47,7 @@ def load(path: PathLike, data: PathLike | None = None, seed: int = 1) -> Study:
 
 def new(folder: PathLike, files: Iterable[PathLike]) -> Study:
     """A study made of files of a test bench, to be confirmed by eye; what was found in them stands in its `made`."""
-    words = ["new", os.fspath(folder), "--from", *map(os.fspath, files)]
+    words = ["new", os.fspath(folder), "--from", *(os.fspath(f) for f in files)]
     made = run(results.New, words, None, False, None)
     if made.problem is not None:
         p = made.problem
@@ -100,6 +100,12 @@ class Study:
         """Reads the files anew for `residual` and `jacobian`."""
         self._model = None
         self.model  # noqa: B018
+        return self
+
+    def refine(self, p: ArrayLike | None = None) -> Study:
+        """Gives `residual` and `jacobian` as many time steps as the noise of the tests asks for at the parameters `p` (those of the study, where
+        none are given), as a fit ends with."""
+        self._model = self.model.refined(self.values if p is None else p)
         return self
 
     @property

@@ -74,6 +74,17 @@ impl Model {
         (of(|p| p.min), of(|p| p.max))
     }
 
+    /// The same model in as many time steps as the noise asks for at the parameters `p` [SI], as a fit ends with.
+    fn refined(&self, py: Python<'_>, p: Values<'_>) -> PyResult<Model> {
+        let variables = self.variables(py, &p.as_array().iter().copied().collect::<Vec<_>>())?;
+        let work = || {
+            let at = Problem { plans: vec![], system: self.system(), free: self.free.clone(), memo: None }.system_at(&variables);
+            self.case.refined(&at).unwrap_or_else(|| self.case.clone())
+        };
+        let (case, ended) = Self::watched(py, work)?;
+        ended.map_or_else(|| Ok(Model { study: self.study.clone(), case, free: self.free.clone() }), Err)
+    }
+
     /// Whitened residuals (computed - measured) / sigma of the tests of `splits` at the parameters `p` [SI].
     #[pyo3(signature = (p, splits=vec!["fit".to_string()]))]
     fn residual<'py>(&self, py: Python<'py>, p: Values<'py>, splits: Vec<String>) -> PyResult<Bound<'py, PyArray1<f64>>> {

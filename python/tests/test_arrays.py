@@ -1,6 +1,5 @@
 """Studies made of arrays; tables and curves without copies; the model as a function."""
 
-import importlib.util
 import pickle
 import subprocess
 import sys
@@ -169,7 +168,7 @@ def test_bad_columns_are_refused(change, said):
 
 def test_a_frame_with_missing_values_is_refused():
     data = loop(1.0)
-    for frame in [pd.DataFrame(data).mask(pd.DataFrame(data).index == 5), pl.DataFrame(data).with_columns(F=pl.lit(None))]:
+    for frame in [pd.DataFrame(data).shift(1), pl.DataFrame(data).with_columns(F=pl.lit(None))]:
         with pytest.raises(misfit.Error, match="missing"):
             connector([cycle("slow", frame)])
 
@@ -205,6 +204,15 @@ def test_a_panic_is_an_error():
 
 
 def test_the_stubs_are_those_of_the_native_part():
-    assert importlib.util.find_spec("mypy")
     done = subprocess.run([sys.executable, "-m", "mypy.stubtest", "misfit._native"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
+
+
+def test_the_types_of_the_package_hold():
+    """Its own code, and a user's: a field of a result has the type that the schema says."""
+    use = "import misfit\nf = misfit.load('x').fit()\nreveal_type(f.termination)\nreveal_type(f.tests[0].worst.where)\nf.nothing"
+    done = subprocess.run([sys.executable, "-m", "mypy", "-c", use], capture_output=True, text=True, check=False)
+    assert done.stdout.count('Revealed type is "str"') == 2 or done.stdout.count('"builtins.str"') == 2, done.stdout
+    assert '"Fit" has no attribute "nothing"' in done.stdout
+    own = subprocess.run([sys.executable, "-m", "mypy", "-p", "misfit"], capture_output=True, text=True, check=False)
+    assert own.returncode == 0, own.stdout
