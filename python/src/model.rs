@@ -1,8 +1,9 @@
 //! The residual of a study as a function of its free parameters, for SciPy, emcee, PyMC.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
+use std::time::{Duration, Instant};
 
 use misfit::diagnose::Case;
 use misfit::diagnose::results::SplitName;
@@ -26,7 +27,12 @@ pub struct Model {
     study: Study,
     case: Case,
     free: Vec<FreeParam>,
+    /// Whether the last evaluation was short: a thread that listens for Ctrl-C meanwhile is then dearer than waiting for the end.
+    quick: AtomicBool,
 }
+
+/// An evaluation is short up to this time.
+const QUICK: Duration = Duration::from_millis(100);
 
 type Values<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
 
@@ -42,7 +48,7 @@ impl Model {
             let study = Study::load(&path, data.as_deref())?;
             let case = Case::from_study(&study, seed)?;
             let free = case.system.free();
-            Ok(Model { study, case, free })
+            Ok(Model { study, case, free, quick: AtomicBool::new(false) })
         };
         let (loaded, ended) = Self::watched(py, load)?;
         ended.map_or_else(|| loaded.map_err(|e| raise(py, &crate::law::explained(e))), Err)
@@ -82,7 +88,7 @@ impl Model {
             self.case.refined(&at).unwrap_or_else(|| self.case.clone())
         };
         let (case, ended) = Self::watched(py, work)?;
-        ended.map_or_else(|| Ok(Model { study: self.study.clone(), case, free: self.free.clone() }), Err)
+        ended.map_or_else(|| Ok(Model { study: self.study.clone(), case, free: self.free.clone(), quick: AtomicBool::new(false) }), Err)
     }
 
     /// Whitened residuals (computed - measured) / sigma of the tests of `splits` at the parameters `p` [SI].
@@ -163,7 +169,9 @@ impl Model {
                 true => problem.jacobian(&variables).map(|(r, j)| (r, Some(j))),
             }
         };
-        let (done, ended) = Self::watched(py, work)?;
+        let began = Instant::now();
+        let (done, ended) = if self.quick.load(Ordering::Relaxed) { watch::short(py, work) } else { Self::watched(py, work) }?;
+        self.quick.store(began.elapsed() < QUICK, Ordering::Relaxed);
         if let Some(e) = ended {
             return Err(e);
         }

@@ -69,6 +69,18 @@ pub fn run<T: Send>(
     }
 }
 
+/// Runs `work` that takes a moment on the calling thread, without the interpreter lock. Ctrl-C is heard when it is done.
+///
+/// # Errors
+/// As [`run`].
+pub fn short<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<(T, Option<PyErr>)> {
+    law::clear();
+    match py.detach(|| catch_unwind(AssertUnwindSafe(work))) {
+        Ok(value) => Ok((value, law::take().or(py.check_signals().err()))),
+        Err(panic) => Err(of_panic(py, &*panic)),
+    }
+}
+
 /// The exception of a panic.
 fn of_panic(py: Python<'_>, panic: &(dyn Any + Send)) -> PyErr {
     let text = panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
