@@ -11,16 +11,6 @@ use super::DiagnoseError;
 use super::case::Case;
 use super::results::SplitName;
 
-/// Relative error of an FRF from which its peaks do not overlap the measured ones, of a record from which it is out of phase.
-const FAR_OFF: f64 = 0.5;
-/// Relative change of the cost at which the approach ends, and its most iterations.
-const NEAR_ENOUGH: f64 = 5e-2;
-const MOST: u64 = 40;
-/// Doublings of a record's first cycles at most.
-const MOST_DOUBLINGS: u32 = 16;
-/// What a parameter may be off from its start for one unit, as part of it or, of a logarithm, in the logarithm.
-const NEAR: f64 = 1.0;
-
 /// The model nearer to the fitted tests, where it computes an FRF or a record of theirs so far off that the difference does not lead there;
 /// `None` where none is. An FRF is approached by its logarithm ([`Approach`]), a record from its first cycles on: where late ones are out of
 /// phase these are not yet, and what they teach brings the next ones into phase.
@@ -33,7 +23,7 @@ const NEAR: f64 = 1.0;
 pub fn approached(case: &Case, monitor: &Monitor) -> Result<Option<System>, DiagnoseError> {
     let Some(way) = Way::new(case, &[TestKind::Frf, TestKind::Transient], monitor)? else { return Ok(None) };
     let mut p = way.start.clone();
-    for doublings in 0..MOST_DOUBLINGS {
+    for doublings in 0..case.search.settings.fitting.doublings {
         let Some(openings) = way.opened(doublings) else { break };
         p = way.fit(&way.over(&openings), &p)?;
     }
@@ -51,12 +41,16 @@ pub fn approached(case: &Case, monitor: &Monitor) -> Result<Option<System>, Diag
 pub fn in_step(case: &Case, monitor: &Monitor) -> Result<Option<Case>, DiagnoseError> {
     let Some(way) = Way::new(case, &[TestKind::Transient], monitor)? else { return Ok(None) };
     let mut kept = (0, way.start.clone());
-    for doublings in 0..MOST_DOUBLINGS {
+    for doublings in 0..case.search.settings.fitting.doublings {
         let Some(openings) = way.opened(doublings) else { return Ok(None) };
         let begun = way.over(&openings);
         let p = way.fit(&begun, &kept.1)?;
         let system = begun.system_at(&p);
-        let follows = !begun.plans.iter().zip(&openings).any(|(plan, opening)| opening.is_some() && off(plan, &system));
+        let follows = !begun
+            .plans
+            .iter()
+            .zip(&openings)
+            .any(|(plan, opening)| opening.is_some() && off(plan, &system, case.search.settings.fitting.far_off));
         if follows || doublings == 0 {
             kept = (doublings, p);
         }
@@ -74,12 +68,14 @@ pub fn in_step(case: &Case, monitor: &Monitor) -> Result<Option<Case>, DiagnoseE
 
 /// Whether a model is out of step with any record of the fitted tests.
 pub fn out_of_step(case: &Case, system: &System) -> bool {
-    case.plans_of(SplitName::Fit).iter().any(|plan| plan.kind == TestKind::Transient && off(plan, system))
+    case.plans_of(SplitName::Fit)
+        .iter()
+        .any(|plan| plan.kind == TestKind::Transient && off(plan, system, case.search.settings.fitting.far_off))
 }
 
 /// Whether a model computes a test so far off that the difference does not lead to it.
-fn off(plan: &Plan, system: &System) -> bool {
-    plan.evaluate(system, &[], false).is_ok_and(|c| test_error(plan, &c.values).error > FAR_OFF)
+fn off(plan: &Plan, system: &System, far_off: f64) -> bool {
+    plan.evaluate(system, &[], false).is_ok_and(|c| test_error(plan, &c.values).error > far_off)
 }
 
 /// A fit from afar.
@@ -95,12 +91,12 @@ struct Way<'a> {
 impl<'a> Way<'a> {
     /// `None` where no fitted test of these kinds is far off, or nothing is to be fitted.
     fn new(case: &'a Case, kinds: &[TestKind], monitor: &'a Monitor) -> Result<Option<Self>, DiagnoseError> {
-        let system = &case.system;
+        let (system, s) = (&case.system, &case.search.settings.fitting);
         let mut whole = Problem::new(case.plans_of(SplitName::Fit), system.clone());
         if whole.free.is_empty() || monitor.resumes() {
             return Ok(None);
         }
-        let far = parallel::map(&whole.plans, |plan| kinds.contains(&plan.kind) && off(plan, system));
+        let far = parallel::map(&whole.plans, |plan| kinds.contains(&plan.kind) && off(plan, system, s.far_off));
         if !far.contains(&true) {
             return Ok(None);
         }
@@ -112,11 +108,11 @@ impl<'a> Way<'a> {
         let start = whole.variables();
         let mut options = case.options_in(&whole.free, system, 0)?;
         options.constraints.validate(&options.names)?;
-        options.tolerances.f_tol = NEAR_ENOUGH;
+        options.tolerances.f_tol = s.near_enough;
         options.tolerances.drop = 0.0;
-        options.tolerances.max_iterations = MOST.min(case.max_iterations);
+        options.tolerances.max_iterations = s.approach.min(case.max_iterations);
         for (index, (f, v)) in whole.free.iter().zip(&start).enumerate() {
-            let sigma = if f.log { NEAR } else { NEAR * v.abs() };
+            let sigma = if f.log { s.near } else { s.near * v.abs() };
             if options.priors.iter().any(|p| p.index == index) {
                 continue;
             }

@@ -19,14 +19,6 @@ use super::results::*;
 use super::slack::Slack;
 use super::weigh::Scale;
 
-/// Relative change of the cost at which a fit ends that decides between candidates, or stands above the noise.
-pub(super) const COARSE: f64 = 1e-5;
-/// Root mean square of the whitened residuals from which intervals do not hold.
-const MISSES: f64 = 1.5;
-/// Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than
-/// `sqrt(2e-5)`, half a hundredth, of its standard deviation.
-const WORTH_NO_STEP: f64 = 1e-5;
-
 /// What the search for missing effects may use.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
@@ -173,7 +165,7 @@ impl Case {
             options.losses = vec![LossBlock { rows: 0..n_residuals, loss: self.loss }];
         }
         options.tolerances.max_iterations = self.max_iterations;
-        options.tolerances.drop = self.worth.unwrap_or(WORTH_NO_STEP);
+        options.tolerances.drop = self.worth.unwrap_or(self.search.settings.fitting.worth_no_step);
         options.tolerances.f_tol = self.f_tol.unwrap_or(options.tolerances.f_tol);
         Ok(options)
     }
@@ -247,7 +239,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let (parameters, unidentifiable) = parameters(case, &fitted)?;
     let mut notes = Vec::new();
     let sigmas = fitted.outcome.whitened_rms();
-    if sigmas > MISSES && !parameters.is_empty() {
+    if sigmas > case.search.settings.fitting.misses && !parameters.is_empty() {
         notes.push(format!(
             "parameters: their intervals are those of a model that is right; this one stays {} sigma (rms) from the fitted tests, and its \
              parameters make up for what it lacks",
@@ -262,7 +254,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         );
     }
     notes.extend(case.notes());
-    let away = ran_away(&fitted, &parameters, start);
+    let away = ran_away(&fitted, &parameters, start, case.search.settings.fitting.ran_away);
     let termination = if away.is_empty() { fitted.outcome.termination.name() } else { "failed" };
     notes.splice(0..0, away);
     let (model_error, scatter, noise) = errors(case, &fitted);
@@ -286,19 +278,15 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     Ok((case.clone(), fitted, result))
 }
 
-/// A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
-/// any more: the data do not hold it, or they contradict the model.
-const RAN_AWAY: f64 = 1e9;
-
 /// Free parameters that have run away from where they began, each with what may be done.
-fn ran_away(fitted: &Fitted, parameters: &[ParameterResult], began: &System) -> Vec<String> {
+fn ran_away(fitted: &Fitted, parameters: &[ParameterResult], began: &System, times: f64) -> Vec<String> {
     let value = |system: &System, f: &FreeParam| system.instances[f.instance].params[f.param].value;
     let one = |f: &FreeParam| {
         let (from, to) = (value(began, f), value(&fitted.system, f));
         let (symbol, factor) = &fitted.system.instances[f.instance].params[f.param].unit;
         let open = fitted.system.instances[f.instance].params[f.param].max.is_infinite();
         let held = parameters.iter().any(|p| p.name == f.name && p.identifiable);
-        let far = open && !held && from != 0.0 && to.abs() > RAN_AWAY * from.abs();
+        let far = open && !held && from != 0.0 && to.abs() > times * from.abs();
         far.then(|| {
             format!(
                 "`{}` ran away: from {} to {} {symbol}; the fitted tests do not hold it, or contradict the model (signs, units, places: \
@@ -329,8 +317,12 @@ pub fn compare(case: &Case, system: &System, splits: &[SplitName]) -> Result<Vec
     let ratio = fitted_ratio(case);
     let one = |(plan, split): &&(Plan, SplitName)| {
         let computed = plan.evaluate(system, &[], false)?;
-        let constant_damping = constant_damping(plan, *split, &computed, ratio);
-        Ok(TestResult { constant_damping, factors: factors(plan, system, &computed), ..test_result(plan, *split, &computed) })
+        let constant_damping = constant_damping(plan, *split, &computed, ratio, case.search.settings.telling.standard_errors);
+        Ok(TestResult {
+            constant_damping,
+            factors: factors(plan, system, &computed, &case.search.settings.telling),
+            ..test_result(plan, *split, &computed)
+        })
     };
     parallel::map(&wanted, one).into_iter().collect()
 }

@@ -1,7 +1,7 @@
 //! The state of a ladder: the model as it stands, what was added to it, and how it is weighed.
 
 use crate::identify::Monitor;
-use crate::model::{Instance, System};
+use crate::model::Instance;
 
 use super::approach::in_step;
 use super::candidates::Name;
@@ -15,6 +15,7 @@ use super::weigh::{Scale, Weighed};
 use super::{DiagnoseError, trace};
 
 /// An effect that was added.
+#[derive(Clone)]
 pub struct Added {
     /// Its name.
     pub name: Name,
@@ -51,6 +52,8 @@ pub struct Climb<'a> {
     pub base: usize,
     /// What deviates of what the study ties or fixes.
     pub slack: Slack,
+    /// Whether that was given by a move, which may be taken back once.
+    pub loosened: bool,
     /// What models are weighed on, under the counts of the model before the last addition.
     pub scale: Scale,
     /// The study's own model.
@@ -93,6 +96,7 @@ impl<'a> Climb<'a> {
             watch,
             base,
             slack,
+            loosened: false,
             scale,
             first,
             now,
@@ -156,38 +160,6 @@ impl<'a> Climb<'a> {
             }
         }
         self.revive();
-    }
-
-    /// Gives slack to what the study ties or fixes where that gains more than what a step has found: a move like any other, whose price is that
-    /// of its widths. It then stands in every model that follows. Whether it was given.
-    pub fn slacken(&mut self, than: f64) -> bool {
-        let (s, e) = (&self.settings, &self.settings.evidence);
-        let seen = self.now.v.model_error(e) >= s.pairs_from * e.model_error_least;
-        if !seen || !self.slack.is_empty() || self.case.search.slack == Some(false) || trace::stopped(self.monitor) {
-            return false;
-        }
-        let present = &self.now.fitted.system;
-        let study = System { instances: present.instances[..self.base].to_vec(), ..present.clone() };
-        let (given, slack) = slack::given(&self.case, &study, true, s);
-        if slack.is_empty() {
-            return false;
-        }
-        (self.watch)(&format!("weighing {} deviations of what the study ties or fixes", slack.len()));
-        let system = present.with(self.base, given.instances[self.base..].to_vec());
-        let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
-        let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
-        let Ok(began) = begin(&loose, &self.monitor.quiet()) else { return false };
-        let Ok(weighed) = scale.weigh(&began.fitted.system, &self.now.v, self.monitor) else { return false };
-        // Its parameters are paid for by their widths.
-        let gain = weighed.likelihood - self.now.likelihood;
-        if gain <= than.max(0.0) {
-            return false;
-        }
-        (self.watch)(&format!("what the study ties or fixes has slack: {gain:.1} nats"));
-        self.case.deviations = slack.clone();
-        (self.base, self.scale, self.slack, self.now) = (self.base + slack.len(), scale, slack, weighed);
-        self.forget();
-        true
     }
 
     /// What was weighed before the model changed no longer holds.

@@ -6,9 +6,6 @@ use crate::response::{Computed, Plan};
 use super::case::Case;
 use super::results::{Against, ConstantDamping, SplitName};
 
-/// Standard errors beyond which two models differ.
-const STANDARD_ERRORS: f64 = 2.0;
-
 /// The block of a modal test that holds its damping ratios, by their logarithms.
 const BLOCK: &str = "modal_damping";
 
@@ -25,15 +22,15 @@ pub fn fitted_ratio(case: &Case) -> Option<f64> {
 }
 
 /// What the constant `ratio` does on the modes of a test that is not fitted, beside the model; none where fewer than two are compared.
-pub fn constant_damping(plan: &Plan, split: SplitName, computed: &Computed, ratio: Option<f64>) -> Option<ConstantDamping> {
+pub fn constant_damping(plan: &Plan, split: SplitName, computed: &Computed, ratio: Option<f64>, sure: f64) -> Option<ConstantDamping> {
     let (ratio, rows) = (ratio.filter(|_| split != SplitName::Fit)?, rows(plan));
     let measured: Vec<f64> = rows.iter().map(|k| plan.measured[*k].exp()).collect();
     let model: Vec<f64> = rows.iter().map(|k| computed.values[*k].exp()).collect();
-    against_constant(&measured, &model, ratio)
+    against_constant(&measured, &model, ratio, sure)
 }
 
-/// Damping ratios of a model beside a constant one; none where fewer than two are compared.
-fn against_constant(measured: &[f64], model: &[f64], ratio: f64) -> Option<ConstantDamping> {
+/// Damping ratios of a model beside a constant one, which differ by `sure` standard errors; none where fewer than two are compared.
+fn against_constant(measured: &[f64], model: &[f64], ratio: f64, sure: f64) -> Option<ConstantDamping> {
     if measured.len() < 2 {
         return None;
     }
@@ -46,8 +43,8 @@ fn against_constant(measured: &[f64], model: &[f64], ratio: f64) -> Option<Const
     let gain = mean(&gains);
     let standard_error = (gains.iter().map(|g| (g - gain).powi(2)).sum::<f64>() / (n - 1.0) / n).sqrt();
     let verdict = match gain {
-        g if g > STANDARD_ERRORS * standard_error => Against::Better,
-        g if g < -STANDARD_ERRORS * standard_error => Against::Worse,
+        g if g > sure * standard_error => Against::Better,
+        g if g < -sure * standard_error => Against::Worse,
         _ => Against::Tied,
     };
     let (model, constant) = (mean(&of_model).sqrt(), mean(&of_constant).sqrt());
@@ -62,7 +59,7 @@ mod tests {
     fn a_model_is_better_worse_or_tied_with_one_constant_ratio() {
         let measured = [0.02, 0.03, 0.025, 0.022, 0.028];
         let off = |by: f64| measured.map(|m| m * (1.0 + by));
-        let said = |model: &[f64], ratio: f64| against_constant(&measured, model, ratio).unwrap();
+        let said = |model: &[f64], ratio: f64| against_constant(&measured, model, ratio, 2.0).unwrap();
         // Off by a hundredth, against a ratio twice as large as any.
         let better = said(&off(0.01), 0.05);
         assert_eq!(better.verdict, Against::Better);
@@ -73,6 +70,6 @@ mod tests {
         assert_eq!(said(&off(1.0), 0.025).verdict, Against::Worse);
         // As far off as the constant, over as many modes.
         assert_eq!(said(&[0.025; 5].map(|c| c * 1.001), 0.025).verdict, Against::Tied);
-        assert!(against_constant(&measured[..1], &measured[..1], 0.02).is_none());
+        assert!(against_constant(&measured[..1], &measured[..1], 0.02, 2.0).is_none());
     }
 }

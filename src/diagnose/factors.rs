@@ -9,46 +9,36 @@ use crate::model::{FreeParam, System};
 use crate::parallel;
 use crate::response::{Block, Computed, Plan};
 
+use super::method::Telling;
 use super::results::{Factor, OneStrength};
 
-/// The strength is searched from this part of its value to its inverse.
-const REACH: f64 = 1e3;
-/// Part of its value at which a strength counts as weak, and what is left of every loss there where it carries them all.
-const WEAK: f64 = 1e-3;
-const FALLS: f64 = 0.1;
-/// Values tried over that range before the best is narrowed down.
-const TRIED: usize = 49;
-/// Iterations that narrow it down, and the relative change of the strength at which they end.
-const ITERATIONS: u64 = 60;
-const NARROW: f64 = 1e-6;
-
 /// The factors of every channel of an energy table, given its computed values; none for other tests.
-pub fn factors(plan: &Plan, system: &System, computed: &Computed) -> Vec<Factor> {
+pub fn factors(plan: &Plan, system: &System, computed: &Computed, s: &Telling) -> Vec<Factor> {
     if plan.kind != TestKind::Energy {
         return vec![];
     }
     let of = |block: &Block| {
         let logarithms = block.range.clone().map(|k| computed.values[k] - plan.measured[k]);
-        let strength = if block.role == "dissipated" { one_strength(plan, system, block) } else { None };
+        let strength = if block.role == "dissipated" { one_strength(plan, system, block, s) } else { None };
         Factor { channel: block.label.clone(), largest: logarithms.fold(0.0, |m: f64, r| m.max(r.abs())).exp(), strength }
     };
     plan.blocks.iter().map(of).collect()
 }
 
 /// The one free strength without which nothing is dissipated, with the least largest factor that it can reach while all else stays.
-fn one_strength(plan: &Plan, system: &System, block: &Block) -> Option<OneStrength> {
+fn one_strength(plan: &Plan, system: &System, block: &Block, s: &Telling) -> Option<OneStrength> {
     let free = system.free();
     let strengths = free.iter().filter(|f| f.param == 0 && system.instances[f.instance].effect.info().role == Role::Force);
     strengths.into_iter().find_map(|f| {
         let value = system.instances[f.instance].params[f.param].value;
-        let (rows, values) = (block.range.clone(), |s: f64| plan.evaluate(&at(system, f, s), &[], false).ok().map(|c| c.values));
-        let (strong, weak) = (values(value)?, values(WEAK * value)?);
+        let (rows, values) = (block.range.clone(), |v: f64| plan.evaluate(&at(system, f, v), &[], false).ok().map(|c| c.values));
+        let (strong, weak) = (values(value)?, values(s.weak * value)?);
         // With the strength nearly gone, so is every loss.
-        if rows.clone().any(|k| weak[k] - strong[k] > FALLS.ln()) {
+        if rows.clone().any(|k| weak[k] - strong[k] > s.falls.ln()) {
             return None;
         }
         let ratios: Vec<f64> = rows.map(|k| weak[k] - plan.measured[k]).collect();
-        let (value, best) = Search { plan, system, strength: f, block }.best()?;
+        let (value, best) = Search { plan, system, strength: f, block, s }.best()?;
         Some(OneStrength { parameter: f.name.clone(), value, best: best.exp(), weak: half_range(&ratios).exp() })
     })
 }
@@ -71,6 +61,7 @@ struct Search<'a> {
     system: &'a System,
     strength: &'a FreeParam,
     block: &'a Block,
+    s: &'a Telling,
 }
 
 impl Search<'_> {
@@ -86,18 +77,18 @@ impl Search<'_> {
         if p.value <= 0.0 {
             return None;
         }
-        let low = (p.value / REACH).max(p.min).max(f64::MIN_POSITIVE).ln();
-        let high = (p.value * REACH).min(p.max).ln();
-        let step = (high - low) / (TRIED - 1) as f64;
-        let tried = parallel::over(TRIED, |k| {
+        let low = (p.value / self.s.strength_reach).max(p.min).max(f64::MIN_POSITIVE).ln();
+        let high = (p.value * self.s.strength_reach).min(p.max).ln();
+        let step = (high - low) / (self.s.strengths - 1) as f64;
+        let tried = parallel::over(self.s.strengths, |k| {
             let u = low + step * k as f64;
             (u, self.largest(u))
         });
         let scan = *tried.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
         let (from, to) = ((scan.0 - step).max(low), (scan.0 + step).min(high));
         let narrowed = || -> Result<(f64, f64), Error> {
-            let solver = GoldenSectionSearch::new(from, to)?.with_tolerance(NARROW)?;
-            let run = Executor::new(self, solver).configure(|s| s.param(scan.0).max_iters(ITERATIONS)).timer(false).run()?;
+            let solver = GoldenSectionSearch::new(from, to)?.with_tolerance(self.s.narrow)?;
+            let run = Executor::new(self, solver).configure(|s| s.param(scan.0).max_iters(self.s.narrowing)).timer(false).run()?;
             Ok((run.state.best_param.unwrap_or(scan.0), run.state.best_cost))
         };
         let best = narrowed().ok().filter(|n| n.1 < scan.1).unwrap_or(scan);

@@ -9,14 +9,8 @@ use crate::response::{BlockKind, Plan};
 
 use super::results::Finding;
 
-/// Standard deviations beyond which a statistic is claimed; about 1 in 1000 by chance.
-const THRESHOLD: f64 = 3.3;
-
-/// Transient that may be left in the mean of the kept cycles, in units of sigma: its square is a tenth of the noise's.
-const LEFT: f64 = 0.3;
-
-/// A cycle test that has not settled: what its kept cycles say, and what the model says of the cycles discarded.
-pub fn unsettled(plan: &Plan, system: &System) -> Vec<Finding> {
+/// A cycle test that has not settled, with more than `most` sigma of its transient left: what its kept cycles say, and what the model says of the cycles discarded.
+pub fn unsettled(plan: &Plan, system: &System, most: f64) -> Vec<Finding> {
     let measured = plan.unsettled.iter().map(|u| Finding {
         test: plan.id.clone(),
         claim: format!("{}: {}", u.channel, u.claim),
@@ -25,7 +19,7 @@ pub fn unsettled(plan: &Plan, system: &System) -> Vec<Finding> {
         power: 1.0,
     });
     // A model that cannot be marched from rest has other troubles, which the fit has told.
-    let computed = plan.transient(system, LEFT).ok().flatten().filter(|t| t.left > LEFT).map(|t| {
+    let computed = plan.transient(system, most).ok().flatten().filter(|t| t.left > most).map(|t| {
         let enough = t.needed.map_or("more than twice as many are needed".into(), |n| format!("{n} would do"));
         Finding {
             test: plan.id.clone(),
@@ -34,21 +28,21 @@ pub fn unsettled(plan: &Plan, system: &System) -> Vec<Finding> {
                 t.left, t.discarded
             ),
             number: t.left,
-            threshold: LEFT,
+            threshold: most,
             power: 1.0,
         }
     });
     measured.chain(computed).collect()
 }
 
-/// Findings of one test, given its computed values.
-pub fn findings(plan: &Plan, computed: &[f64]) -> Vec<Finding> {
+/// Findings of one test, given its computed values: statistics beyond so many standard deviations.
+pub fn findings(plan: &Plan, computed: &[f64], threshold: f64) -> Vec<Finding> {
     let mut list = Vec::new();
     let Ok(normal) = Normal::new(0.0, 1.0) else { return list };
     let mut add = |claim: String, statistic: f64, signal: f64| {
-        let power = if signal.is_finite() { 1.0 - normal.cdf(THRESHOLD - 0.1 * signal.abs()) } else { 0.0 };
-        if statistic.abs() > THRESHOLD {
-            list.push(Finding { test: plan.id.clone(), claim, number: statistic, threshold: THRESHOLD, power });
+        let power = if signal.is_finite() { 1.0 - normal.cdf(threshold - 0.1 * signal.abs()) } else { 0.0 };
+        if statistic.abs() > threshold {
+            list.push(Finding { test: plan.id.clone(), claim, number: statistic, threshold, power });
         }
     };
     for block in &plan.blocks {

@@ -9,10 +9,6 @@ use crate::response::Plan;
 use super::settings::Settings;
 use super::weigh::Weighed;
 
-/// Points of the grid on which the model error of the held-out tests is looked for, and its span from the least one, in logarithms.
-const GRID: usize = 40;
-const SPAN: f64 = 6.5;
-
 /// The held-out tests beside two models.
 pub struct HeldOutTests<'a> {
     plans: Vec<&'a Plan>,
@@ -106,14 +102,15 @@ impl<'a> HeldOutTests<'a> {
     /// The model error that they show, beside noise and scatter as those of `beside`.
     fn error_left(&self, look: &Look, beside: &Weighed) -> f64 {
         let mut v = self.elsewhere(&beside.v);
+        let (points, span) = (self.settings.telling.held_out_points, self.settings.telling.held_out_span);
         let least = self.settings.evidence.model_error_least.ln();
-        let at = |k: usize| least + SPAN * k as f64 / (GRID - 1) as f64;
+        let at = |k: usize| least + span * k as f64 / (points - 1) as f64;
         let mut density = |k: usize| {
             v.tau = at(k);
             self.evidence.likelihood(&look.seen, &self.counts, &v)
         };
-        let all: Vec<f64> = (0..GRID).map(&mut density).collect();
-        (0..GRID).max_by(|a, b| all[*a].total_cmp(&all[*b])).map_or(f64::INFINITY, |k| at(k).exp())
+        let all: Vec<f64> = (0..points).map(&mut density).collect();
+        (0..points).max_by(|a, b| all[*a].total_cmp(&all[*b])).map_or(f64::INFINITY, |k| at(k).exp())
     }
 
     /// Two models beside each other.

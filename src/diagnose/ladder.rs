@@ -90,8 +90,9 @@ fn strength_unit(case: &Case, system: &System, name: &Name) -> (String, f64) {
 
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
     let found = |(plan, _): &&(Plan, SplitName)| -> Result<Vec<Finding>, DiagnoseError> {
-        let mut list = findings(plan, &plan.evaluate(system, &[], false)?.values);
-        list.extend(unsettled(plan, system));
+        let told = &case.search.settings.telling;
+        let mut list = findings(plan, &plan.evaluate(system, &[], false)?.values, told.finding);
+        list.extend(unsettled(plan, system, told.transient));
         Ok(list)
     };
     let seen: Vec<&(Plan, SplitName)> = case.plans.iter().filter(|(_, split)| *split != SplitName::HeldOut).collect();
@@ -182,6 +183,10 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         let alone = climb.added.len() == 1 && rungs.last().is_some_and(|r| r.removed.is_empty());
         if !alone && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap()) {
             rungs.push(climb.rung(Some(added), vec![removed])?);
+        }
+        if let Some(tight) = parallel::watched(&monitor.watch(), || climb.tighten()) {
+            let exchanged = tight.exchanged.map(|(added, removed)| (Some(added), vec![removed]));
+            rungs.push(climb.rung(exchanged.clone().and_then(|e| e.0), exchanged.map_or(vec![], |e| e.1))?);
         }
     };
     climb.finish(rungs, &end, visible, started)

@@ -25,7 +25,8 @@ use crate::units::Dimension;
 
 use super::Case;
 use super::candidates::Name;
-use super::case::{COARSE, Fitted};
+use super::case::Fitted;
+use super::method::Scoring;
 use super::proposals::Proposals;
 use super::results::{NextTest, SplitName};
 use super::settings::Settings;
@@ -281,7 +282,8 @@ impl Tied<'_> {
         for (_, rival) in self.rivals {
             let other = see(rival)?;
             let apart = &other.values - &best.values;
-            let adjusted = |seen: &Seen, fitted: &Fitted| left(&apart, &seen.columns, &fitted.outcome.jacobian);
+            let adjusted =
+                |seen: &Seen, fitted: &Fitted| left(&apart, &seen.columns, &fitted.outcome.jacobian, &self.case.search.settings.scoring);
             least = least.min(adjusted(&best, self.best)?).min(adjusted(&other, rival)?);
         }
         least.is_finite().then_some(least)
@@ -302,7 +304,7 @@ impl Tied<'_> {
                 let mut plans = self.case.plans_of(SplitName::Fit);
                 plans.push(&simulated);
                 let max_iterations = self.case.max_iterations.min(self.case.search.settings.next.iterations);
-                let single = Case { starts: 1, f_tol: Some(COARSE), max_iterations, ..self.case.clone() };
+                let single = Case { starts: 1, f_tol: Some(self.case.search.settings.fitting.coarse), max_iterations, ..self.case.clone() };
                 let outcome = single.fit_system(&fitted.system, plans, &monitor.quiet()).ok()?.outcome;
                 // A refit that was stopped says nothing.
                 (outcome.termination != Termination::Interrupted).then_some(outcome.cost)
@@ -319,7 +321,7 @@ impl Tied<'_> {
 }
 
 /// sqrt of the least `||d + J s||^2 + ||Jo s||^2`.
-fn left(d: &DVector<f64>, new: &DMatrix<f64>, measured: &DMatrix<f64>) -> Option<f64> {
+fn left(d: &DVector<f64>, new: &DMatrix<f64>, measured: &DMatrix<f64>, scoring: &Scoring) -> Option<f64> {
     let n = new.ncols();
     if n == 0 || measured.ncols() != n {
         return Some(d.norm());
@@ -335,7 +337,7 @@ fn left(d: &DVector<f64>, new: &DMatrix<f64>, measured: &DMatrix<f64>) -> Option
         }
     }
     let d = d.clone().resize_vertically(stacked.nrows(), 0.0);
-    let q = super::score::basis(&stacked);
+    let q = super::score::basis(&stacked, scoring);
     let rest = &d - &q * q.tr_mul(&d);
     rest.iter().all(|v| v.is_finite()).then(|| rest.norm())
 }

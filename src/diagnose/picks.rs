@@ -10,9 +10,10 @@ use super::race::Race;
 use super::refit::Refit;
 use super::score::Score;
 use super::settings::Settings;
+use super::states::Wanted;
 
-/// By the scores, and by the second opinion. `best`: the best score of each candidate that is beyond chance, in order.
-pub fn first(best: &[Score], selected: &[(usize, f64)], trials: &[Trial], settings: &Settings) -> Vec<Score> {
+/// By the scores, by what the states of the conditions want, and by the second opinion. `best`: the best score of each candidate that is beyond chance, in order.
+pub fn first(best: &[Score], wanted: &[Wanted], selected: &[(usize, f64)], trials: &[Trial], settings: &Settings) -> Vec<Score> {
     let race = &settings.race;
     let top = best.first().map_or(0.0, |s| s.drop);
     let mut picked: Vec<Score> = best.iter().filter(|s| s.drop >= race.worth * top).take(settings.refits).copied().collect();
@@ -20,6 +21,12 @@ pub fn first(best: &[Score], selected: &[(usize, f64)], trials: &[Trial], settin
         let of = |s: &&Score| trials[s.trial].candidate == *candidate;
         if !picked.iter().any(|s| of(&s)) {
             picked.extend(best.iter().find(of));
+        }
+    }
+    for w in wanted.iter().take(race.of_opinion) {
+        let of = |s: &&Score| trials[s.trial].candidate == trials[w.trial].candidate;
+        if !picked.iter().any(|s| of(&s)) {
+            picked.push(best.iter().find(of).copied().unwrap_or_else(|| w.score()));
         }
     }
     picked

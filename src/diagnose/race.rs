@@ -32,6 +32,15 @@ pub struct Race {
     pub shapes: usize,
     /// ...as far as they promise at least this part of the best of them.
     pub promising: f64,
+    /// Width of the prior within which the tests of one state of the conditions by themselves move what a law may follow, in parts of its value:
+    /// wide beside any scatter, as a law over a condition is...
+    pub state_width: f64,
+    /// ...factor within which they move it...
+    pub state_reach: f64,
+    /// ...iterations of that fit, which begins at the model as it stands...
+    pub state_iterations: u64,
+    /// ...and parts of the way from that model to what the states want of it at which a law over a condition is computed.
+    pub state_parts: [f64; 3],
     /// Iterations after which those of a candidate's starts go on that are level with its best...
     pub tried: u64,
     /// ...by this part of what it has gained, or by the way they have come: a start in the right valley may begin above all the others...
@@ -88,6 +97,10 @@ impl Default for Race {
             giving: 2,
             shapes: 3,
             promising: 0.3,
+            state_width: 0.5,
+            state_reach: 5.0,
+            state_iterations: 8,
+            state_parts: [1.0, 0.5, 0.25],
             tried: 2,
             level_with: 0.8,
             choice: 4,

@@ -10,12 +10,13 @@ use crate::response::Plan;
 
 use super::DiagnoseError;
 use super::candidates::{Name, Trial};
-use super::case::{COARSE, Case, Fitted};
+use super::case::{Case, Fitted};
 use super::race::Race;
 use super::results::SplitName;
 use super::score::{Score, Scores};
 use super::search::promised;
 use super::secant::Secant;
+use super::states::Wanted;
 
 /// Residuals of one test, whitened.
 pub type Whitened = Vec<Vec<f64>>;
@@ -92,6 +93,8 @@ pub struct Bench<'a> {
     pub trials: &'a [Trial],
     /// What these score.
     pub scores: &'a Scores,
+    /// Laws over conditions as the states of these want them.
+    pub wanted: &'a [Wanted],
     /// `r'V^-1 r` of the base, by which a fall of the cost is counted in nats.
     pub squares: f64,
     /// Nats of a tie.
@@ -339,7 +342,12 @@ fn follows(cost: f64, leader: Option<Leader>, unexplained: f64, following: f64) 
 
 /// The case with one start and no more than so many iterations.
 pub(super) fn some(case: &Case, iterations: u64) -> Case {
-    Case { starts: 1, max_iterations: case.max_iterations.min(iterations), f_tol: Some(COARSE), ..case.clone() }
+    Case {
+        starts: 1,
+        max_iterations: case.max_iterations.min(iterations),
+        f_tol: Some(case.search.settings.fitting.coarse),
+        ..case.clone()
+    }
 }
 
 fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {

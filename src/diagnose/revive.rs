@@ -2,24 +2,49 @@
 //!
 //! An effect of the study whose strength has gone to zero shows nothing of its shape any more, and no step from there brings it back. That
 //! happens to an effect that was bent to do another's work: once the other stands beside it, the values it was bent to are wrong, and zero is
-//! better than they are. So what stands at zero is searched for once more at its place, over all its shapes, as a candidate would be.
+//! better than they are. So the model is fitted once more from where the study begins, its additions as they stand, and what is at zero even then
+//! is searched for at its place, over all its shapes, as a candidate would be.
 
 use crate::effect::{Kind, Role};
 use crate::model::Instance;
 
+use super::case::{Case, begin};
 use super::climb::Climb;
 use super::search::{Against, step};
 use super::trace;
 
 impl Climb<'_> {
-    /// Begins every effect of the study that stands at zero again where it scores best, and keeps it there where that gains more than a tie.
+    /// Begins every effect of the study that stands at zero again, where the study begins it or where it scores best, and keeps it there where that
+    /// gains more than a tie.
     pub fn revive(&mut self) {
+        if (0..self.base).any(|k| is_out(&self.now.fitted.system.instances[k]) && !self.slack.has(k)) {
+            self.begin_again();
+        }
         for k in 0..self.base {
             if !is_out(&self.now.fitted.system.instances[k]) || self.slack.has(k) || trace::stopped(self.monitor) {
                 continue;
             }
             self.revive_one(k);
         }
+    }
+
+    /// The model fitted once more from where the study begins, its additions as they stand, where that is better: without them the fit may have gone
+    /// into another valley, from which nothing leads back. What was bent to their work is then not where it was bent to.
+    fn begin_again(&mut self) -> Option<()> {
+        let mut system = self.now.fitted.system.clone();
+        for (own, start) in system.instances.iter_mut().take(self.base).zip(&self.case.system.instances) {
+            own.params.iter_mut().zip(&start.params).filter(|(v, _)| v.free).for_each(|(v, s)| v.value = s.value);
+        }
+        let loose = Case { worth: Some(self.settings.settled), ..self.scale.case.at(&system) };
+        let began = begin(&loose, &self.monitor.quiet()).ok()?;
+        let again = self.scale.weigh(&began.fitted.system, &self.now.v, self.monitor).ok()?;
+        let again = self.scale.finished(again, self.monitor).ok()?;
+        let gain = self.scale.worth(&again) - self.scale.worth(&self.now);
+        if gain > self.settings.tie {
+            (self.watch)(&format!("begun again from the study's own start with what was added: {gain:.1} nats"));
+            self.now = again;
+        }
+        Some(())
     }
 
     fn revive_one(&mut self, k: usize) -> Option<()> {

@@ -20,16 +20,8 @@ use crate::response::Plan;
 
 use super::DiagnoseError;
 use super::candidates::Trial;
+use super::method::Scoring;
 use super::selection::{Column, select};
-
-/// A column keeps at least this part of itself after projection, or the data cannot tell it from what the model has.
-const VISIBLE: f64 = 1e-3;
-/// Singular value of columns of unit length below which a combination of them is numerically nothing, and that below which what it would
-/// have to do of a candidate is no guide.
-const DEPENDENT: f64 = 1e-8;
-const SHOWS: f64 = 1e-4;
-/// Draws of the null distribution of the best score.
-const DRAWS: usize = 10_000;
 
 /// Score of one trial.
 #[derive(Clone, Copy, Debug)]
@@ -78,6 +70,7 @@ pub fn projected(
     trials: &[Trial],
     at_bound: &[bool],
     priors: &[(usize, f64, f64)],
+    s: &Scoring,
 ) -> Result<Projected, DiagnoseError> {
     let mut augmented = system.clone();
     augmented.instances.extend(trials.iter().map(|t| t.instance.clone()));
@@ -117,7 +110,7 @@ pub fn projected(
         return Err(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)).into());
     }
     let kept: Vec<usize> = (0..own).filter(|k| !at_bound[*k]).collect();
-    let (q, back) = decomposed(&base.select_columns(&kept));
+    let (q, back) = decomposed(&base.select_columns(&kept), s);
     let column = |t: usize| {
         let mut g = DVector::zeros(rows);
         g.rows_mut(0, j.nrows()).copy_from(&j.column(own + t));
@@ -128,7 +121,7 @@ pub fn projected(
         let gives = -(&back * q.tr_mul(&g));
         kept.iter().zip(gives.iter()).for_each(|(k, v)| moved[*k] = *v);
         let left = project(&q, g);
-        ((left.norm() >= VISIBLE * size).then_some(left), moved)
+        ((left.norm() >= s.visible * size).then_some(left), moved)
     };
     let (columns, of_own) = parallel::over(trials.len(), column).into_iter().unzip();
     Ok(Projected { columns, own: of_own, r: project(&q, extended), cost })
@@ -142,8 +135,9 @@ pub fn score(
     at_bound: &[bool],
     priors: &[(usize, f64, f64)],
     seed: u64,
+    settings: &Scoring,
 ) -> Result<Scores, DiagnoseError> {
-    let Projected { r, columns: all, own, cost } = projected(plans, system, trials, at_bound, priors)?;
+    let Projected { r, columns: all, own, cost } = projected(plans, system, trials, at_bound, priors, settings)?;
     let mut scores = Vec::new();
     let mut columns: Vec<DVector<f64>> = Vec::new();
     for (t, (trial, left)) in trials.iter().zip(all).enumerate() {
@@ -167,11 +161,11 @@ pub fn score(
         ));
         columns.push(left / norm);
     }
-    let null = null_distribution(&columns, &scores.iter().map(|s| s.1).collect::<Vec<_>>(), seed);
+    let null = null_distribution(&columns, &scores.iter().map(|s| s.1).collect::<Vec<_>>(), seed, settings.draws);
     let level = null.get(null.len() * 99 / 100).copied().unwrap_or(0.0);
     let weighed = scores.iter().zip(&columns);
     let weighed: Vec<Column> = weighed.map(|((s, both), g)| Column { g, two_sided: *both, candidate: trials[s.trial].candidate }).collect();
-    let selected = select(&r, &weighed, level);
+    let selected = select(&r, &weighed, level, settings);
     let mut scores: Vec<Score> = scores
         .into_iter()
         .map(|(mut s, _)| {
@@ -187,13 +181,13 @@ pub fn score(
 }
 
 /// Orthonormal basis of the columns, leaving out what is numerically dependent.
-pub fn basis(j: &DMatrix<f64>) -> DMatrix<f64> {
-    decomposed(j).0
+pub fn basis(j: &DMatrix<f64>, s: &Scoring) -> DMatrix<f64> {
+    decomposed(j, s).0
 }
 
 /// An orthonormal basis `Q` of the columns, leaving out what is numerically dependent, and the matrix that turns coordinates in it into those
 /// of the columns: `J^+ = back Q'`, without the combinations that hardly show.
-fn decomposed(j: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+pub(super) fn decomposed(j: &DMatrix<f64>, scoring: &Scoring) -> (DMatrix<f64>, DMatrix<f64>) {
     let size: Vec<f64> = j.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
     let scaled = DMatrix::from_fn(j.nrows(), j.ncols(), |i, k| j[(i, k)] / size[k]);
     if scaled.ncols() == 0 {
@@ -202,12 +196,12 @@ fn decomposed(j: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     let svd = scaled.svd(true, true);
     let (Some(u), Some(v)) = (svd.u, svd.v_t) else { return (DMatrix::zeros(j.nrows(), 0), DMatrix::zeros(j.ncols(), 0)) };
     let s = svd.singular_values;
-    let keep: Vec<usize> = (0..s.len()).filter(|k| s[*k] > DEPENDENT).collect();
-    let back = |k: usize, m: usize| if s[keep[m]] > SHOWS { v[(keep[m], k)] / (s[keep[m]] * size[k]) } else { 0.0 };
+    let keep: Vec<usize> = (0..s.len()).filter(|k| s[*k] > scoring.dependent).collect();
+    let back = |k: usize, m: usize| if s[keep[m]] > scoring.shows { v[(keep[m], k)] / (s[keep[m]] * size[k]) } else { 0.0 };
     (u.select_columns(&keep), DMatrix::from_fn(j.ncols(), keep.len(), back))
 }
 
-fn project(q: &DMatrix<f64>, v: DVector<f64>) -> DVector<f64> {
+pub(super) fn project(q: &DMatrix<f64>, v: DVector<f64>) -> DVector<f64> {
     if q.ncols() == 0 {
         return v;
     }
@@ -217,7 +211,7 @@ fn project(q: &DMatrix<f64>, v: DVector<f64>) -> DVector<f64> {
 }
 
 /// Sorted draws of the largest score where nothing is missing: `z ~ N(0, correlation of the columns)`.
-fn null_distribution(columns: &[DVector<f64>], two_sided: &[bool], seed: u64) -> Vec<f64> {
+fn null_distribution(columns: &[DVector<f64>], two_sided: &[bool], seed: u64, draws: usize) -> Vec<f64> {
     let m = columns.len();
     if m == 0 {
         return vec![];
@@ -250,7 +244,7 @@ fn null_distribution(columns: &[DVector<f64>], two_sided: &[bool], seed: u64) ->
         };
         z.column_iter().map(top).collect::<Vec<f64>>()
     };
-    let mut best = parallel::over(DRAWS / block, drawn).concat();
+    let mut best = parallel::over(draws / block, drawn).concat();
     best.sort_by(f64::total_cmp);
     best
 }

@@ -13,6 +13,7 @@ use super::reason::Reason;
 use super::refit::{Bench, Leader, Refit, best_per_candidate};
 use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
 use super::score::{Score, Scores, score};
+use super::states::{self, Wanted};
 use super::weigh::{Scale, Weighed};
 use super::{DiagnoseError, trace};
 
@@ -78,13 +79,17 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let best = best_per_candidate(&scores.list, &trials);
     let price = Price::new(a, &names, squares);
     let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
-    let picked = if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &scores.selected, &trials, &scale.settings) };
+    let wanted = states::wanted(scale, &race, base, &trials, a.monitor);
+    let wanted: Vec<Wanted> = wanted.into_iter().filter(|w| price.promises(trials[w.trial].candidate, w.drop)).collect();
+    let picked =
+        if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &wanted, &scores.selected, &trials, &scale.settings) };
     let bench = Bench {
         case: &race,
         base: system,
         names: &names,
         trials: &trials,
         scores: &scores,
+        wanted: &wanted,
         squares,
         tie: scale.settings.tie,
         monitor: a.monitor,
@@ -180,7 +185,7 @@ fn scored(race: &Case, base: &Weighed, trials: &[Trial]) -> Result<Scores, Diagn
     let bound = f.options.constraints.at_bound(&f.outcome.p);
     let at_bound: Vec<bool> = (0..f.free.len()).map(|k| bound.iter().any(|(i, _)| *i == k)).collect();
     let priors: Vec<_> = f.options.priors.iter().map(|p| (p.index, p.mean, p.sigma)).collect();
-    score(&race.plans_of(SplitName::Fit), &f.system, trials, &at_bound, &priors, race.seed)
+    score(&race.plans_of(SplitName::Fit), &f.system, trials, &at_bound, &priors, race.seed, &race.search.settings.scoring)
 }
 
 /// What a candidate has to gain, and what it promises.

@@ -10,6 +10,8 @@ use crate::model::System;
 use crate::parallel;
 use crate::residual::Problem;
 
+use super::DiagnoseError;
+use super::case::Case;
 use super::refit::{Bench, cost, started, whitened};
 use super::results::SplitName;
 use super::score::Score;
@@ -28,8 +30,14 @@ impl Bench<'_> {
     /// Where the refits of a candidate begin: its cheapest secants, the own parameters giving way, and the cheapest with them standing still
     /// that costs less than `unexplained`; why there is none where the model cannot be computed at any.
     pub fn secants(&self, best: &Score, unexplained: f64) -> Result<Vec<Secant>, String> {
+        let candidate = |trial: usize| self.trials[trial].candidate;
+        let asked = self.wanted.iter().filter(|w| candidate(w.trial) == candidate(best.trial));
+        let asked = asked.filter_map(|w| self.computed(w.begun.clone(), 1.0).ok());
         let shapes = self.shapes(best);
-        let Some((first, others)) = shapes.split_first() else { return Err("it was not begun".into()) };
+        let Some((first, others)) = shapes.split_first() else {
+            let asked: Vec<Secant> = asked.collect();
+            return if asked.is_empty() { Err("it was not begun".into()) } else { Ok(asked) };
+        };
         let begun = self.together(&[*first]);
         // The part that serves the best shape serves the others.
         let part = begun.as_ref().map_or(1.0, |s| s.part);
@@ -42,6 +50,7 @@ impl Bench<'_> {
         let still = parallel::map(&shapes, |s| self.secant(&[*s], 1.0, false));
         let still = still.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
         found.extend(still.filter(|s| s.cost < unexplained));
+        found.extend(asked);
         if found.is_empty() { Err(failed.unwrap_or_else(|| "it was not begun".into())) } else { Ok(found) }
     }
 
@@ -70,14 +79,23 @@ impl Bench<'_> {
             let here = problem.variables();
             let moved = |k: usize, v: f64| v + added.iter().map(|s| part * s.strength * self.scores.own[s.trial][k]).sum::<f64>();
             let p: Vec<f64> = here.iter().enumerate().map(|(k, v)| moved(k, *v)).collect();
-            // Distances in units of the values themselves.
-            let scale: Vec<f64> = p.iter().zip(&here).map(|(a, b)| a.abs().max(b.abs())).collect();
-            let options = self.case.options(self.base, 0).map_err(|e| e.to_string())?;
-            let p = options.constraints.project(&p, &scale).map_err(|e| e.to_string())?;
-            problem.system = problem.system_at(&p);
+            problem.system = admissible(self.case, self.base, &p).map_err(|e| e.to_string())?;
         }
         let mut system = problem.system;
         system.instances.extend(added.iter().map(|s| started(&self.trials[s.trial], part * s.strength)));
+        self.computed(system, part)
+    }
+
+    fn computed(&self, system: System, part: f64) -> Result<Secant, String> {
         Ok(Secant { cost: cost(&whitened(&self.case.plans_of(SplitName::Fit), &system)?), part, system })
     }
+}
+
+/// The system at these variables, or at the nearest that are admissible.
+pub(super) fn admissible(case: &Case, system: &System, p: &[f64]) -> Result<System, DiagnoseError> {
+    let problem = Problem::new(vec![], system.clone());
+    // Distances in units of the values themselves.
+    let scale: Vec<f64> = p.iter().zip(&problem.variables()).map(|(a, b)| a.abs().max(b.abs())).collect();
+    let p = case.options(system, 0)?.constraints.project(p, &scale)?;
+    Ok(problem.system_at(&p))
 }

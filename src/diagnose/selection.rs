@@ -9,14 +9,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::identify::Program;
 
-/// Columns that are weighed, those of the highest scores.
-const COLUMNS: usize = 120;
-/// Price of a column in parts of the best score, where chance does not ask for more.
-const PRICE: f64 = 0.1;
-/// Part of the largest weight below which a column has not entered.
-const ENTERED: f64 = 1e-4;
-/// Part of the explained cost below which a candidate is not worth a word.
-const WORTH: f64 = 0.02;
+use super::method::Scoring;
 
 /// A column that may be selected.
 pub struct Column<'a> {
@@ -29,7 +22,7 @@ pub struct Column<'a> {
 }
 
 /// Candidates with the part of the explained cost that each carries, the largest first. `level`: what the best score reaches by chance.
-pub fn select(r: &DVector<f64>, columns: &[Column], level: f64) -> Vec<(usize, f64)> {
+pub fn select(r: &DVector<f64>, columns: &[Column], level: f64, s: &Scoring) -> Vec<(usize, f64)> {
     // Correlation with what is to be explained; a weight grows against the residual.
     let mut signed: Vec<(usize, f64, f64)> = columns
         .iter()
@@ -39,31 +32,31 @@ pub fn select(r: &DVector<f64>, columns: &[Column], level: f64) -> Vec<(usize, f
         .map(|(k, z, _)| (k, z.signum(), z.abs()))
         .collect();
     signed.sort_by(|a, b| b.2.total_cmp(&a.2));
-    signed.truncate(COLUMNS);
-    let Some(best) = signed.first().map(|s| s.2) else { return vec![] };
+    signed.truncate(s.columns);
+    let Some(best) = signed.first().map(|c| c.2) else { return vec![] };
     if best <= level {
         return vec![];
     }
     let g = DMatrix::from_columns(&signed.iter().map(|(k, sign, _)| columns[*k].g * *sign).collect::<Vec<_>>());
-    let z = DVector::from_iterator(signed.len(), signed.iter().map(|s| s.2));
+    let z = DVector::from_iterator(signed.len(), signed.iter().map(|c| c.2));
     let inner = g.transpose() * &g;
-    let Some(sparse) = nonnegative(&inner, &z, level.max(PRICE * best)) else { return vec![] };
+    let Some(sparse) = nonnegative(&inner, &z, level.max(s.price * best)) else { return vec![] };
     let largest = sparse.iter().copied().fold(0.0, f64::max);
-    let entered: Vec<usize> = (0..sparse.len()).filter(|k| sparse[*k] > ENTERED * largest).collect();
+    let entered: Vec<usize> = (0..sparse.len()).filter(|k| sparse[*k] > s.entered * largest).collect();
     let relaxed = nonnegative(&inner.select_rows(&entered).select_columns(&entered), &z.select_rows(&entered), 0.0);
     let Some(relaxed) = relaxed else { return vec![] };
     let mut shares: Vec<(usize, f64)> = Vec::new();
     for (k, b) in entered.iter().zip(&relaxed) {
         let candidate = columns[signed[*k].0].candidate;
         let part = b * z[*k];
-        match shares.iter_mut().find(|s| s.0 == candidate) {
-            Some(s) => s.1 += part,
+        match shares.iter_mut().find(|c| c.0 == candidate) {
+            Some(c) => c.1 += part,
             None => shares.push((candidate, part)),
         }
     }
-    let whole: f64 = shares.iter().map(|s| s.1).sum();
-    shares.iter_mut().for_each(|s| s.1 /= whole.max(f64::MIN_POSITIVE));
-    shares.retain(|s| s.1 > WORTH);
+    let whole: f64 = shares.iter().map(|c| c.1).sum();
+    shares.iter_mut().for_each(|c| c.1 /= whole.max(f64::MIN_POSITIVE));
+    shares.retain(|part| part.1 > s.word);
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
     shares
 }
@@ -106,7 +99,7 @@ mod tests {
             [&between, &a, &b].into_iter().enumerate().map(|(candidate, g)| Column { g, two_sided: false, candidate }).collect();
         let r = -100.0 * (&a + &b);
         assert!(between.dot(&r) < a.dot(&r));
-        let found = select(&r, &columns, 3.0);
+        let found = select(&r, &columns, 3.0, &Scoring::default());
         let names: Vec<usize> = found.iter().map(|f| f.0).collect();
         assert!(names.contains(&1) && names.contains(&2) && !names.contains(&0), "{found:?}");
         approx::assert_relative_eq!(found.iter().map(|f| f.1).sum::<f64>(), 1.0, max_relative = 1e-6);
@@ -116,9 +109,9 @@ mod tests {
     fn a_strength_keeps_its_sign_and_chance_is_not_selected() {
         let g = unit(&[1.0, 2.0, 3.0]);
         let column = |two_sided| [Column { g: &g, two_sided, candidate: 4 }];
-        assert!(select(&(50.0 * &g), &column(false), 3.0).is_empty());
-        assert_eq!(select(&(50.0 * &g), &column(true), 3.0), vec![(4, 1.0)]);
-        assert_eq!(select(&(-50.0 * &g), &column(false), 3.0), vec![(4, 1.0)]);
-        assert!(select(&(-2.0 * &g), &column(false), 3.0).is_empty());
+        assert!(select(&(50.0 * &g), &column(false), 3.0, &Scoring::default()).is_empty());
+        assert_eq!(select(&(50.0 * &g), &column(true), 3.0, &Scoring::default()), vec![(4, 1.0)]);
+        assert_eq!(select(&(-50.0 * &g), &column(false), 3.0, &Scoring::default()), vec![(4, 1.0)]);
+        assert!(select(&(-2.0 * &g), &column(false), 3.0, &Scoring::default()).is_empty());
     }
 }

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::evidence;
 
+use super::method::{Fitting, Scoring, Telling};
 use super::proposals::Proposals;
 use super::race::Race;
 
@@ -80,8 +81,14 @@ pub struct Settings {
     pub like_others: f64,
     /// Tests from which a fault of one of them can be told from physics.
     pub fault_tests: usize,
+    /// How fits are begun and ended.
+    pub fitting: Fitting,
+    /// How candidates are scored.
+    pub scoring: Scoring,
     /// Which candidates are refitted, from where, for how long.
     pub race: Race,
+    /// What is told of a model beside the verdict.
+    pub telling: Telling,
     /// Which test separates what is tied.
     pub next: Proposals,
     /// Sine of the loss angle below which a loop gives energy beyond any delay of a channel: its force is turned round...
@@ -171,7 +178,10 @@ impl Default for Settings {
             fault_over: 3.0,
             like_others: 2.5,
             fault_tests: 3,
+            fitting: Fitting::default(),
+            scoring: Scoring::default(),
             race: Race::default(),
+            telling: Telling::default(),
             next: Proposals::default(),
             turned_gives: -0.02,
             turned_stands: 0.3,

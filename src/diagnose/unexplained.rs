@@ -18,6 +18,7 @@ use crate::units::Dimension;
 use super::Case;
 use super::candidates::{Scene, Trial, sites};
 use super::case::Fitted;
+use super::method::Telling;
 use super::refit::{cost, proof, prove};
 use super::results::SplitName;
 use super::score::{Projected, projected};
@@ -48,12 +49,6 @@ const TERMS: [(&str, bool); 23] = [
     ("max(u, 0)*tanh(30*z)", true),
     ("max(-u, 0)*tanh(30*z)", true),
 ];
-/// Terms of a formula at most, and the part of the cost that a further one must take away.
-const MOST: usize = 4;
-const WORTH: f64 = 0.03;
-/// Points of the picture for each loop at most.
-const POINTS: usize = 200;
-
 /// What would explain the rest.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Unexplained {
@@ -129,12 +124,14 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
             kept.push((s, t));
         }
     }
-    let p = projected(&plans, &base.system, &trials, &at_bound(base), &[]).ok()?;
+    let settings = &case.search.settings;
+    let told = &settings.telling;
+    let p = projected(&plans, &base.system, &trials, &at_bound(base), &[], &settings.scoring).ok()?;
     let rows: usize = plans.iter().map(|p| p.len()).sum();
     let whole = 0.5 * p.r.norm_squared();
     let choices = (0..sites.len()).filter_map(|site| {
         let own: Vec<usize> = (0..trials.len()).filter(|k| kept[*k].0 == site).collect();
-        choose(&p, &own, |k| TERMS[kept[k].1].1, rows, whole).map(|(list, left)| Choice {
+        choose(&p, &own, |k| TERMS[kept[k].1].1, rows, whole, told).map(|(list, left)| Choice {
             site,
             terms: list.into_iter().map(|(k, c)| (kept[k].1, c)).collect(),
             left,
@@ -151,18 +148,18 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     let after = prove(&timed, &system, monitor).ok()?;
     let (was, is) = (cost(&before.fit), cost(&after.fit));
     // What an instrument within tolerance could have done counts little in the cost; a force that leaves more of the plain error is no help.
-    if is >= (1.0 - WORTH) * was || after.error >= before.error {
+    if is >= (1.0 - told.term) * was || after.error >= before.error {
         return None;
     }
     let fitted = after.fitted.system.instances.last()?;
     Some(Unexplained {
         at: at.clone(),
         expression: expression(&best.terms),
-        formula: told(fitted, &best.terms, rotational),
+        formula: stated(fitted, &best.terms, rotational),
         explains: 1.0 - is / was,
         error_before: before.error,
         error_after: after.error,
-        picture: picture(&plans, &base.system, fitted, places[0], &scales),
+        picture: picture(&plans, &base.system, fitted, places[0], &scales, told.picture),
     })
 }
 
@@ -172,10 +169,17 @@ fn at_bound(base: &Fitted) -> Vec<bool> {
 }
 
 /// Terms among `own` with their strengths, and what they leave of the cost.
-fn choose(p: &Projected, own: &[usize], is_loss: impl Fn(usize) -> bool, rows: usize, whole: f64) -> Option<(Vec<(usize, f64)>, f64)> {
+fn choose(
+    p: &Projected,
+    own: &[usize],
+    is_loss: impl Fn(usize) -> bool,
+    rows: usize,
+    whole: f64,
+    told: &Telling,
+) -> Option<(Vec<(usize, f64)>, f64)> {
     let mut chosen: Vec<usize> = Vec::new();
     let mut state: (Vec<f64>, f64) = (vec![], whole);
-    while chosen.len() < MOST {
+    while chosen.len() < told.terms {
         let next = own.iter().filter(|k| !chosen.contains(k)).filter_map(|k| {
             let mut with = chosen.clone();
             with.push(*k);
@@ -187,7 +191,7 @@ fn choose(p: &Projected, own: &[usize], is_loss: impl Fn(usize) -> bool, rows: u
         });
         let Some((k, strengths, left)) = next.min_by(|a, b| a.2.total_cmp(&b.2)) else { break };
         let fall = state.1 - left;
-        if fall < WORTH * whole || fall < 0.5 * (rows.max(1) as f64).ln() + 2.0 {
+        if fall < told.term * whole || fall < 0.5 * (rows.max(1) as f64).ln() + 2.0 {
             break;
         }
         chosen.push(k);
@@ -231,7 +235,7 @@ fn instance(terms: &[(usize, f64)], at: &str, places: &[usize], scales: &Scales,
 }
 
 /// The block for study.toml.
-fn told(instance: &Instance, terms: &[(usize, f64)], rotational: bool) -> String {
+fn stated(instance: &Instance, terms: &[(usize, f64)], rotational: bool) -> String {
     let (force, length) = if rotational { ("N m", "rad") } else { ("N", "m") };
     let mut text = format!("[[effect]]\neffect = \"formula\"\nat = \"{}\"\nexpression = \"{}\"\n", instance.at, expression(terms));
     for (p, value) in instance.effect.info().params.iter().zip(&instance.params) {
@@ -249,7 +253,7 @@ fn told(instance: &Instance, terms: &[(usize, f64)], rotational: bool) -> String
 }
 
 /// The missing force where a test drives the place itself and reads its force; else the formula over a cycle of the largest motion.
-fn picture(plans: &[&Plan], system: &System, fitted: &Instance, place: usize, scales: &Scales) -> Vec<Missed> {
+fn picture(plans: &[&Plan], system: &System, fitted: &Instance, place: usize, scales: &Scales, points: usize) -> Vec<Missed> {
     let crate::effect::Effect::Force(law) = fitted.effect else { return vec![] };
     let p: Vec<f64> = fitted.params.iter().map(|p| p.value).collect();
     let force = |x: f64, v: f64| law.value(&Inputs { x, v, a: 0.0, dx: 0.0 }, 1.0, &mut [], &p);
@@ -260,7 +264,7 @@ fn picture(plans: &[&Plan], system: &System, fitted: &Instance, place: usize, sc
             continue;
         };
         let Ok(computed) = plan.evaluate(system, &[], false) else { continue };
-        let step = block.range.len().div_ceil(POINTS).max(1);
+        let step = block.range.len().div_ceil(points).max(1);
         let rows: Vec<usize> = (0..block.range.len()).step_by(step).collect();
         let pick = |values: &[f64]| rows.iter().map(|k| values[*k]).collect::<Vec<f64>>();
         let (x, v) = (pick(&block.x), pick(&block.v));
@@ -274,7 +278,7 @@ fn picture(plans: &[&Plan], system: &System, fitted: &Instance, place: usize, sc
         });
     }
     if list.is_empty() {
-        let phase: Vec<f64> = (0..=POINTS).map(|k| std::f64::consts::TAU * k as f64 / POINTS as f64).collect();
+        let phase: Vec<f64> = (0..=points).map(|k| std::f64::consts::TAU * k as f64 / points as f64).collect();
         let x: Vec<f64> = phase.iter().map(|p| scales.x * p.sin()).collect();
         let v: Vec<f64> = phase.iter().map(|p| scales.v * p.cos()).collect();
         let formula = x.iter().zip(&v).map(|(x, v)| force(*x, *v)).collect();

@@ -4,9 +4,6 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{Counts, Evidence, Record, Seen, Variances, beside};
 
-/// Ridge on the information of the parameters, of which the tests may not know all.
-const RIDGE: f64 = 1e-9;
-
 /// A test with its columns `X = [r, J / ||J||]` and `B`, and for channels in which all coefficients have one variance their inner products.
 pub struct Gram {
     x: DMatrix<f64>,
@@ -106,7 +103,8 @@ pub(super) fn restricted(e: &Evidence, grams: &[Gram], seen: &[Seen], counts: &C
         (whole, ld) = (whole + inner, ld + own);
     }
     let mut k = whole.view((1, 1), (p - 1, p - 1)).into_owned();
-    (0..p - 1).for_each(|i| k[(i, i)] += RIDGE * (k[(i, i)] + RIDGE));
+    let ridge = e.settings.ridge;
+    (0..p - 1).for_each(|i| k[(i, i)] += ridge * (k[(i, i)] + ridge));
     let restricted = if p > 1 { k.cholesky()?.l().diagonal().iter().map(|v| v.ln()).sum::<f64>() } else { 0.0 };
     Some(-0.5 * (ld + whole[(0, 0)]) - restricted).filter(|l| l.is_finite())
 }

@@ -12,11 +12,6 @@ use crate::response::{BlockKind, Coefficients, Computed, Plan, instruments};
 
 use super::{Settings, beside};
 
-/// Lines on either side over which the size of an FRF is averaged: between resonances a model errs by what its neighbours are.
-const NEIGHBOURS: usize = 3;
-/// A maximum of an FRF's magnitude is a resonance where it stands this far above the minima about it.
-const RISES: f64 = 1.4;
-
 /// One channel of a test.
 #[derive(Clone, Debug)]
 pub struct Channel {
@@ -105,10 +100,11 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
         let computed = plan.evaluate(system, &[], false).ok().map(|c| c.values).filter(|v| v.iter().all(|v| v.is_finite()));
         let signal = computed.unwrap_or_else(|| plan.measured.clone());
         let coefficients = Coefficients::of(plan);
-        let channels: Vec<Channel> = plan.blocks.iter().zip(coefficients.ranges()).map(|(b, range)| channel(plan, b, range)).collect();
+        let channels: Vec<Channel> =
+            plan.blocks.iter().zip(coefficients.ranges()).map(|(b, range)| channel(plan, b, range, settings.rises)).collect();
         let mut size = vec![0.0; coefficients.count];
         for (block, channel) in plan.blocks.iter().zip(&channels) {
-            size[channel.range.clone()].copy_from_slice(&sizes(&plan.measured[block.range.clone()], channel));
+            size[channel.range.clone()].copy_from_slice(&sizes(&plan.measured[block.range.clone()], channel, settings.neighbours));
         }
         let noise = coefficients.noise(plan);
         let instruments = instruments(plan, &coefficients, &signal, &peaks[t]);
@@ -119,16 +115,16 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
     records
 }
 
-fn channel(plan: &Plan, block: &crate::response::Block, range: Range<usize>) -> Channel {
+fn channel(plan: &Plan, block: &crate::response::Block, range: Range<usize>, rises: f64) -> Channel {
     let measured = &plan.measured[block.range.clone()];
     let harmonics = if block.kind == BlockKind::Loop { harmonic_of(measured.len()) } else { vec![] };
-    let modes = if block.kind == BlockKind::Frf { resonances(measured) } else { 0 };
+    let modes = if block.kind == BlockKind::Frf { resonances(measured, rises) } else { 0 };
     Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics }
 }
 
 /// What a relative error of 1, alike in all coefficients, is in each: of a loop and a record of their rms about the mean, of an FRF of its
 /// size there, of a table of logarithms 1.
-fn sizes(measured: &[f64], channel: &Channel) -> Vec<f64> {
+fn sizes(measured: &[f64], channel: &Channel, neighbours: usize) -> Vec<f64> {
     let n = measured.len().max(1) as f64;
     let mean = measured.iter().sum::<f64>() / n;
     let square = measured.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
@@ -139,7 +135,7 @@ fn sizes(measured: &[f64], channel: &Channel) -> Vec<f64> {
         BlockKind::Frf => {
             let h: Vec<f64> = measured.chunks(2).map(|c| c.iter().map(|v| v * v).sum()).collect();
             let near = |k: usize| {
-                let part = &h[k.saturating_sub(NEIGHBOURS)..(k + NEIGHBOURS + 1).min(h.len())];
+                let part = &h[k.saturating_sub(neighbours)..(k + neighbours + 1).min(h.len())];
                 0.5 * part.iter().sum::<f64>() / part.len() as f64
             };
             (0..h.len()).flat_map(|k| [near(k); 2]).collect()
@@ -148,18 +144,18 @@ fn sizes(measured: &[f64], channel: &Channel) -> Vec<f64> {
 }
 
 /// Maxima of an FRF's magnitude that stand above the minima on either side; one at least.
-fn resonances(lines: &[f64]) -> usize {
+fn resonances(lines: &[f64], rises: f64) -> usize {
     let h: Vec<f64> = lines.chunks(2).map(|c| c.iter().map(|v| v * v).sum::<f64>().sqrt()).collect();
     let (mut count, mut low, mut high, mut rising) = (0, f64::INFINITY, 0.0f64, true);
     for v in h {
         if rising {
             (low, high) = (low.min(v), if v < low { 0.0 } else { high.max(v) });
-            if high > RISES * low && v < high / RISES {
+            if high > rises * low && v < high / rises {
                 (count, rising, low) = (count + 1, false, v);
             }
         } else {
             low = low.min(v);
-            if v > RISES * low {
+            if v > rises * low {
                 (rising, high) = (true, v);
             }
         }

@@ -27,8 +27,29 @@ pub struct Settings {
     pub facts_mode: f64,
     /// Facts that a channel of a record holds: its stretches that are independent.
     pub facts_record: f64,
-    /// Evaluations of the likelihood in one estimate of the variances.
+    /// Largest relative error of a model, as a logarithm.
+    pub model_error_most: f64,
+    /// Evaluations of the likelihood in one estimate of the variances...
     pub evaluations: usize,
+    /// ...steps of its pattern search at first, in the logarithms of noise, model error and scatter. The last gives the noise what it takes from the
+    /// model error: where both are white the likelihood has a ridge along it, and steps along the axes alone stop beside its crest...
+    pub steps: [[f64; 3]; 4],
+    /// ...and the part of these steps at which it ends.
+    pub last_step: f64,
+    /// Grid of the logarithm of a channel's own model error over the common one: its reach to either side...
+    pub own_reach: f64,
+    /// ...and its points.
+    pub own_points: usize,
+    /// Logarithm of a scatter that is none, a fifth of a percent...
+    pub no_scatter: f64,
+    /// ...and of that from which an estimate begins at least: below it the likelihood is flat.
+    pub scatter_from: f64,
+    /// Ridge on the information of the parameters, of which the tests may not know all.
+    pub ridge: f64,
+    /// Lines on either side over which the size of an FRF is averaged: between resonances a model errs by what its neighbours are.
+    pub neighbours: usize,
+    /// A maximum of an FRF's magnitude is a resonance where it stands this far above the minima about it.
+    pub rises: f64,
 }
 
 impl Default for Settings {
@@ -45,7 +66,17 @@ impl Default for Settings {
             facts_most: 16.0,
             facts_mode: 6.0,
             facts_record: 12.0,
+            model_error_most: 2.3,
             evaluations: 80,
+            steps: [[0.3, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.8], [0.3, -0.6, 0.0]],
+            last_step: 0.08,
+            own_reach: 2.0,
+            own_points: 41,
+            no_scatter: -6.2,
+            scatter_from: -5.3,
+            ridge: 1e-9,
+            neighbours: 3,
+            rises: 1.4,
         }
     }
 }

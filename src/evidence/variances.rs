@@ -3,20 +3,6 @@
 use super::likelihood::restricted;
 use super::{Counts, Evidence, Seen, Settings};
 
-/// Steps of the pattern search at first, in the logarithms of noise, model error and scatter. The last gives the noise what it takes from the model error:
-/// where both are white the likelihood has a ridge along it, and steps along the axes alone stop beside its crest.
-const STEPS: [[f64; 3]; 4] = [[0.3, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.8], [0.3, -0.6, 0.0]];
-/// Part of these steps at which it ends.
-const LAST: f64 = 0.08;
-/// Grid of the logarithm of a channel's own model error over the common one.
-const OWN_REACH: f64 = 2.0;
-const OWN_POINTS: usize = 41;
-/// Logarithm of a scatter that is none, a fifth of a percent, and of that from which an estimate begins at least: below it the likelihood is flat.
-const NO_SCATTER: f64 = -6.2;
-const SEARCHED_FROM: f64 = -5.3;
-/// Logarithm of the largest relative error of a model.
-const MODEL_ERROR_MOST: f64 = 2.3;
-
 /// Variances, as logarithms of standard deviations.
 #[derive(Clone, Debug)]
 pub struct Variances {
@@ -63,7 +49,7 @@ impl Variances {
         let n = all.clone().count();
         if n > 0 {
             let mean = all.sum::<f64>() / n as f64;
-            let by = (self.tau + mean).clamp(s.model_error_least.ln(), MODEL_ERROR_MOST) - self.tau;
+            let by = (self.tau + mean).clamp(s.model_error_least.ln(), s.model_error_most) - self.tau;
             self.tau += by;
             self.own.iter_mut().flatten().for_each(|g| *g -= by);
         }
@@ -73,9 +59,9 @@ impl Variances {
     fn bounded(mut self, s: &Settings) -> Variances {
         let most = s.noise_most.ln();
         self.kappa = self.kappa.clamp(-most, most);
-        self.tau = self.tau.clamp(s.model_error_least.ln(), MODEL_ERROR_MOST);
+        self.tau = self.tau.clamp(s.model_error_least.ln(), s.model_error_most);
         let most = s.scatter_most.ln();
-        self.omega = self.omega.clamp(NO_SCATTER.min(most), most);
+        self.omega = self.omega.clamp(s.no_scatter.min(most), most);
         self
     }
 
@@ -93,15 +79,15 @@ impl Evidence {
     /// Variances by restricted likelihood: the channels' own model errors one by one, the common ones by a pattern search (Hooke and Jeeves,
     /// J. ACM 8, 1961).
     pub fn estimate(&self, seen: &[Seen], counts: &Counts, start: &Variances) -> Variances {
-        let start = Variances { omega: start.omega.max(SEARCHED_FROM), ..start.clone() };
+        let start = Variances { omega: start.omega.max(self.settings.scatter_from), ..start.clone() };
         let mut best = self.own_errors(seen, counts, start.bounded(&self.settings));
         let grams = self.grams(seen);
         let value = |v: &Variances| restricted(self, &grams, seen, counts, v).map_or(f64::NEG_INFINITY, |l| l + v.prior(&self.settings));
         let mut here = value(&best);
         let (mut left, mut part) = (self.settings.evaluations, 1.0);
-        while part > LAST && left > 0 {
+        while part > self.settings.last_step && left > 0 {
             let mut better = false;
-            for step in &STEPS {
+            for step in &self.settings.steps {
                 for sign in [1.0, -1.0] {
                     let trial = best.moved(step, sign * part).bounded(&self.settings);
                     let there = value(&trial);
@@ -123,7 +109,7 @@ impl Evidence {
     /// is missing.
     pub fn estimate_without_scatter(&self, seen: &[Seen], counts: &Counts, start: &Variances) -> Variances {
         let mut still = self.clone();
-        still.settings.scatter_most = NO_SCATTER.exp();
+        still.settings.scatter_most = self.settings.no_scatter.exp();
         still.estimate(seen, counts, start)
     }
 
@@ -142,7 +128,7 @@ impl Evidence {
                     };
                     channel.range.clone().map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
                 };
-                let grid = (0..OWN_POINTS).map(|k| OWN_REACH * (2.0 * k as f64 / (OWN_POINTS - 1) as f64 - 1.0));
+                let grid = (0..s.own_points).map(|k| s.own_reach * (2.0 * k as f64 / (s.own_points - 1) as f64 - 1.0));
                 let costs: Vec<(f64, f64)> = grid.map(|g| (g, cost(g))).collect();
                 v.own[t][b] = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |c| c.0);
             }

@@ -158,26 +158,14 @@ fn a_hit_rings_as_the_closed_form_says() {
     }
 }
 
-/// What the first of the next test's cases is to be: both laws by name. Slack of dampers is given there before the laws are, and is not taken back once they stand.
-#[test]
-#[ignore = "a known loss: the branch comes out as a springpot since dampers of a group may deviate"]
-fn a_relaxing_branch_beside_an_inertance_is_named_as_it_is() {
-    let both = Options { seed: 424_243, kinds: vec![], structure: Structure::Both, ..Options::default() };
-    let two = run_case(&both, 23, &Monitor::default()).unwrap().unwrap();
-    assert!(two.truth.len() == 2 && two.strict && two.extra == 0, "{:?} {:?}", two.truth, two.said);
-}
-
-/// A relaxing branch at one place and an inertance at another, which a springpot takes for itself one at a time: the places come out, and since dampers
-/// of a group may deviate the branch as its neighbour, the springpot; a compliance that stands
-/// as a relaxing branch one connector off until a loss at the base is there; a gain of one channel, which costs the select tests next to
-/// nothing.
+/// A relaxing branch at one place and an inertance at another, which a springpot takes for itself one at a time, and slack of dampers before
+/// either is there; a compliance that stands as a relaxing branch one connector off until a loss at the base is there; a gain of one
+/// channel, which costs the select tests next to nothing.
 #[test]
 fn two_at_once_a_neighbour_exchanged_and_a_gain_of_one_test_are_found() {
     let both = Options { seed: 424_243, kinds: vec![], structure: Structure::Both, ..Options::default() };
     let two = run_case(&both, 23, &Monitor::default()).unwrap().unwrap();
-    let places = |all: &[String]| all.iter().filter_map(|s| s.split(" at ").last().map(String::from)).collect::<Vec<_>>();
-    assert_eq!(two.truth.len(), 2);
-    assert_eq!(places(&two.said), places(&two.truth), "{:?} {:?}", two.truth, two.said);
+    assert!(two.truth.len() == 2 && two.strict && two.extra == 0, "{:?} {:?}", two.truth, two.said);
     let pairs = Options { seed: 5, kinds: vec![Kind::Two], structure: Structure::Chain, ..Options::default() };
     let exchanged = run_case(&pairs, 43, &Monitor::default()).unwrap().unwrap();
     assert!(exchanged.strict && exchanged.extra == 0, "{:?} {:?}", exchanged.truth, exchanged.said);

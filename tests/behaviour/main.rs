@@ -3,6 +3,7 @@
 mod bad_input;
 mod campaign;
 mod committed;
+mod conditions;
 mod damage;
 mod distant;
 mod formula;

@@ -1,0 +1,126 @@
+//! Constants of how the search computes and of what it tells. None of them decides what is believed.
+
+use serde::Serialize;
+
+/// How fits are begun and ended.
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Fitting {
+    /// Relative error of an FRF from which its peaks do not overlap the measured ones, of a record from which it is out of phase: it is approached
+    /// from afar.
+    pub far_off: f64,
+    /// Relative change of the cost at which the approach ends...
+    pub near_enough: f64,
+    /// ...and its most iterations.
+    pub approach: u64,
+    /// What a parameter may be off from its start for one unit of the approach's prior, as part of it or, of a logarithm, in the logarithm.
+    pub near: f64,
+    /// Doublings of a record's first cycles at most.
+    pub doublings: u32,
+    /// Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than
+    /// `sqrt(2e-5)`, half a hundredth, of its standard deviation.
+    pub worth_no_step: f64,
+    /// Relative change of the cost at which a fit ends that decides between candidates, or stands above the noise.
+    pub coarse: f64,
+    /// Root mean square of the whitened residuals from which intervals do not hold.
+    pub misses: f64,
+    /// A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
+    /// any more: the data do not hold it, or they contradict the model.
+    pub ran_away: f64,
+}
+
+/// How candidates are scored.
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Scoring {
+    /// A column keeps at least this part of itself after projection, or the data cannot tell it from what the model has.
+    pub visible: f64,
+    /// Singular value of columns of unit length below which a combination of them is numerically nothing...
+    pub dependent: f64,
+    /// ...and below which what it would have to do of a candidate is no guide.
+    pub shows: f64,
+    /// Draws of the null distribution of the best score.
+    pub draws: usize,
+    /// Columns that the sparse combination weighs, those of the highest scores.
+    pub columns: usize,
+    /// Price of a column there in parts of the best score, where chance does not ask for more.
+    pub price: f64,
+    /// Part of the largest weight below which a column has not entered.
+    pub entered: f64,
+    /// Part of the explained cost below which a candidate is not worth a word.
+    pub word: f64,
+}
+
+/// What is told of a model beside the verdict.
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Telling {
+    /// Standard deviations beyond which a statistic of the residuals is claimed; about 1 in 1000 by chance.
+    pub finding: f64,
+    /// Transient that may be left in the mean of the kept cycles, in units of sigma: its square is a tenth of the noise's.
+    pub transient: f64,
+    /// Standard errors beyond which the damping of a model differs from a constant ratio.
+    pub standard_errors: f64,
+    /// One strength that carries the whole loss is searched from this part of its value to its inverse...
+    pub strength_reach: f64,
+    /// ...it counts as weak at this part of its value...
+    pub weak: f64,
+    /// ...where this part of every loss is left if it carries them all...
+    pub falls: f64,
+    /// ...with so many values tried over the range...
+    pub strengths: usize,
+    /// ...so many iterations that narrow the best down...
+    pub narrowing: u64,
+    /// ...and the relative change of the strength at which they end.
+    pub narrow: f64,
+    /// Points of the grid on which the model error of the held-out tests is looked for...
+    pub held_out_points: usize,
+    /// ...and its span from the least one, in logarithms.
+    pub held_out_span: f64,
+    /// Terms of a formula for what is unexplained at most...
+    pub terms: usize,
+    /// ...part of the cost that a further one must take away...
+    pub term: f64,
+    /// ...and points of its picture for each loop at most.
+    pub picture: usize,
+}
+
+impl Default for Fitting {
+    fn default() -> Self {
+        Fitting {
+            far_off: 0.5,
+            near_enough: 5e-2,
+            approach: 40,
+            near: 1.0,
+            doublings: 16,
+            worth_no_step: 1e-5,
+            coarse: 1e-5,
+            misses: 1.5,
+            ran_away: 1e9,
+        }
+    }
+}
+
+impl Default for Scoring {
+    fn default() -> Self {
+        Scoring { visible: 1e-3, dependent: 1e-8, shows: 1e-4, draws: 10_000, columns: 120, price: 0.1, entered: 1e-4, word: 0.02 }
+    }
+}
+
+impl Default for Telling {
+    fn default() -> Self {
+        Telling {
+            finding: 3.3,
+            transient: 0.3,
+            standard_errors: 2.0,
+            strength_reach: 1e3,
+            weak: 1e-3,
+            falls: 0.1,
+            strengths: 49,
+            narrowing: 60,
+            narrow: 1e-6,
+            held_out_points: 40,
+            held_out_span: 6.5,
+            terms: 4,
+            term: 0.03,
+            picture: 200,
+        }
+    }
+}
