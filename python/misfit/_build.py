@@ -20,21 +20,21 @@ from ._errors import Error
 from ._study import Study
 
 
-class Table(dict[str, Any]):
+class Keys(dict[str, Any]):
     """The keys of one TOML table; those without a value are left out."""
 
     def __init__(self, **keys: Any) -> None:
         super().__init__({k: v for k, v in keys.items() if v is not None})
 
 
-class Channel(Table):
+class Channel(Keys):
     """A channel of a test: role (time, displacement, force, frequency, real, imag, coherence, condition, ...), column and unit; `at` its place."""
 
     def __init__(self, role: str, column: str, unit: str | None = None, at: str | None = None, **more: Any) -> None:
         super().__init__(role=role, column=column, unit=unit, at=at, **more)
 
 
-class Test(Table):
+class Test(Keys):
     """A test: `data` holds its columns by name (a dictionary of arrays, a DataFrame, a structured array), `channels` says what they are."""
 
     __test__ = False  # pytest collects what is called Test.
@@ -44,7 +44,7 @@ class Test(Table):
         self.data = data
 
 
-class Body(Table):
+class Body(Keys):
     """A body with its free axes and its mass; `count` makes `name1`, `name2`, ..."""
 
     def __init__(
@@ -58,14 +58,14 @@ class Body(Table):
         super().__init__(name=name, free=None if free is None else list(free), mass=mass, count=count, **more)
 
 
-class Connector(Table):
+class Connector(Keys):
     """A connector between two bodies, `from_` and `to`, or along a `chain` of bodies."""
 
     def __init__(self, name: str, from_: str | None = None, to: str | None = None, chain: str | None = None, **more: Any) -> None:
         super().__init__(name=name, to=to, chain=chain, **{"from": from_}, **more)
 
 
-class Value(Table):
+class Value(Keys):
     """A parameter: start with its unit, bounds, prior, or fixed."""
 
     def __init__(
@@ -81,7 +81,7 @@ class Value(Table):
         super().__init__(start=start, min=min, max=max, prior=known, fixed=fixed, **more)
 
 
-class Effect(Table):
+class Effect(Keys):
     """An effect at a place with its parameters, each a quantity with unit (`k="20 N/mm"`) or a `Value`."""
 
     def __init__(self, effect: str, at: str | Sequence[str], **parameters: Any) -> None:

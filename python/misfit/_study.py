@@ -57,6 +57,11 @@ def new(folder: PathLike, files: Iterable[PathLike]) -> Study:
     return made_study
 
 
+def check(path: PathLike, data: PathLike | None = None) -> results.Check:
+    """Everything that is wrong with the files of a study, also of one that cannot be loaded."""
+    return run(results.Check, ["check", os.fspath(path), *_option("--data", data)], None, False, None)
+
+
 def effects(name: str | None = None) -> list[results.Law]:
     """The library of effects, or the one of this name."""
     return run(results.Effects, ["effects", *([name] if name else [])], None, False, None).effects

@@ -507,6 +507,31 @@ class Effort(msgspec.Struct, kw_only=True):
     """Effects at places with their shapes that the score test weighed."""
 
 
+class Fitting(msgspec.Struct, kw_only=True):
+    """How fits are begun and ended."""
+    approach: int
+    """...and its most iterations."""
+    coarse: float | None
+    """Relative change of the cost at which a fit ends that decides between candidates, or stands above the noise."""
+    doublings: int
+    """Doublings of a record's first cycles at most."""
+    far_off: float | None
+    """Relative error of an FRF from which its peaks do not overlap the measured ones, of a record from which it is out of phase: it is
+    approached from afar."""
+    misses: float | None
+    """Root mean square of the whitened residuals from which intervals do not hold."""
+    near: float | None
+    """What a parameter may be off from its start for one unit of the approach's prior, as part of it or, of a logarithm, in the logarithm."""
+    near_enough: float | None
+    """Relative change of the cost at which the approach ends..."""
+    ran_away: float | None
+    """A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
+    any more: the data do not hold it, or they contradict the model."""
+    worth_no_step: float | None
+    """Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than `sqrt(2e-5)`,
+    half a hundredth, of its standard deviation."""
+
+
 class HeldOut(msgspec.Struct, kw_only=True):
     """Pooled error of the held-out tests."""
     after: float | None
@@ -638,6 +663,15 @@ class Race(msgspec.Struct, kw_only=True):
     """Shapes of a candidate that are looked at, the best..."""
     shared: int
     """Parameters of one name and dimension that make two laws kin, the values of one a start for the other..."""
+    state_iterations: int
+    """...iterations of that fit, which begins at the model as it stands..."""
+    state_parts: list[float | None]
+    """...and parts of the way from that model to what the states want of it at which a law over a condition is computed."""
+    state_reach: float | None
+    """...factor within which they move it..."""
+    state_width: float | None
+    """Width of the prior within which the tests of one state of the conditions by themselves move what a law may follow, in parts of its value:
+    wide beside any scatter, as a law over a condition is..."""
     tried: int
     """Iterations after which those of a candidate's starts go on that are level with its best..."""
     unmoved: float | None
@@ -671,6 +705,26 @@ class Rung(msgspec.Struct, kw_only=True):
     """Tests after the refit; held-out tests stand only on the first and last rung."""
 
 
+class Scoring(msgspec.Struct, kw_only=True):
+    """How candidates are scored."""
+    columns: int
+    """Columns that the sparse combination weighs, those of the highest scores."""
+    dependent: float | None
+    """Singular value of columns of unit length below which a combination of them is numerically nothing..."""
+    draws: int
+    """Draws of the null distribution of the best score."""
+    entered: float | None
+    """Part of the largest weight below which a column has not entered."""
+    price: float | None
+    """Price of a column there in parts of the best score, where chance does not ask for more."""
+    shows: float | None
+    """...and below which what it would have to do of a candidate is no guide."""
+    visible: float | None
+    """A column keeps at least this part of itself after projection, or the data cannot tell it from what the model has."""
+    word: float | None
+    """Part of the explained cost below which a candidate is not worth a word."""
+
+
 class Settings(msgspec.Struct, kw_only=True):
     """How missing physics is searched for, and when it is believed."""
     correction_least: float | None
@@ -681,7 +735,7 @@ class Settings(msgspec.Struct, kw_only=True):
     """Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; a
     test that separates two laws by so much breaks their tie."""
     evaluations: int
-    """Evaluations of the likelihood in one estimate of the variances."""
+    """Evaluations of the likelihood in one estimate of the variances..."""
     facts_loop: float | None
     """Facts that a loop holds at least: mean, stiffness, loss, one of shape."""
     facts_mode: float | None
@@ -700,6 +754,8 @@ class Settings(msgspec.Struct, kw_only=True):
     """Tests from which a fault of one of them can be told from physics."""
     finish: int
     """Times that these are gone through again, at most, for a model that others are held against and that has not come to its end."""
+    fitting: Fitting
+    """How fits are begun and ended."""
     held_out_fall: float | None
     """Part by which their error must fall beside that."""
     held_out_nats: float | None
@@ -708,22 +764,34 @@ class Settings(msgspec.Struct, kw_only=True):
     """Pieces into which the held-out tests are cut at least, for the standard error of the fall of their error: fewer give no spread."""
     iterations: int
     """Iterations of each of these fits."""
+    last_step: float | None
+    """...and the part of these steps at which it ends."""
     like_others: float | None
     """Error that a test may have once its fault is taken out, over the median of the others."""
     max_added: int
     """Effects added at most."""
     model_error_least: float | None
     """Relative error of a model below which no model of a device is claimed: sampling, integration and geometry are not better known."""
+    model_error_most: float | None
+    """Largest relative error of a model, as a logarithm."""
     model_error_spread: float | None
     """Standard deviation of the logarithm of the model's error in one test over the common one: laws fail unevenly, by factors of two."""
+    neighbours: int
+    """Lines on either side over which the size of an FRF is averaged: between resonances a model errs by what its neighbours are."""
     next: Proposals
     """Which test separates what is tied."""
+    no_scatter: float | None
+    """Logarithm of a scatter that is none, a fifth of a percent..."""
     noise_most: float | None
     """Largest factor on the noise, and one over it: what is noisier is an error of the model."""
     noise_pool: float | None
     """Cycles' worth of weight of a noise spectrum pooled over tests: a test of four cycles has three degrees of freedom a harmonic."""
     noise_spread: float | None
     """Standard deviation of the logarithm of true over seen noise: a scatter of few cycles knows it to a third."""
+    own_points: int
+    """...and its points."""
+    own_reach: float | None
+    """Grid of the logarithm of a channel's own model error over the common one: its reach to either side..."""
     pair_of: int
     """Candidates that stood best alone and are tried in pairs where none alone gains."""
     pairs_from: float | None
@@ -739,12 +807,20 @@ class Settings(msgspec.Struct, kw_only=True):
     """Candidates refitted for their scores: what is not refitted is not found."""
     remainder: float | None
     """Part of the first model error left on the held-out tests above which the verdict stays `unexplained`..."""
+    ridge: float | None
+    """Ridge on the information of the parameters, of which the tests may not know all."""
+    rises: float | None
+    """A maximum of an FRF's magnitude is a resonance where it stands this far above the minima about it."""
     rounds: int
     """Fits and estimates of variances in turn; and estimates of the counts and of the widths of slack by what is then left."""
+    scatter_from: float | None
+    """...and of that from which an estimate begins at least: below it the likelihood is flat."""
     scatter_most: float | None
     """Largest scatter of strengths: what differs more from test to test is an error of the model, or it eats relaxation and inertia."""
     scatter_prior: float | None
     """Half-normal prior of the relative scatter of strengths between tests: temperature and mounting."""
+    scoring: Scoring
+    """How candidates are scored."""
     settled: float | None
     """Nats that a fit which decides between models may leave unfound: far below a tie."""
     slack_damper: float | None
@@ -759,8 +835,13 @@ class Settings(msgspec.Struct, kw_only=True):
     """Part of a value by which it may deviate at most: beyond it, it is not that part."""
     slack_spring: float | None
     """Width of the prior of the deviations of springs that a study ties or fixes, at most: what a workshop calls the same part..."""
+    steps: list[list[float | None]]
+    """...steps of its pattern search at first, in the logarithms of noise, model error and scatter. The last gives the noise what it takes from
+    the model error: where both are white the likelihood has a ridge along it, and steps along the axes alone stop beside its crest..."""
     swap: float | None
     """Nats by which an alternative must be better to take the place of what stands."""
+    telling: Telling
+    """What is told of a model beside the verdict."""
     tie: float | None
     """Nats within which two laws cannot be told apart; what stands is taken out only below minus this."""
     ties: int
@@ -775,6 +856,38 @@ class Settings(msgspec.Struct, kw_only=True):
     """...and this many times the least model error."""
     weighed: int
     """Refitted candidates that are weighed with variances of their own."""
+
+
+class Telling(msgspec.Struct, kw_only=True):
+    """What is told of a model beside the verdict."""
+    falls: float | None
+    """...where this part of every loss is left if it carries them all..."""
+    finding: float | None
+    """Standard deviations beyond which a statistic of the residuals is claimed; about 1 in 1000 by chance."""
+    held_out_points: int
+    """Points of the grid on which the model error of the held-out tests is looked for..."""
+    held_out_span: float | None
+    """...and its span from the least one, in logarithms."""
+    narrow: float | None
+    """...and the relative change of the strength at which they end."""
+    narrowing: int
+    """...so many iterations that narrow the best down..."""
+    picture: int
+    """...and points of its picture for each loop at most."""
+    standard_errors: float | None
+    """Standard errors beyond which the damping of a model differs from a constant ratio."""
+    strength_reach: float | None
+    """One strength that carries the whole loss is searched from this part of its value to its inverse..."""
+    strengths: int
+    """...with so many values tried over the range..."""
+    term: float | None
+    """...part of the cost that a further one must take away..."""
+    terms: int
+    """Terms of a formula for what is unexplained at most..."""
+    transient: float | None
+    """Transient that may be left in the mean of the kept cycles, in units of sigma: its square is a tenth of the noise's."""
+    weak: float | None
+    """...it counts as weak at this part of its value..."""
 
 
 class Ladder(Run, kw_only=True, dict=True):

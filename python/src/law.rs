@@ -2,7 +2,8 @@
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::Duration;
 
 use misfit::effect::dispatch::{INPUTS, Wanted};
 use misfit::effect::{Dim, EffectError, ForceLaw, Grid, Info, Inputs, Kind, Param, Ports, Role, Sign, Tangent};
@@ -17,8 +18,10 @@ use crate::dual::Dual;
 use crate::error::{raise, refuse};
 use crate::stiffness;
 
-/// The first exception that a law raised in the call under way, which is raised from the call. Of two calls at once in two threads of Python the one
-/// that looks first gets it.
+/// Whether there is any law of Python. Calls take turns then, so that what a law met with belongs to one call.
+static ANY: AtomicBool = AtomicBool::new(false);
+static CALL: Mutex<()> = Mutex::new(());
+/// The first exception that a law raised in the call under way, which is raised from the call.
 static FAULT: Mutex<Option<PyErr>> = Mutex::new(None);
 static RAISED: AtomicBool = AtomicBool::new(false);
 /// The first value that was no number. A step of a fit may try such a point and turn back, so it is told only where the call comes to nothing.
@@ -29,6 +32,48 @@ pub fn clear() {
     RAISED.store(false, Ordering::Relaxed);
     *FAULT.lock().unwrap_or_else(PoisonError::into_inner) = None;
     *ODD.lock().unwrap_or_else(PoisonError::into_inner) = None;
+}
+
+/// The turn of a call.
+pub struct Turn {
+    _lock: Option<MutexGuard<'static, ()>>,
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        if self._lock.is_some() {
+            HOLDS.set(false);
+        }
+    }
+}
+
+/// Waits for the turn of a call; a call out of the progress of another one is part of it.
+///
+/// # Errors
+/// Ctrl-C; a call out of a law, which would wait for itself.
+pub fn turn(py: Python<'_>) -> PyResult<Turn> {
+    if INSIDE.get() {
+        return Err(refuse(py, "effect", "", "a law of Python asked for a computation", "numbers, and functions of NumPy"));
+    }
+    if !ANY.load(Ordering::Relaxed) || HOLDS.get() {
+        return Ok(Turn { _lock: None });
+    }
+    loop {
+        match CALL.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                py.detach(|| std::thread::sleep(Duration::from_millis(5)));
+                py.check_signals()?;
+            }
+            Ok(lock) => {
+                HOLDS.set(true);
+                return Ok(Turn { _lock: Some(lock) });
+            }
+            Err(TryLockError::Poisoned(lock)) => {
+                HOLDS.set(true);
+                return Ok(Turn { _lock: Some(lock.into_inner()) });
+            }
+        }
+    }
 }
 
 /// Whether a law has raised an exception.
@@ -52,7 +97,12 @@ pub fn explained(failure: Failure) -> Failure {
 static TURN: Mutex<()> = Mutex::new(());
 
 thread_local! {
+    /// Whether Python knows this thread.
     static KNOWN: Cell<bool> = const { Cell::new(false) };
+    /// Whether this thread has the turn.
+    static HOLDS: Cell<bool> = const { Cell::new(false) };
+    /// Whether this thread is inside of a law.
+    static INSIDE: Cell<bool> = const { Cell::new(false) };
 }
 
 /// `work` with the interpreter lock. A thread of rayon's pool is made known to Python once and for good: Python makes and destroys its state of a
@@ -67,7 +117,10 @@ fn attached<T>(work: impl FnOnce(Python<'_>) -> T) -> T {
             pyo3::ffi::PyEval_SaveThread();
         }
     }
-    Python::attach(work)
+    INSIDE.set(true);
+    let done = Python::attach(work);
+    INSIDE.set(false);
+    done
 }
 
 /// What an argument of the function is.
@@ -369,5 +422,6 @@ pub fn register(
         let accepted = format!("a force proportional to `{first}`, and states that do not depend on it; or search=False");
         return Err(refuse(py, "effect", name, format!("the force is not proportional to its first parameter `{first}`"), &accepted));
     }
+    ANY.store(true, Ordering::Relaxed);
     misfit::effect::register(Box::new(law), searched).map(drop).map_err(|e| raise(py, &Failure::from(e)))
 }

@@ -28,7 +28,7 @@ pub struct Event {
 /// Returns what the work gave and, where there was one, the exception that ended it.
 ///
 /// # Errors
-/// A panic of the work, as `misfit.Error` of stage `panic`.
+/// A panic of the work, as `misfit.Error` of stage `panic`; as [`law::turn`].
 pub fn run<T: Send>(
     py: Python<'_>,
     flag: &Arc<AtomicBool>,
@@ -36,6 +36,7 @@ pub fn run<T: Send>(
     tell: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce() -> T + Send,
 ) -> PyResult<(T, Option<PyErr>)> {
+    let _turn = law::turn(py)?;
     law::clear();
     let mut ended = None;
     let done = std::thread::scope(|scope| {
@@ -74,6 +75,7 @@ pub fn run<T: Send>(
 /// # Errors
 /// As [`run`].
 pub fn short<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<(T, Option<PyErr>)> {
+    let _turn = law::turn(py)?;
     law::clear();
     match py.detach(|| catch_unwind(AssertUnwindSafe(work))) {
         Ok(value) => Ok((value, law::take().or(py.check_signals().err()))),

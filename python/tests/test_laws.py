@@ -1,6 +1,7 @@
 """Laws written in Python: the same as those of the library, their slopes, their faults."""
 
 import math
+import threading
 import time
 
 import numpy as np
@@ -132,6 +133,49 @@ def test_a_law_that_raises_raises_from_the_verb():
     assert time.monotonic() - started < 20 and made.path.read_text() == before
     # The next call begins anew.
     assert made.fit().termination == "converged"
+
+
+def test_a_fault_ends_the_call_that_it_belongs_to(small):
+    @misfit.law({"c": "N s/m"})
+    def py_fault(v, c):
+        if threading.current_thread() is not threading.main_thread():
+            raise RuntimeError("mine")
+        return c * v
+
+    expected = small.fit(progress=False).cost
+    effect = misfit.Effect("py_fault", "c1.x", c=misfit.Value("10 N s/m", min="0 N s/m"))
+    with pytest.raises(RuntimeError, match="mine"):
+        connector([cycle("slow", loop(1.0))], effects=[misfit.Effect("linear_stiffness", "c1.x", k="20 N/mm"), effect]).fit()
+    faulty = small.save(small.path.parent / "faulty")
+    met, costs = [], []
+
+    def fails():
+        try:
+            faulty.add("py_fault", at="c1.x", progress=False)
+        except RuntimeError as e:
+            met.append(str(e))
+
+    threads = [threading.Thread(target=fails) for _ in range(3)]
+    threads += [threading.Thread(target=lambda: costs.append(small.fit(progress=False).cost)) for _ in range(3)]
+    for t in threads:
+        t.start()
+    for t in threads:
+        t.join()
+    assert met == ["mine"] * 3 and costs == pytest.approx([expected] * 3, rel=1e-9)
+
+
+def test_a_law_cannot_run_a_verb_and_progress_can(small):
+    @misfit.law({"c": "N s/m"})
+    def py_nested(v, c):
+        if threading.current_thread() is not threading.main_thread():
+            small.residual(small.values)
+        return c * v
+
+    with pytest.raises(misfit.Error, match="asked for a computation"):
+        small.add("py_nested", at="c1.x")
+    within = []
+    small.fit(progress=lambda words, fit: within.append(len(small.residual(small.values))))
+    assert within and within[0] == len(small.residual(small.values))
 
 
 def test_a_law_that_gives_no_number_is_named():
