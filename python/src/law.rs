@@ -36,12 +36,12 @@ pub fn clear() {
 
 /// The turn of a call.
 pub struct Turn {
-    _lock: Option<MutexGuard<'static, ()>>,
+    lock: Option<MutexGuard<'static, ()>>,
 }
 
 impl Drop for Turn {
     fn drop(&mut self) {
-        if self._lock.is_some() {
+        if self.lock.is_some() {
             HOLDS.set(false);
         }
     }
@@ -56,7 +56,7 @@ pub fn turn(py: Python<'_>) -> PyResult<Turn> {
         return Err(refuse(py, "effect", "", "a law of Python asked for a computation", "numbers, and functions of NumPy"));
     }
     if !ANY.load(Ordering::Relaxed) || HOLDS.get() {
-        return Ok(Turn { _lock: None });
+        return Ok(Turn { lock: None });
     }
     loop {
         match CALL.try_lock() {
@@ -66,11 +66,11 @@ pub fn turn(py: Python<'_>) -> PyResult<Turn> {
             }
             Ok(lock) => {
                 HOLDS.set(true);
-                return Ok(Turn { _lock: Some(lock) });
+                return Ok(Turn { lock: Some(lock) });
             }
             Err(TryLockError::Poisoned(lock)) => {
                 HOLDS.set(true);
-                return Ok(Turn { _lock: Some(lock.into_inner()) });
+                return Ok(Turn { lock: Some(lock.into_inner()) });
             }
         }
     }
