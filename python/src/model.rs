@@ -36,6 +36,9 @@ const QUICK: Duration = Duration::from_millis(100);
 
 type Values<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
 
+/// Residuals and Jacobian as arrays.
+type WithSlopes<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
 /// Whole rows: residuals, and their derivatives where they are asked for.
 type Rows = (DVector<f64>, Option<DMatrix<f64>>);
 
@@ -100,12 +103,7 @@ impl Model {
 
     /// Residuals with their derivatives with respect to `p`, one row a residual.
     #[pyo3(signature = (p, splits=vec!["fit".to_string()]))]
-    fn jacobian<'py>(
-        &self,
-        py: Python<'py>,
-        p: Values<'py>,
-        splits: Vec<String>,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+    fn jacobian<'py>(&self, py: Python<'py>, p: Values<'py>, splits: Vec<String>) -> PyResult<WithSlopes<'py>> {
         let (r, j) = self.rows(py, p.as_array().iter().copied().collect(), &splits, true)?;
         let j = j.unwrap_or_else(|| DMatrix::zeros(r.len(), 0));
         let shape = j.shape();
