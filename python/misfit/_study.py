@@ -89,6 +89,10 @@ class Study:
         self._model: _native.Model | None = None
         self.model  # noqa: B018  (what is wrong with the files is said where they are loaded)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Another process reads the files itself.
+        return (Study, (self.path, self.data, self.seed))
+
     def __repr__(self) -> str:
         return f"Study({str(self.path)!r}: {len(self.names)} free parameters)"
 

@@ -1,5 +1,6 @@
 """Studies made of arrays; tables and curves without copies; the model as a function."""
 
+import multiprocessing
 import pickle
 import subprocess
 import sys
@@ -68,6 +69,13 @@ def test_the_jacobian_is_the_slope_of_the_residual(friction):
         h = 1e-5 * p[k]
         up, down = (friction.residual(p + s * h * np.eye(len(p))[k], splits=["fit", "select"]) for s in (1, -1))
         assert (up - down) / (2 * h) == pytest.approx(j[:, k], rel=1e-2, abs=2e-4 * np.abs(j[:, k]).max())
+
+
+def test_a_study_goes_to_other_processes(small):
+    # Started anew: a process that is forked has none of the threads that compute.
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        there = pool.apply(small.residual, (small.values,))
+    assert there == pytest.approx(small.residual(small.values), rel=1e-12)
 
 
 def test_scipy_drives_the_model(small):
