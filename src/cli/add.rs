@@ -63,6 +63,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&study, "add")?;
     folder.study(&study, &done.fitted.system)?;
     folder.residuals(&after.tests)?;
+    session.show(&after.tests);
     let added = EffectAt { effect: instance.name().into(), at: instance.at.clone() };
     let value = fit::json(&json!({ "before": fit::plain(&before)?, "after": fit::plain(after)?, "added": fit::plain(&added)? }), &folder)?;
     report::write(&folder, &study, &done.fitted.system, Some(after), None, None)?;

@@ -10,6 +10,7 @@ use crate::campaign::{self, CampaignError, Record, Runner, Spec, Task, slurm, ta
 use crate::identify::interrupt_flag;
 use crate::parallel;
 
+use super::call::Watched;
 use super::progress::Progress;
 use super::table::table;
 use super::{INTERRUPTED, Outcome};
@@ -83,7 +84,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let records: Vec<Option<Record>> = parallel::map(&tasks, |t| runner.record(&t.id));
     let left: Vec<usize> = (0..tasks.len()).filter(|k| records[*k].as_ref().is_none_or(|r| r.reason.is_some())).collect();
     let others = strangers(&folder, &tasks);
-    let progress = Progress::new(args.json, None);
+    let progress = Progress::new(args.json, None, Watched::default());
     match args.on {
         On::Local => {
             if let Some(job) = earlier(&folder) {

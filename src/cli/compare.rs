@@ -27,6 +27,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&study, "compare")?;
     folder.study(&study, &case.system)?;
     folder.residuals(&tests)?;
+    session.show(&tests);
     report::write(&folder, &study, &case.system, Some(&as_it_stands(&case, &tests)), None, None)?;
     let value = fit::json(&json!({ "study": study.title, "tests": fit::plain(&tests)? }), &folder)?;
     folder.result(&value)?;

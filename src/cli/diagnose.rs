@@ -26,6 +26,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let system = fit::at_values(&case.system, &result.parameters);
     folder.study(&study, &system)?;
     folder.residuals(&result.tests)?;
+    session.show(&result.tests);
     report::write(&folder, &study, &system, Some(&result), Some(&diagnosis), None)?;
     let mut value = fit::json(&diagnosis, &folder)?;
     value["fit"] = fit::plain(&result)?;

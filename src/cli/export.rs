@@ -58,7 +58,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&study, "export")?;
     let formats: Vec<&str> = args.to.iter().filter_map(|f| f.word()).collect();
     let (mut files, notes) = export(&study, &fitted, &result, &at, &formats, &folder)?;
-    notes.iter().for_each(|note| eprintln!("{note}"));
+    notes.iter().for_each(|note| session.progress.note(note));
     if args.to.iter().any(|f| matches!(f, Format::Study)) {
         let written = stand_alone(&study, &fitted.system, &folder.path.join("study"))?;
         files.extend(written.iter().map(|f| f.display().to_string()));

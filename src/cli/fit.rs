@@ -35,6 +35,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&study, "fit")?;
     let done = fitted(&session, &case, &folder, args.resume.as_deref()).and_then(|(case, fitted, result)| {
         keep(&study, &fitted.system, &folder, &result)?;
+        session.show(&result.tests);
         Ok((case, fitted, result))
     });
     let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;

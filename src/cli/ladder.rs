@@ -27,6 +27,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     result.result_study = Some(folder.path.display().to_string());
     if let Some(last) = result.rungs.last() {
         folder.residuals(&last.tests)?;
+        session.show(&last.tests);
     }
     report::write(&folder, &study, &system, None, None, Some(&result))?;
     let value = fit::json(&result, &folder)?;

@@ -4,6 +4,7 @@
 //! saved.
 
 mod add;
+mod call;
 mod campaign;
 mod check;
 mod compare;
@@ -33,6 +34,8 @@ use clap::{Parser, Subcommand};
 use serde_json::Value;
 
 use crate::work::Failure;
+
+pub use call::{Called, Watcher, call};
 
 /// Calibrates models of assembled flexible mechanical systems and finds out what physics they are missing.
 #[derive(Parser)]
@@ -103,6 +106,24 @@ impl Verb {
         }
     }
 
+    /// The options of a verb on a study.
+    fn common(&mut self) -> Option<&mut session::Common> {
+        Some(match self {
+            Verb::Check(a) => &mut a.common,
+            Verb::Simulate(a) => &mut a.common,
+            Verb::Fit(a) => &mut a.common,
+            Verb::Compare(a) => &mut a.common,
+            Verb::Diagnose(a) => &mut a.common,
+            Verb::Add(a) => &mut a.common,
+            Verb::Ladder(a) => &mut a.common,
+            Verb::Predict(a) => &mut a.common,
+            Verb::Tolerance(a) => &mut a.common,
+            Verb::Export(a) => &mut a.common,
+            Verb::Report(a) => &mut a.common,
+            Verb::New(_) | Verb::Serve(_) | Verb::Trial(_) | Verb::Campaign(_) | Verb::Effects(_) | Verb::Schema(_) => return None,
+        })
+    }
+
     fn json(&self) -> bool {
         match self {
             Verb::New(a) => a.json,
@@ -167,10 +188,7 @@ fn usage(e: &clap::Error) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     if std::env::args().any(|a| a == "--json") {
-        let text = e.render().to_string();
-        let (message, rest) = text.split_once("\n\n").unwrap_or((&text, ""));
-        let message = message.trim_start_matches("error: ").trim();
-        print(true, &Failure::new("cli", "command line", message, rest.trim()).json(), "");
+        print(true, &call::wrong(e).json(), "");
     }
     ExitCode::from(USAGE)
 }

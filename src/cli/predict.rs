@@ -76,6 +76,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     session.progress.end();
     folder.study(study, &fitted.system)?;
     folder.residuals(&result.tests)?;
+    session.show(&result.tests);
     let mut value = json!({ "fit": fit::plain(&result)?, "shift_error_over_none": listed.shifts });
     let mut predictions = Vec::new();
     // The tolerance cases are what a reader asks for first.

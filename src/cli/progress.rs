@@ -9,6 +9,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::identify;
 
+use super::call::Watched;
+
 /// Nothing is shown of what takes less than this.
 const QUIET: Duration = Duration::from_secs(1);
 /// What a line says of a part of the work that came to nothing.
@@ -22,6 +24,7 @@ pub(super) struct Progress {
     started: Instant,
     deadline: Option<Instant>,
     state: Arc<Mutex<State>>,
+    watcher: Watched,
     /// Repeats what is being done when nothing new is said of it for long.
     beat: Option<(Sender<()>, JoinHandle<()>)>,
 }
@@ -35,21 +38,25 @@ struct State {
 }
 
 impl Progress {
-    pub fn new(json: bool, deadline: Option<Instant>) -> Self {
+    pub fn new(json: bool, deadline: Option<Instant>, watcher: Watched) -> Self {
         use std::io::IsTerminal;
-        let terminal = !json && std::io::stderr().is_terminal();
+        let called = watcher.0.is_some();
+        let terminal = !json && !called && std::io::stderr().is_terminal();
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
         // A template of constants; were it refused, the default would do.
         if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed} {wide_msg}") {
             bar.set_style(style);
         }
         let (started, state) = (Instant::now(), Arc::new(Mutex::new(State::default())));
-        let beat = (!terminal).then(|| beat(started, state.clone()));
-        Progress { bar, terminal, started, deadline, state, beat }
+        let beat = (!terminal && !called).then(|| beat(started, state.clone()));
+        Progress { bar, terminal, started, deadline, state, watcher, beat }
     }
 
     /// A step of the work, in words.
     pub fn say(&self, step: &str) {
+        if let Some(w) = &self.watcher.0 {
+            return w.step(step.trim());
+        }
         let Ok(mut state) = self.state.lock() else { return };
         // What failed stays to be read, however short the run.
         if step.contains(FAILED) {
@@ -61,8 +68,19 @@ impl Progress {
         self.show(step.to_string(), &mut state, plain);
     }
 
+    /// What stays to be read when all is done.
+    pub fn note(&self, text: &str) {
+        match &self.watcher.0 {
+            Some(w) => w.step(text),
+            None => eprintln!("{text}"),
+        }
+    }
+
     /// An iteration of a fit.
     pub fn iteration(&self, p: &identify::Progress) {
+        if let Some(w) = &self.watcher.0 {
+            return w.iteration(p);
+        }
         let Ok(mut state) = self.state.lock() else { return };
         let text = format!("{}: iteration {}, cost {:.6e}, step {:.1e}{}", state.step, p.iteration, p.cost, p.step, self.left());
         let due = self.started.elapsed() >= QUIET && state.last.is_none_or(|t| t.elapsed() >= BETWEEN);

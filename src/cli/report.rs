@@ -27,6 +27,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     folder.study(&study, &system)?;
     let file = write(&folder, &study, &system, Some(&result), Some(&diagnosis), None)?;
     folder.residuals(&result.tests)?;
+    session.show(&result.tests);
     folder.result(&json!({ "fit": fit::plain(&result)?, "diagnosis": fit::plain(&diagnosis)? }))?;
     let shown = file.display().to_string();
     let text = format!("{shown}\nOpens in any browser, without a network.\n");

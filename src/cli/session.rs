@@ -8,11 +8,13 @@ use std::time::{Duration, Instant};
 use clap::Args;
 
 use crate::diagnose::Case;
+use crate::diagnose::results::TestResult;
 use crate::identify::{Monitor, interrupt_flag};
 use crate::parallel;
 use crate::study::Study;
 use crate::study::run::RunFolder;
 
+use super::call::Watched;
 use super::progress::Progress;
 use crate::work::Failure;
 
@@ -39,6 +41,9 @@ pub(super) struct Common {
     /// Folder of the raw measurement files
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
+    /// The program that called the verb, in place of a terminal.
+    #[arg(skip)]
+    pub watcher: Watched,
 }
 
 /// A time limit.
@@ -52,8 +57,16 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
 /// Threads of everything parallel.
 pub(super) fn threads(n: Option<u16>) -> Result<(), Failure> {
     let Some(n) = n else { return Ok(()) };
-    let built = rayon::ThreadPoolBuilder::new().num_threads(n.into()).build_global();
-    built.map_err(|e| Failure::new("cli", "--threads", e.to_string(), "a number of threads the machine can start"))
+    rayon::ThreadPoolBuilder::new().num_threads(n.into()).build_global().map_err(|e| no_threads(&e))
+}
+
+/// Threads of one call.
+pub(super) fn pool(n: u16) -> Result<rayon::ThreadPool, Failure> {
+    rayon::ThreadPoolBuilder::new().num_threads(n.into()).build().map_err(|e| no_threads(&e))
+}
+
+fn no_threads(e: &rayon::ThreadPoolBuildError) -> Failure {
+    Failure::new("cli", "--threads", e.to_string(), "a number of threads the machine can start")
 }
 
 /// A verb at work.
@@ -68,12 +81,14 @@ impl<'a> Session<'a> {
     /// Sets threads and the handler of Ctrl-C.
     pub fn begin(common: &'a Common) -> Result<Self, Failure> {
         threads(common.threads)?;
-        let flag = interrupt_flag()
-            .map_err(|e| Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers"))?;
+        let flag =
+            common.watcher.cancel().map_or_else(interrupt_flag, Ok).map_err(|e| {
+                Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers")
+            })?;
         // What no Duration can hold is as good as no limit.
         let limit = common.max_seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
         let deadline = limit.and_then(|d| Instant::now().checked_add(d));
-        Ok(Session { common, progress: Progress::new(common.json, deadline), flag, deadline })
+        Ok(Session { common, progress: Progress::new(common.json, deadline, common.watcher.clone()), flag, deadline })
     }
 
     pub fn study(&self) -> Result<Study, Failure> {
@@ -99,6 +114,13 @@ impl<'a> Session<'a> {
     /// `work` that gives up at Ctrl-C and at `--max-seconds`, within an evaluation of the model too.
     pub fn watched<T>(&self, work: impl FnOnce() -> T) -> T {
         parallel::watched(&self.monitor().watch(), work)
+    }
+
+    /// Shows the curves of the result to the program that called.
+    pub fn show(&self, tests: &[TestResult]) {
+        if let Some(w) = &self.common.watcher.0 {
+            w.tests(tests);
+        }
     }
 
     /// Whether a signal came or the time is used up.

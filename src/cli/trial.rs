@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use crate::identify::{Monitor, interrupt_flag};
 use crate::trial::{self, CaseResult, Counts, Data, Imperfection, Kept, Kind, NONCENTRALITY, Options, Structure, TrialError};
 
+use super::call::Watched;
 use super::progress::Progress;
 use super::table::{significant, table};
 use super::{INTERRUPTED, Outcome};
@@ -123,7 +124,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let cases = args.cases as usize;
     let before = done.iter().filter(|d| d.index < cases).count();
-    let progress = Progress::new(args.json, monitor.deadline);
+    let progress = Progress::new(args.json, monitor.deadline, Watched::default());
     progress.say(&format!("{} cases", cases - before));
     let (started, tally) = (Instant::now(), Mutex::new((0usize, 0usize)));
     let each = |r: &CaseResult| -> Result<(), TrialError> {

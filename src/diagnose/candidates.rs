@@ -1,6 +1,6 @@
 //! The candidates of the search: every effect of the library at every place it may act, over a grid of its shapes.
 
-use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Over, Role, Scales, Sign};
+use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Over, Role, Scales, Sign, own};
 use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
 use crate::response::{BlockKind, Plan};
 use crate::units::{Dimension, Unit};
@@ -78,7 +78,8 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
     let (mut names, mut trials) = (Vec::new(), Vec::new());
     let wanted = |effect: &str| case.search.effects.as_ref().is_none_or(|list| list.iter().any(|e| e == effect));
     let allowed = |at: &str| case.search.places.as_ref().is_none_or(|list| list.iter().any(|p| p == at));
-    for effect in LIBRARY.iter().filter(|e| wanted(e.info().name) && !matches!(e, Effect::Formula(_)) && !super::slack::deviates(e)) {
+    let tried = |e: &&Effect| wanted(e.info().name) && !matches!(e, Effect::Formula(_)) && !super::slack::deviates(e);
+    for effect in LIBRARY.iter().chain(own::searched()).filter(tried) {
         let info = effect.info();
         match info.role {
             Role::Force | Role::Series => {

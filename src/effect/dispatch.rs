@@ -53,8 +53,9 @@ impl Tangent {
         let at = row * self.stride() + INPUTS + self.n_states;
         &self.d[at..at + self.n_params]
     }
+    /// Sets the derivative of row `row` in a column: `x, v, a, dx`, the old states, the parameters.
     #[inline]
-    fn set(&mut self, row: usize, col: usize, value: f64) {
+    pub fn set(&mut self, row: usize, col: usize, value: f64) {
         let at = row * self.stride() + col;
         self.d[at] = value;
     }

@@ -13,6 +13,16 @@ pub enum EffectError {
         /// Nearest name in the library.
         nearest: String,
     },
+    /// A law that a program registers and that no study could use.
+    #[error("{message}")]
+    Refused {
+        /// Effect.
+        name: String,
+        /// What is wrong.
+        message: String,
+        /// What would be accepted.
+        accepted: String,
+    },
     /// The law has no limit at small amplitude.
     #[error("`{name}` has no small-amplitude limit")]
     NoSmallSignal {
@@ -29,15 +39,16 @@ impl Explain for EffectError {
     }
     fn place(&self) -> String {
         match self {
-            EffectError::Unknown { name, .. } => name.clone(),
+            EffectError::Unknown { name, .. } | EffectError::Refused { name, .. } => name.clone(),
             EffectError::NoSmallSignal { name, .. } => (*name).into(),
         }
     }
     fn accepted(&self) -> String {
         match self {
             EffectError::Unknown { .. } => {
-                format!("one of: {}", super::LIBRARY.iter().map(|e| e.info().name).collect::<Vec<_>>().join(", "))
+                format!("one of: {}", super::own::names().join(", "))
             }
+            EffectError::Refused { accepted, .. } => accepted.clone(),
             EffectError::NoSmallSignal { remedy, .. } => (*remedy).into(),
         }
     }

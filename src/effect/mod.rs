@@ -18,6 +18,7 @@ pub mod error;
 pub mod formula;
 pub mod info;
 pub mod num;
+pub mod own;
 pub mod series;
 
 mod absorber;
@@ -74,6 +75,7 @@ pub use formula::{Formula, FormulaError};
 pub use info::{Dim, Grid, Info, Kind, Param, Ports, Role, Scales, Sign};
 pub use iwan::limits as iwan_limits;
 pub use num::Num;
+pub use own::register;
 pub use prony::{Prony, prony};
 pub use series::Series;
 
@@ -202,11 +204,13 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Formula(&formula::FORMULA),
 ];
 
-/// The effect of this name, or an error with the nearest name.
+/// The effect of this name, of the library or registered, or an error with the nearest name.
 pub fn find(name: &str) -> Result<&'static Effect, EffectError> {
-    LIBRARY.iter().find(|e| e.info().name == name).ok_or_else(|| {
+    let own = own::all();
+    LIBRARY.iter().chain(own.iter().map(|o| o.effect)).find(|e| e.info().name == name).ok_or_else(|| {
         let nearest = LIBRARY
             .iter()
+            .chain(own.iter().map(|o| o.effect))
             .map(|e| e.info().name)
             .max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)))
             .unwrap_or("");

@@ -240,8 +240,10 @@ impl RunFolder {
 
 const CHECKPOINT: &str = "checkpoint.json";
 
+/// Every measured value with its computed one, as a table.
+///
 /// Columns test, channel, abscissa, part, measured, computed, sigma, whitened = (computed - measured) / sigma (tables: of the logarithms); SI.
-fn residuals(tests: &[TestResult]) -> polars::error::PolarsResult<DataFrame> {
+pub fn residuals(tests: &[TestResult]) -> polars::error::PolarsResult<DataFrame> {
     let (mut test, mut channel, mut part) = (vec![], vec![], vec![]);
     let (mut abscissa, mut measured, mut computed, mut sigma, mut whitened) = (vec![], vec![], vec![], vec![], vec![]);
     for t in tests {

@@ -242,7 +242,7 @@ fn constants(table: &TableView<'_>, max_added: Option<usize>) -> Result<Settings
 /// The effect a value names.
 pub(super) fn effect(value: &ValueView<'_>) -> Result<&'static Effect, TomlError> {
     let name = value.string()?;
-    effect::find(name).map_err(|_| unknown(value, "effect", name, effect::LIBRARY.iter().map(|e| e.info().name)))
+    effect::find(name).map_err(|_| unknown(value, "effect", name, effect::own::names().into_iter()))
 }
 
 /// An unknown word with the nearest of the known ones.

@@ -1,6 +1,7 @@
 //! Behaviour of the program as its users meet it: the command line on studies in temporary folders, and the rules of the house.
 
 mod bad_input;
+mod called;
 mod campaign;
 mod committed;
 mod conditions;
