@@ -24,6 +24,8 @@ pub struct Settings {
     pub promise_series: f64,
     /// Fits and estimates of variances in turn; and estimates of the counts and of the widths of slack by what is then left.
     pub rounds: usize,
+    /// Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed.
+    pub estimates: usize,
     /// Iterations of each of these fits.
     pub iterations: u64,
     /// Times that these are gone through again, at most, for a model that others are held against and that has not come to its end.
@@ -150,6 +152,7 @@ impl Default for Settings {
             promise: 2.0,
             promise_series: 5.0,
             rounds: 2,
+            estimates: 4,
             iterations: 12,
             finish: 10,
             settled: 0.02,

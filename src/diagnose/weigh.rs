@@ -147,31 +147,22 @@ impl Scale {
         Some(Weighed { fitted: fitted.clone(), seen, v, likelihood })
     }
 
-    /// The system weighed, the counts set by what it leaves.
+    /// The system weighed, the counts set by what its plain fit leaves and then by what it leaves itself. Counted as independent at first, a thousand
+    /// lines of an FRF would lead a good fit away from the loops before they are known to be few facts.
     pub fn begin(&mut self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
         self.counts = self.evidence.independent();
         parallel::watched(&monitor.watch(), || {
-            let mut now = self.first(system, monitor)?;
+            let (plain, mut v) = (self.see(system)?, Variances::start(&self.evidence));
+            for _ in 0..self.settings.estimates {
+                v = self.evidence.estimate(&plain, &self.counts, &v);
+                self.counts = self.evidence.counts(&plain, &v);
+            }
+            let mut now = self.weigh(system, &v, monitor)?;
             for _ in 0..self.settings.rounds {
                 now = self.tempered(&now, monitor)?;
             }
             self.finished(now, monitor)
         })
-    }
-
-    /// The system weighed from variances that know nothing and from those that its plain fit leaves, whichever is likelier: the first give every channel
-    /// an error of a tenth and may lead away from a fit that is good, the second hold on to what a bad fit follows by chance.
-    fn first(&self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
-        let start = Variances::start(&self.evidence);
-        let left = self.evidence.estimate(&self.see(system)?, &self.counts, &start);
-        let both = parallel::map(&[start, left], |v| self.weigh(system, v, monitor));
-        both.into_iter()
-            .reduce(|a, b| match (&a, &b) {
-                (Ok(x), Ok(y)) if x.likelihood >= y.likelihood => a,
-                (Ok(_), Err(_)) => a,
-                _ => b,
-            })
-            .unwrap_or_else(|| Err("it was not fitted".into()))
     }
 
     /// The same fitted on until it has come to its end: what a model has not yet found by itself would be the gain of whatever is added to it.

@@ -113,8 +113,8 @@ fn stiffnesses_off_by_factors_are_found_from_records_of_accelerometers() {
 fn a_cubic_spring_is_found_in_records_that_the_model_cannot_follow() {
     let rig = study(CUBIC, ["30 N/mm", "30 N/mm"], CHANNELS);
     let ladder = rig.json("ladder", &[]);
-    let first = &ladder["rungs"][0]["tests"][0];
-    assert!(first["error"].as_f64().unwrap() > 0.5, "{first}");
+    let errors: Vec<f64> = ladder["rungs"][0]["tests"].as_array().unwrap().iter().map(|t| t["error"].as_f64().unwrap()).collect();
+    assert!(errors.iter().any(|e| *e > 0.5), "{errors:?}");
     let missing = &ladder["missing"];
     println!("{missing} {}", ladder["ended"]);
     assert!(missing[0]["effect"] == "cubic_stiffness" && missing[0]["at"] == "c1.x" && missing.as_array().unwrap().len() == 1, "{missing}");
