@@ -49,18 +49,14 @@ impl Evidence {
         };
         let shares: Vec<Vec<f64>> = (0..self.records.len()).map(share).collect();
         for group in self.groups() {
-            let ranges = || group.iter().map(|(t, b)| (*t, self.records[*t].channels[*b].range.clone()));
-            let compared: Vec<(usize, usize)> = ranges().flat_map(|(t, range)| range.map(move |i| (t, i))).collect();
-            let compared: Vec<(usize, usize)> = compared.into_iter().filter(|(t, i)| self.records[*t].noise[*i].is_finite()).collect();
-            let dominated: f64 = compared.iter().map(|(t, i)| shares[*t][*i]).sum();
+            let dominated: f64 = group.iter().flat_map(|(t, b)| shares[*t][self.records[*t].channels[*b].range.clone()].iter()).sum();
             let facts = of(&group).min(dominated);
-            // Coefficients of a loop and of a record are facts of their own; what counts less in each is its share of error. The error along the lines of an
-            // FRF is one smooth function: of a fact seen in many lines the noise averages out and the error does not.
-            let smooth = self.records[group[0].0].channels[group[0].1].kind == BlockKind::Frf;
-            let z0 = if smooth { of(&group) / compared.len().max(1) as f64 } else { facts / dominated.max(f64::MIN_POSITIVE) }.min(1.0);
-            for (t, i) in compared {
-                let p = shares[t][i];
-                counts.z[t][i] = if smooth { z0 / (p + z0 * (1.0 - p)) } else { 1.0 - p * (1.0 - z0) };
+            let z0 = if dominated > 0.0 { facts / dominated } else { 1.0 };
+            for (t, b) in &group {
+                let range = self.records[*t].channels[*b].range.clone();
+                for i in range.filter(|i| self.records[*t].noise[*i].is_finite()) {
+                    counts.z[*t][i] = 1.0 - shares[*t][i] * (1.0 - z0);
+                }
             }
             counts.facts += facts;
         }
