@@ -9,9 +9,9 @@ use super::trace;
 use super::weigh::Scale;
 use crate::model::System;
 
-/// What taking slack back has left.
+/// Slack was taken back.
 pub struct Tightened {
-    /// What was exchanged for what on the way.
+    /// The effect that took the place of another without it.
     pub exchanged: Option<(EffectAt, EffectAt)>,
 }
 
@@ -73,8 +73,9 @@ impl Climb<'_> {
         let whole = Scale { case: loose, ..self.scale.again() }.weigh(&before.4.fitted.system, &before.4.v, self.monitor);
         // Deviations have paid by their widths.
         let extra = 0.5 * before.1.len() as f64 * self.scale.counts.n.ln();
-        let gain = whole.map_or(f64::NEG_INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now));
-        if gain > self.settings.tie {
+        let gain = whole.map_or(f64::INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now));
+        // What is interrupted decides nothing.
+        if gain > self.settings.tie || trace::stopped(self.monitor) {
             (self.base, self.slack, self.added, self.order, self.now) = before;
             self.scale = former;
             self.case.deviations = self.slack.clone();
