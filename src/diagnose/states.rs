@@ -126,9 +126,9 @@ struct About {
     kept: Vec<usize>,
     /// Columns of the logarithms of what laws may follow.
     logs: DMatrix<f64>,
-    /// Conditions of the test of each row.
+    /// Index of the test of each row.
     of_row: Vec<usize>,
-    /// Conditions of each test.
+    /// The tests, under the variances that are left there.
     plans: Vec<Plan>,
     followed: Vec<Followed>,
 }
