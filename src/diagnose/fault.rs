@@ -41,8 +41,8 @@ impl Scale {
             return Some(Fault::Small);
         }
         // A fault bends the one test to the model, whatever the model errs by: what it errs by elsewhere counts as well.
-        let errors = with.v.own_errors(t, &self.settings.evidence);
-        let errs = errors.iter().copied().fold(with.v.model_error(&self.settings.evidence), f64::max);
+        let errors = with.v.own_errors(t, &self.evidence.records[t]);
+        let errs = errors.iter().copied().fold(with.v.model_error(&self.evidence), f64::max);
         if moves[t] < self.settings.fault_over * errs {
             return Some(Fault::BelowModelError);
         }

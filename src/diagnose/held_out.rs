@@ -103,7 +103,7 @@ impl<'a> HeldOutTests<'a> {
     fn error_left(&self, look: &Look, beside: &Weighed) -> f64 {
         let mut v = self.elsewhere(&beside.v);
         let (points, span) = (self.settings.telling.held_out_points, self.settings.telling.held_out_span);
-        let least = self.settings.evidence.model_error_least.ln();
+        let least = self.settings.evidence.least().ln();
         let at = |k: usize| least + span * k as f64 / (points - 1) as f64;
         let mut density = |k: usize| {
             v.tau = at(k);

@@ -248,7 +248,7 @@ impl Climb<'_> {
             held_out,
             tests_held_out: !tests.is_empty(),
             floor: (floors.iter().map(|f| f * f).sum::<f64>() / floors.len().max(1) as f64).sqrt(),
-            model_error: self.now.v.model_error(&self.settings.evidence),
+            model_error: self.now.v.model_error(&self.scale.evidence),
             stopped,
         }
     }
@@ -427,7 +427,7 @@ impl Scale {
         let mut list: Vec<(OwnError, f64)> = Vec::new();
         let plans = self.case.plans_of(SplitName::Fit);
         for (t, (plan, record)) in plans.iter().zip(&self.evidence.records).enumerate() {
-            for (channel, error) in record.channels.iter().zip(w.v.own_errors(t, &self.settings.evidence)) {
+            for (channel, error) in record.channels.iter().zip(w.v.own_errors(t, record)) {
                 let kind = plan.kind.word();
                 match list.iter_mut().find(|(m, _)| m.kind == kind && m.channel == channel.label) {
                     Some((m, n)) => (m.relative, *n) = (m.relative + error * error, *n + 1.0),

@@ -20,7 +20,7 @@ impl Climb<'_> {
     /// of its widths. It then stands in every model that follows. Whether it was given.
     pub fn slacken(&mut self, than: f64) -> bool {
         let (s, e) = (&self.settings, &self.settings.evidence);
-        let seen = self.now.v.model_error(e) >= s.pairs_from * e.model_error_least;
+        let seen = self.now.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least;
         if !seen || self.loosened || !self.slack.is_empty() || self.case.search.slack == Some(false) || trace::stopped(self.monitor) {
             return false;
         }

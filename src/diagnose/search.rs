@@ -314,6 +314,7 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
             Err(why) => Reason::Failed { why },
             Ok((weighed, contradicted)) => {
                 let gain = scale.gain(&weighed, a.base, price.tried(c));
+                if std::env::var("DBG").is_ok() { eprintln!("DBG {} {} gain {gain:.1} l {:.1} from {:.1} n {:.1} facts {:.1} tried {:.0} k {} {} tau {:?} kappa {:.3} omega {:.3} base tau {:?} omega {:.3} noise {:.3} base {:.3} its {}", names[c].effect, names[c].at, weighed.likelihood, a.base.likelihood, scale.counts.n, scale.counts.facts, price.tried(c), weighed.size(), a.base.size(), (0..weighed.seen.len()).map(|t| weighed.v.own_errors(t, &scale.evidence.records[t])).collect::<Vec<_>>(), weighed.v.kappa, weighed.v.omega.exp(), (0..weighed.seen.len()).map(|t| a.base.v.own_errors(t, &scale.evidence.records[t])).collect::<Vec<_>>(), a.base.v.omega.exp(), scale.evidence.over_noise(&weighed.seen, &weighed.v), scale.evidence.over_noise(&a.base.seen, &a.base.v), weighed.fitted.outcome.iterations); }
                 stood.push(Stood { name: names[c].clone(), weighed, gain, admissible: contradicted.is_none() });
                 match contradicted {
                     Some(fault) => Reason::NotInRecord { fault },
@@ -330,7 +331,7 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
 /// The pair that gains most, of those that stood best alone and of those that a sparse combination needs together.
 fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, sparse: Option<[Score; 2]>) -> Option<Move> {
     let (scale, s) = (a.scale, &a.scale.settings);
-    if a.base.v.model_error(&s.evidence) < s.pairs_from * s.evidence.model_error_least {
+    if a.base.v.model_error(&scale.evidence) < s.pairs_from * s.evidence.model_error_least {
         return None;
     }
     let acts = |n: &Name| matches!(role(n), Some(Role::Force | Role::Series)) && n.of.is_none();

@@ -113,8 +113,9 @@ pub struct Stated {
 }
 
 /// Every constant that a study may state.
-pub const STATED: [Stated; 16] = [
+pub const STATED: [Stated; 17] = [
     Stated { key: "model_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.model_error_least },
+    Stated { key: "frf_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.frf_error_least },
     Stated { key: "model_error_spread", range: (1e-3, 5.0), field: |s| &mut s.evidence.model_error_spread },
     Stated { key: "scatter_prior", range: (1e-6, 0.5), field: |s| &mut s.evidence.scatter_prior },
     Stated { key: "scatter_most", range: (1e-6, 0.5), field: |s| &mut s.evidence.scatter_most },

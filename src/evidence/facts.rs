@@ -1,16 +1,49 @@
 //! How many facts a model's error is.
 
-use nalgebra::DVector;
-
 use crate::response::BlockKind;
 
 use super::{Evidence, Record, Seen, Variances};
 
+/// What a coefficient counts as.
+#[derive(Clone, Copy, Debug)]
+pub struct Count {
+    /// Facts, 0 to 1.
+    pub z: f64,
+    /// Dimensions that the model's error has for each coefficient of its channel: 1 where it is white, fewer where it is a smooth function of few.
+    pub free: f64,
+}
+
+impl Count {
+    /// Variance in the directions in which the model may err: there the error of all coefficients together stands beside the noise of one.
+    fn whole(&self, noise: f64, error: f64) -> f64 {
+        noise + error / self.free
+    }
+
+    /// One over the weight of a residual's square.
+    pub fn variance(&self, noise: f64, error: f64) -> f64 {
+        self.whole(noise, error) / self.z
+    }
+
+    /// What a coefficient adds to `-2 ln L` beside the square of its residual over [`Count::variance`]. With D the variance of `whole`:
+    /// `z [free ln D + (1 - free) (ln noise + 1 - noise / D)]`. The second part is that of the directions in which the model does not err, where the
+    /// residual is noise of the size it is known to have: 1, of which noise / D stands in the square already.
+    pub fn level(&self, noise: f64, error: f64) -> f64 {
+        let whole = self.whole(noise, error);
+        let rough = if self.free < 1.0 { (1.0 - self.free) * (noise.ln() + 1.0 - noise / whole) } else { 0.0 };
+        self.z * (self.free * whole.ln() + rough)
+    }
+
+    /// Independent facts that it is beside an error of this size.
+    fn facts(&self, noise: f64, error: f64) -> f64 {
+        self.z * (noise + error) / self.whole(noise, error).max(f64::MIN_POSITIVE)
+    }
+}
+
 /// What every coefficient counts as, and what all of them do.
 #[derive(Clone, Debug)]
 pub struct Counts {
-    /// One for each coefficient of each test, 0 to 1.
-    pub z: Vec<DVector<f64>>,
+    /// One for each coefficient of each test.
+    pub of: Vec<Vec<Count>>,
     /// Independent facts of all tests.
     pub n: f64,
     /// Facts that the model's error counts as.
@@ -20,9 +53,9 @@ pub struct Counts {
 impl Evidence {
     /// All coefficients are independent: the ordinary likelihood.
     pub fn independent(&self) -> Counts {
-        let ones = |r: &Record| DVector::from_iterator(r.noise.len(), r.noise.iter().map(|n| if n.is_finite() { 1.0 } else { 0.0 }));
-        let z: Vec<DVector<f64>> = self.records.iter().map(ones).collect();
-        Counts { n: z.iter().map(|z| z.sum()).sum(), z, facts: 0.0 }
+        let one = |n: &f64| Count { z: if n.is_finite() { 1.0 } else { 0.0 }, free: 1.0 };
+        let of: Vec<Vec<Count>> = self.records.iter().map(|r| r.noise.iter().map(one).collect()).collect();
+        Counts { n: of.iter().flatten().map(|c| c.z).sum(), of, facts: 0.0 }
     }
 
     /// Counts by what a model leaves: loops of one channel together, FRFs between the same places together, every channel of a record by itself; a
@@ -38,29 +71,32 @@ impl Evidence {
 
     fn counted(&self, v: &Variances, of: impl Fn(&[(usize, usize)]) -> f64) -> Counts {
         let mut counts = self.independent();
-        let share = |t: usize| -> Vec<f64> {
-            let (record, errors) = (&self.records[t], v.own_errors(t, &self.settings));
-            let d = record.variance(v.kappa, &errors);
-            let mut share = vec![0.0; d.len()];
-            for (c, tau) in record.channels.iter().zip(&errors) {
-                c.range.clone().for_each(|i| share[i] = if d[i].is_finite() { tau * tau * record.size[i] / d[i] } else { 0.0 });
-            }
-            share
-        };
-        let shares: Vec<Vec<f64>> = (0..self.records.len()).map(share).collect();
+        let parts = |(t, record): (usize, &Record)| record.parts(v.kappa, &v.own_errors(t, record));
+        let parts: Vec<Vec<(f64, f64)>> = self.records.iter().enumerate().map(parts).collect();
         for group in self.groups() {
-            let dominated: f64 = group.iter().flat_map(|(t, b)| shares[*t][self.records[*t].channels[*b].range.clone()].iter()).sum();
-            let facts = of(&group).min(dominated);
-            let z0 = if dominated > 0.0 { facts / dominated } else { 1.0 };
-            for (t, b) in &group {
-                let range = self.records[*t].channels[*b].range.clone();
-                for i in range.filter(|i| self.records[*t].noise[*i].is_finite()) {
-                    counts.z[*t][i] = 1.0 - shares[*t][i] * (1.0 - z0);
+            let kind = self.records[group[0].0].channels[group[0].1].kind;
+            let range = |&(t, b): &(usize, usize)| self.records[t].channels[b].range.clone().map(move |i| (t, i));
+            let compared: Vec<(usize, usize)> = group.iter().flat_map(range).filter(|(t, i)| self.records[*t].noise[*i].is_finite()).collect();
+            let facts = of(&group);
+            counts.facts += match kind {
+                // The error along lines is one smooth function, whatever its size.
+                BlockKind::Frf => {
+                    let free = (facts / compared.len().max(1) as f64).min(1.0);
+                    compared.iter().for_each(|(t, i)| counts.of[*t][*i].free = free);
+                    facts
                 }
-            }
-            counts.facts += facts;
+                _ => {
+                    let share = |(t, i): &(usize, usize)| parts[*t][*i].1 / (parts[*t][*i].0 + parts[*t][*i].1).max(f64::MIN_POSITIVE);
+                    let dominated: f64 = compared.iter().map(share).sum();
+                    let facts = facts.min(dominated);
+                    let z0 = if dominated > 0.0 { facts / dominated } else { 1.0 };
+                    compared.iter().for_each(|(t, i)| counts.of[*t][*i].z = 1.0 - share(&(*t, *i)) * (1.0 - z0));
+                    facts
+                }
+            };
         }
-        counts.n = counts.z.iter().map(|z| z.sum()).sum::<f64>().max(1.0);
+        let all = counts.of.iter().flatten().zip(parts.iter().flatten()).filter(|(c, _)| c.z > 0.0);
+        counts.n = all.map(|(c, (noise, error))| c.facts(*noise, *error)).sum::<f64>().max(1.0);
         counts
     }
 

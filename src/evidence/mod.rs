@@ -4,17 +4,24 @@
 //! With `y_t` the coefficients of test t ([`crate::response::Coefficients`]) and `f_t(theta)` what the model computes there:
 //!
 //! ```text
-//! y_t - f_t ~ N(0, V_t),  V_t = diag(d) + B B',  d_i = kappa^2 nu_i + tau_b^2 rho_i,  tau_b = max(tau e^(g_b), tau_min)
-//! nu      noise: spectrum of the scatter between cycles, coherence, or as stated; kappa its unknown scale
-//! tau_b   relative error of the model itself in block b (a channel of a test); rho_i what an error of 1 is in coefficient i
+//! y_t - f_t(theta) ~ N(0, V_t),  V_t = noise + model error + B B'
+//! noise   nu_i, by the spectrum of the scatter between cycles, by coherence, or as stated; kappa^2 its unknown scale in loops and records
+//! error   tau_b^2 rho_i, tau_b = max(tau e^(g_b), tau_min) relative in block b (a channel of a test); rho_i what an error of 1 is in coefficient i
 //! B       one column each: instruments within tolerance; omega s_k df_t/ds_k, a strength that differs a little from test to test
-//! z_i     1 - p_i (1 - z0), p_i = tau_b^2 rho_i / d_i: a coefficient that the model's error dominates counts as z0 facts (the coarsened
-//!         posterior of Miller and Dunson, J. Am. Stat. Assoc. 114, 2019), so that the error of a channel over all tests counts as few
-//! l_z     -1/2 [ sum z ln d + ln|I + B'(Z/D)B| + r'(D/Z + BB')^-1 r ] + ln prior(kappa, tau, omega, g)
+//! ```
+//!
+//! The error of a model is few facts, however many coefficients show it. How few, and how it lies in them, goes by the kind of block:
+//!
+//! ```text
+//! FRF     a smooth function along the lines, free in m of n directions (six a mode); there its variance is D = nu + tau^2 rho n / m, elsewhere
+//!         the residual is noise. A line adds  (m/n) ln D + (1 - m/n) (ln nu + 1 - nu / D) + r^2 / D  to -2 l
+//! others  the error lies anywhere, and a coefficient of which it holds the part p = tau^2 rho / d counts as z = 1 - p (1 - z0) facts, d = kappa^2 nu +
+//!         tau^2 rho: the coarsened posterior of Miller and Dunson, J. Am. Stat. Assoc. 114, 2019. It adds  z (ln d + r^2 / d)
+//! l_z     -1/2 [ sum of these + ln|I + B'W B| - (B'W r)'(I + B'W B)^-1 (B'W r) ] + ln prior(kappa, tau, omega, g),  W = diag(1 / D or z / d)
 //! ```
 //!
 //! The variances `kappa, tau, omega, g` are estimated for every model anew, by the restricted likelihood (Patterson and Thompson, Biometrika
-//! 58, 1971: the model's parameters integrated out to first order). Where noise rules, z = 1 and l_z is the ordinary likelihood. Two models
+//! 58, 1971: the model's parameters integrated out to first order). Where noise rules, l_z is the ordinary likelihood. Two models
 //! are compared under the z of the smaller one: `l_z(M1) - l_z(M0) - 1/2 dk ln n - ln(tried)` with `n` the facts there are.
 
 mod facts;
@@ -52,9 +59,9 @@ impl Evidence {
     /// The covariance of each test under these variances and counts. `seen`: the model whose strengths scatter.
     pub fn covariances(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Vec<Covariance> {
         let of = |t: usize| {
-            let (record, z) = (&self.records[t], &counts.z[t]);
-            let d = record.variance(v.kappa, &v.own_errors(t, &self.settings));
-            let counted: Vec<f64> = d.iter().zip(z.iter()).map(|(d, z)| if *z > 0.0 { d / z } else { f64::INFINITY }).collect();
+            let record = &self.records[t];
+            let parts = record.parts(v.kappa, &v.own_errors(t, record));
+            let counted: Vec<f64> = parts.iter().zip(&counts.of[t]).map(|((n, e), c)| if c.z > 0.0 { c.variance(*n, *e) } else { f64::INFINITY }).collect();
             Covariance::new(record.coefficients.clone(), &counted, &record.shared(&seen[t], v.omega))
         };
         (0..self.records.len()).map(of).collect()

@@ -21,10 +21,19 @@ pub struct Channel {
     pub label: String,
     /// Kind of points.
     pub kind: BlockKind,
-    /// Resonances of an FRF.
+    /// Modes between the first and the last line of an FRF.
     pub modes: usize,
     /// Harmonic of each coefficient of a loop.
     pub harmonics: Vec<usize>,
+    /// Relative error below which no model is claimed here.
+    pub least: f64,
+}
+
+impl Channel {
+    /// True variance of noise over that seen.
+    pub fn scale(&self, kappa: f64) -> f64 {
+        if self.kind == BlockKind::Frf { 1.0 } else { (2.0 * kappa).exp() }
+    }
 }
 
 /// A test.
@@ -54,14 +63,13 @@ pub struct Seen {
 }
 
 impl Record {
-    /// Variance of each coefficient by noise of scale `e^kappa` and the model's error of each channel.
-    pub fn variance(&self, kappa: f64, errors: &[f64]) -> Vec<f64> {
-        let scale = (2.0 * kappa).exp();
-        let mut d: Vec<f64> = self.noise.iter().map(|n| scale * n).collect();
+    /// Variances of each coefficient by noise of scale `e^kappa` and by the model's error of each channel. That of FRFs is known by many averages.
+    pub fn parts(&self, kappa: f64, errors: &[f64]) -> Vec<(f64, f64)> {
+        let mut parts: Vec<(f64, f64)> = self.noise.iter().map(|n| (*n, 0.0)).collect();
         for (channel, tau) in self.channels.iter().zip(errors) {
-            channel.range.clone().for_each(|i| d[i] += tau * tau * self.size[i]);
+            channel.range.clone().for_each(|i| parts[i] = (channel.scale(kappa) * self.noise[i], tau * tau * self.size[i]));
         }
-        d
+        parts
     }
 
     /// The columns that coefficients share, strengths scattering by `e^omega`.
@@ -101,7 +109,7 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
         let signal = computed.unwrap_or_else(|| plan.measured.clone());
         let coefficients = Coefficients::of(plan);
         let channels: Vec<Channel> =
-            plan.blocks.iter().zip(coefficients.ranges()).map(|(b, range)| channel(plan, b, range, settings.rises)).collect();
+            plan.blocks.iter().zip(coefficients.ranges()).map(|(b, range)| channel(plan, b, range, system, settings)).collect();
         let mut size = vec![0.0; coefficients.count];
         for (block, channel) in plan.blocks.iter().zip(&channels) {
             size[channel.range.clone()].copy_from_slice(&sizes(&plan.measured[block.range.clone()], channel, settings.neighbours));
@@ -115,11 +123,14 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
     records
 }
 
-fn channel(plan: &Plan, block: &crate::response::Block, range: Range<usize>, rises: f64) -> Channel {
+fn channel(plan: &Plan, block: &crate::response::Block, range: Range<usize>, system: &System, s: &Settings) -> Channel {
     let measured = &plan.measured[block.range.clone()];
     let harmonics = if block.kind == BlockKind::Loop { harmonic_of(measured.len()) } else { vec![] };
-    let modes = if block.kind == BlockKind::Frf { resonances(measured, rises) } else { 0 };
-    Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics }
+    let line = block.kind == BlockKind::Frf;
+    // Damped modes that are close to each other make one maximum.
+    let modes = if line { resonances(measured, s.rises).max(plan.modes_within(system).unwrap_or(0)) } else { 0 };
+    let least = if line { s.frf_error_least } else { s.model_error_least };
+    Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics, least }
 }
 
 /// What a relative error of 1, alike in all coefficients, is in each: of a loop and a record of their rms about the mean, of an FRF of its

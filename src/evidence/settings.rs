@@ -7,6 +7,9 @@ use serde::Serialize;
 pub struct Settings {
     /// Relative error of a model below which no model of a device is claimed: sampling, integration and geometry are not better known.
     pub model_error_least: f64,
+    /// The same of an FRF. A linear response is computed without steps, and its error is smooth: over the lines of a resonance noise averages out, and
+    /// 0.3 % would hide what they show.
+    pub frf_error_least: f64,
     /// Standard deviation of the logarithm of the model's error in one test over the common one: laws fail unevenly, by factors of two.
     pub model_error_spread: f64,
     /// Half-normal prior of the relative scatter of strengths between tests: temperature and mounting.
@@ -52,10 +55,18 @@ pub struct Settings {
     pub rises: f64,
 }
 
+impl Settings {
+    /// Least error of any channel.
+    pub fn least(&self) -> f64 {
+        self.model_error_least.min(self.frf_error_least)
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Settings {
             model_error_least: 0.003,
+            frf_error_least: 0.001,
             model_error_spread: 0.7,
             scatter_prior: 0.02,
             scatter_most: 0.04,

@@ -27,6 +27,7 @@ fn evidence(tests: usize) -> Evidence {
             kind: BlockKind::Loop,
             modes: 0,
             harmonics: crate::data::harmonic_of(200),
+            least: 0.003,
         }],
         noise: vec![1e-4 / n as f64; n],
         size: vec![1.0 / n as f64; n],
@@ -57,7 +58,7 @@ fn where_noise_rules_every_coefficient_is_a_fact() {
     let e = evidence(5);
     let seen = seen(5, 0.0);
     let v = estimated(&e, &seen);
-    assert!(v.model_error(&e.settings) < 0.005 && v.kappa.abs() < 0.3, "{v:?}");
+    assert!(v.model_error(&e) < 0.005 && v.kappa.abs() < 0.3, "{v:?}");
     let counts = e.counts(&seen, &v);
     assert!(counts.n > 0.85 * 405.0, "{counts:?}");
 }
@@ -67,7 +68,7 @@ fn a_model_error_is_found_and_counts_as_few() {
     let e = evidence(5);
     let seen = seen(5, 0.2);
     let v = estimated(&e, &seen);
-    let error = v.model_error(&e.settings);
+    let error = v.model_error(&e);
     assert!((0.1..0.4).contains(&error), "{error}");
     let counts = e.counts(&seen, &v);
     assert!((counts.facts - 16.0).abs() < 1e-9 && counts.n < 30.0, "{} {}", counts.facts, counts.n);
@@ -81,6 +82,51 @@ fn a_model_error_is_found_and_counts_as_few() {
 
 fn v_of(e: &Evidence, error: f64) -> Variances {
     Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, ..Variances::start(e) }
+}
+
+/// A test of one FRF in lines of equal noise and size, the residual a smooth function of the given power beside noise of exactly its size.
+fn lines(smooth: f64) -> (Evidence, Vec<Seen>, DMatrix<f64>, f64) {
+    let (mut e, n, nu) = (evidence(1), 81, 1e-4);
+    let c = &mut e.records[0].channels[0];
+    (c.kind, c.modes, c.least) = (BlockKind::Frf, 1, 0.001);
+    (e.records[0].noise, e.records[0].size) = (vec![nu; n], vec![1.0; n]);
+    let cosine = |i: usize, k: usize| (std::f64::consts::PI * k as f64 * (i as f64 + 0.5) / n as f64).cos();
+    let mut basis = DMatrix::from_fn(n, 6, cosine);
+    basis.column_iter_mut().for_each(|mut c| {
+        let norm = c.norm();
+        c /= norm;
+    });
+    let w = noise(n, 3.0);
+    let rough = &w - &basis * basis.tr_mul(&w);
+    let rough = &rough * ((n - 6) as f64 * nu).sqrt() / rough.norm();
+    let r = rough + basis.column(2) * (smooth * n as f64).sqrt();
+    let seen = vec![Seen { r, j: DMatrix::zeros(n, 0), strengths: DMatrix::zeros(n, 0) }];
+    (e, seen, basis, nu)
+}
+
+/// The likelihood of an FRF is that of a smooth error of six dimensions, computed with its whole covariance.
+#[test]
+fn the_error_along_lines_is_a_smooth_function() {
+    let (e, seen, basis, nu) = lines(4e-4);
+    for error in [0.002, 0.02, 0.2] {
+        let v = v_of(&e, error);
+        let whole = DMatrix::identity(81, 81) * nu + &basis * basis.transpose() * (error * error * 81.0 / 6.0);
+        let factor = whole.cholesky().unwrap();
+        let direct = -factor.l().diagonal().iter().map(|d| d.ln()).sum::<f64>() - 0.5 * seen[0].r.dot(&factor.solve(&seen[0].r));
+        approx::assert_relative_eq!(e.likelihood(&seen, &e.counts(&seen, &v), &v) - v.prior(&e.settings), direct, max_relative = 1e-9);
+    }
+}
+
+/// An error of twice the noise's power is told from noise that is thrice as strong: a fact of it shows in many lines.
+#[test]
+fn an_error_along_lines_is_no_noise() {
+    let (e, seen, ..) = lines(2e-4);
+    let start = Variances::start(&e);
+    let counts = e.counts(&seen, &start);
+    let v = e.estimate(&seen, &counts, &e.estimate(&seen, &counts, &start));
+    assert!((0.008..0.03).contains(&v.model_error(&e)), "{v:?}");
+    let none = Variances { tau: (0.001f64).ln(), ..v_of(&e, 0.001) };
+    assert!(e.likelihood(&seen, &counts, &v) > e.likelihood(&seen, &counts, &none) + 20.0);
 }
 
 /// The likelihood of independent coefficients is the sum of Gaussian ones, the constant left out.
@@ -104,5 +150,5 @@ fn a_strength_that_differs_from_test_to_test_is_no_model_error() {
         s.r[1] += [0.03, -0.02, 0.025, -0.03, 0.01, -0.015][t];
     }
     let v = estimated(&e, &seen);
-    assert!((0.01..=0.0401).contains(&v.omega.exp()) && v.model_error(&e.settings) < 0.006, "{v:?}");
+    assert!((0.01..=0.0401).contains(&v.omega.exp()) && v.model_error(&e) < 0.006, "{v:?}");
 }

@@ -1,7 +1,7 @@
 //! The variances of a model in its tests, and their estimate.
 
 use super::likelihood::restricted;
-use super::{Counts, Evidence, Seen, Settings};
+use super::{Counts, Evidence, Record, Seen, Settings};
 
 /// Variances, as logarithms of standard deviations.
 #[derive(Clone, Debug)]
@@ -24,13 +24,13 @@ impl Variances {
     }
 
     /// Relative error of the model in each channel of a test.
-    pub fn own_errors(&self, test: usize, settings: &Settings) -> Vec<f64> {
-        self.own[test].iter().map(|g| (self.tau + g).exp().max(settings.model_error_least)).collect()
+    pub fn own_errors(&self, test: usize, record: &Record) -> Vec<f64> {
+        self.own[test].iter().zip(&record.channels).map(|(g, c)| (self.tau + g).exp().max(c.least)).collect()
     }
 
     /// Root mean square of the model's relative error over channels and tests.
-    pub fn model_error(&self, settings: &Settings) -> f64 {
-        let all: Vec<f64> = (0..self.own.len()).flat_map(|t| self.own_errors(t, settings)).collect();
+    pub fn model_error(&self, evidence: &Evidence) -> f64 {
+        let all: Vec<f64> = evidence.records.iter().enumerate().flat_map(|(t, record)| self.own_errors(t, record)).collect();
         (all.iter().map(|e| e * e).sum::<f64>() / all.len().max(1) as f64).sqrt()
     }
 
@@ -49,7 +49,7 @@ impl Variances {
         let n = all.clone().count();
         if n > 0 {
             let mean = all.sum::<f64>() / n as f64;
-            let by = (self.tau + mean).clamp(s.model_error_least.ln(), s.model_error_most) - self.tau;
+            let by = (self.tau + mean).clamp(s.least().ln(), s.model_error_most) - self.tau;
             self.tau += by;
             self.own.iter_mut().flatten().for_each(|g| *g -= by);
         }
@@ -59,7 +59,7 @@ impl Variances {
     fn bounded(mut self, s: &Settings) -> Variances {
         let most = s.noise_most.ln();
         self.kappa = self.kappa.clamp(-most, most);
-        self.tau = self.tau.clamp(s.model_error_least.ln(), s.model_error_most);
+        self.tau = self.tau.clamp(s.least().ln(), s.model_error_most);
         let most = s.scatter_most.ln();
         self.omega = self.omega.clamp(s.no_scatter.min(most), most);
         self
@@ -117,14 +117,14 @@ impl Evidence {
     fn own_errors(&self, seen: &[Seen], counts: &Counts, mut v: Variances) -> Variances {
         let s = &self.settings;
         for (t, record) in self.records.iter().enumerate() {
-            let d = record.variance(v.kappa, &v.own_errors(t, s));
-            let left = super::likelihood::cleaned(record, &seen[t], &d, &counts.z[t], v.omega);
+            let d = record.parts(v.kappa, &v.own_errors(t, record));
+            let left = super::likelihood::cleaned(record, &seen[t], &d, &counts.of[t], v.omega);
             for (b, channel) in record.channels.iter().enumerate() {
                 let cost = |g: f64| {
-                    let tau = (v.tau + g).exp().max(s.model_error_least);
+                    let tau = (v.tau + g).exp().max(channel.least);
                     let of = |i: usize| {
-                        let (z, d) = (counts.z[t][i], (2.0 * v.kappa).exp() * record.noise[i] + tau * tau * record.size[i]);
-                        if d.is_finite() { 0.5 * z * (d.ln() + left[i] * left[i] / d) } else { 0.0 }
+                        let (c, (noise, _), error) = (&counts.of[t][i], d[i], tau * tau * record.size[i]);
+                        if noise.is_finite() && c.z > 0.0 { 0.5 * (c.level(noise, error) + left[i] * left[i] / c.variance(noise, error)) } else { 0.0 }
                     };
                     channel.range.clone().map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
                 };

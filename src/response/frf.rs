@@ -26,6 +26,12 @@ pub struct FrfPlan {
 }
 
 impl FrfPlan {
+    /// First and last line [Hz].
+    pub(super) fn band(&self) -> (f64, f64) {
+        let ends = self.omega.iter().fold((f64::INFINITY, 0.0f64), |(low, high), w| (low.min(*w), high.max(*w)));
+        (ends.0 / std::f64::consts::TAU, ends.1 / std::f64::consts::TAU)
+    }
+
     pub(super) fn new(frf: &Frf, model: &Model, plan: &mut Plan) -> Result<Self, ResponseError> {
         let dof = |at: &str| match seat(model, at)? {
             Seat::Dof(d) => Ok(d),

@@ -135,6 +135,7 @@ places = ["c1.x"]
 max_added = 2
 slack = true
 model_error_least = 0.002
+frf_error_least = 0.0005
 model_error_spread = 0.5
 scatter_prior = 0.01
 scatter_most = 0.03
@@ -327,6 +328,7 @@ pub const OPTIONAL: &[&str] = &[
     "search.max_added",
     "search.slack",
     "search.model_error_least",
+    "search.frf_error_least",
     "search.model_error_spread",
     "search.scatter_prior",
     "search.scatter_most",
