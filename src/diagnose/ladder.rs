@@ -176,6 +176,10 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         }
         let Some(taken) = &step.taken else {
             visible = step.visible;
+            if let Some(tight) = parallel::watched(&monitor.watch(), || climb.tighten(true)) {
+                rungs.extend(tight);
+                continue;
+            }
             break if trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
         };
         rungs.push(climb.taken(taken, &step)?);
@@ -184,17 +188,14 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         if !alone && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap()) {
             rungs.push(climb.rung(Some(added), vec![removed])?);
         }
-        if let Some(tight) = parallel::watched(&monitor.watch(), || climb.tighten()) {
-            let exchanged = tight.exchanged.map(|(added, removed)| (Some(added), vec![removed]));
-            rungs.push(climb.rung(exchanged.clone().and_then(|e| e.0), exchanged.map_or(vec![], |e| e.1))?);
-        }
+        rungs.extend(parallel::watched(&monitor.watch(), || climb.tighten(false)).unwrap_or_default());
     };
     climb.finish(rungs, &end, visible, started)
 }
 
 impl Climb<'_> {
     /// Adds what a step has found, takes out what it has made superfluous, and says how the model then stands.
-    fn taken(&mut self, taken: &super::search::Move, step: &Step) -> Result<Rung, DiagnoseError> {
+    pub(super) fn taken(&mut self, taken: &super::search::Move, step: &Step) -> Result<Rung, DiagnoseError> {
         let watch = self.monitor.watch();
         parallel::watched(&watch, || self.add(taken, step));
         let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
@@ -205,7 +206,7 @@ impl Climb<'_> {
         self.rung(taken.names.last().map(named), removed)
     }
 
-    fn rung(&self, added: Option<EffectAt>, removed: Vec<EffectAt>) -> Result<Rung, DiagnoseError> {
+    pub(super) fn rung(&self, added: Option<EffectAt>, removed: Vec<EffectAt>) -> Result<Rung, DiagnoseError> {
         let fitted = &self.now.fitted;
         // Deviations are told as corrections; what the study itself lets deviate is a parameter like any other.
         let deviates = |name: &str| fitted.free.iter().any(|f| f.name == name && self.slack.has(f.instance));
@@ -228,7 +229,7 @@ impl Climb<'_> {
     }
 
     /// Effects that were added; what an instrument does is none.
-    fn effects(&self) -> usize {
+    pub(super) fn effects(&self) -> usize {
         (0..self.added.len()).filter(|k| !self.is_fault(*k)).count()
     }
 

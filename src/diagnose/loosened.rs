@@ -1,23 +1,29 @@
 //! Slack as a move: given to what the study ties or fixes where that gains more than any effect, and taken back where the effects that were
 //! found beside it do its work.
 
+use super::DiagnoseError;
 use super::case::{Case, begin};
-use super::climb::Climb;
-use super::results::EffectAt;
+use super::climb::{Added, Climb};
+use super::results::Rung;
 use super::slack::{self, Slack};
 use super::trace;
-use super::weigh::Scale;
+use super::weigh::{Scale, Weighed};
 use crate::model::System;
 
-/// Slack was taken back.
-pub struct Tightened {
-    /// The effect that took the place of another without it.
-    pub exchanged: Option<(EffectAt, EffectAt)>,
+/// A climb before slack was taken back.
+struct Former {
+    case: Case,
+    base: usize,
+    slack: Slack,
+    added: Vec<Added>,
+    order: Vec<usize>,
+    now: Weighed,
+    scale: Scale,
 }
 
 impl Climb<'_> {
     /// Gives slack to what the study ties or fixes where that gains more than what a step has found: a move like any other, whose price is that
-    /// of its widths. It then stands in every model that follows. Whether it was given.
+    /// of its widths. Within a tie of it an effect is the smaller statement. It then stands in every model that follows. Whether it was given.
     pub fn slacken(&mut self, than: f64) -> bool {
         let (s, e) = (&self.settings, &self.settings.evidence);
         let seen = self.now.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least;
@@ -38,7 +44,7 @@ impl Climb<'_> {
         let Ok(weighed) = scale.weigh(&began.fitted.system, &self.now.v, self.monitor) else { return false };
         // Its parameters are paid for by their widths.
         let gain = weighed.likelihood - self.now.likelihood;
-        if gain <= than.max(0.0) {
+        if gain <= than.max(0.0) + s.tie {
             return false;
         }
         (self.watch)(&format!("what the study ties or fixes has slack: {gain:.1} nats"));
@@ -50,9 +56,11 @@ impl Climb<'_> {
     }
 
     /// Takes slack that a move has given back where the model without it, its effects exchanged once for what does their work there, is within a
-    /// tie of it: what slack took up before an effect was found may have bent the effect to a neighbour's law.
-    pub fn tighten(&mut self) -> Option<Tightened> {
-        if !self.loosened || self.slack.is_empty() || self.added.is_empty() || trace::stopped(self.monitor) {
+    /// tie of it: what slack took up before an effect was found may have bent the effect to a neighbour's law. `searched`: what is missing without
+    /// slack is looked for as well, since slack may have been taken for two effects of which the first alone gained less than it. The rungs of the
+    /// model without it.
+    pub fn tighten(&mut self, searched: bool) -> Option<Vec<Rung>> {
+        if !self.loosened || self.slack.is_empty() || (self.added.is_empty() && !searched) || trace::stopped(self.monitor) {
             return None;
         }
         let study = self.base - self.slack.len();
@@ -64,24 +72,48 @@ impl Climb<'_> {
         let mut scale = Scale { case: Case { deviations: Slack::default(), ..loose.clone() }, ..self.scale.again() };
         let small = scale.weigh(&system, &self.now.v, self.monitor).ok()?;
         let small = scale.tempered(&small, self.monitor).ok()?;
-        let before = (self.base, self.slack.clone(), self.added.clone(), self.order.clone(), self.now.clone());
-        let former = std::mem::replace(&mut self.scale, scale);
+        let former = Former {
+            case: self.case.clone(),
+            base: self.base,
+            slack: self.slack.clone(),
+            added: self.added.clone(),
+            order: self.order.clone(),
+            now: self.now.clone(),
+            scale: std::mem::replace(&mut self.scale, scale),
+        };
         self.case.deviations = Slack::default();
         (self.base, self.slack, self.now) = (study, Slack::default(), small);
         self.forget();
-        let exchanged = self.swap();
-        let whole = Scale { case: loose, ..self.scale.again() }.weigh(&before.4.fitted.system, &before.4.v, self.monitor);
-        // Deviations have paid by their widths.
-        let extra = 0.5 * before.1.len() as f64 * self.scale.counts.n.ln();
+        let rungs = self.exchanged(searched);
+        let whole = Scale { case: loose, ..self.scale.again() }.weigh(&former.now.fitted.system, &former.now.v, self.monitor);
+        // Deviations have paid by their widths; what was looked for was paid for when it was found.
+        let found = self.added.len() as f64 - former.added.len() as f64;
+        let extra = 0.5 * former.slack.len() as f64 * self.scale.counts.n.ln() + found * self.tried.max(1.0).ln();
         let gain = whole.map_or(f64::INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now));
         // What is interrupted decides nothing.
-        if gain > self.settings.tie || trace::stopped(self.monitor) {
-            (self.base, self.slack, self.added, self.order, self.now) = before;
-            self.scale = former;
-            self.case.deviations = self.slack.clone();
+        if gain > self.settings.tie || rungs.is_err() || trace::stopped(self.monitor) {
+            (self.case, self.base, self.slack, self.added) = (former.case, former.base, former.slack, former.added);
+            (self.order, self.now, self.scale) = (former.order, former.now, former.scale);
             return None;
         }
         (self.watch)(&format!("what the study ties or fixes has no slack beside these effects: it would gain {gain:.1} nats"));
-        Some(Tightened { exchanged })
+        rungs.ok()
+    }
+
+    /// The effects exchanged for what does their work now, and what else is missing looked for.
+    fn exchanged(&mut self, searched: bool) -> Result<Vec<Rung>, DiagnoseError> {
+        let mut rungs = Vec::new();
+        loop {
+            let (added, removed) = if self.added.is_empty() { None } else { self.swap() }.unzip();
+            if added.is_some() || rungs.is_empty() {
+                rungs.push(self.rung(added, removed.into_iter().collect())?);
+            }
+            if !searched || self.effects() >= self.settings.max_added || rungs.len() > 2 * self.settings.max_added {
+                return Ok(rungs);
+            }
+            let step = self.step()?;
+            let Some(taken) = &step.taken else { return Ok(rungs) };
+            rungs.push(self.taken(taken, &step)?);
+        }
     }
 }

@@ -152,7 +152,7 @@ pub(super) fn survey(a: &Against) -> Result<Survey, DiagnoseError> {
     let squares = scale.evidence.squares(&base.seen, &scale.counts, &loose);
     let independent = scale.evidence.independent();
     // A datum is a part of a fact here, and the cost is counted in data.
-    let worth = scale.settings.settled * independent.n / scale.counts.n;
+    let worth = scale.settings.settled * scale.evidence.independent_facts(&independent, &loose) / scale.counts.n;
     let race = Case { worth: Some(worth), ..scale.under(&base.seen, &loose, &independent) };
     let plans = race.plans_of(SplitName::Fit);
     let system = &base.fitted.system;
@@ -314,7 +314,6 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
             Err(why) => Reason::Failed { why },
             Ok((weighed, contradicted)) => {
                 let gain = scale.gain(&weighed, a.base, price.tried(c));
-                if std::env::var("DBG").is_ok() { eprintln!("DBG {} {} gain {gain:.1} l {:.1} from {:.1} n {:.1} facts {:.1} tried {:.0} k {} {} tau {:?} kappa {:.3} omega {:.3} base tau {:?} omega {:.3} noise {:.3} base {:.3} its {}", names[c].effect, names[c].at, weighed.likelihood, a.base.likelihood, scale.counts.n, scale.counts.facts, price.tried(c), weighed.size(), a.base.size(), (0..weighed.seen.len()).map(|t| weighed.v.own_errors(t, &scale.evidence.records[t])).collect::<Vec<_>>(), weighed.v.kappa, weighed.v.omega.exp(), (0..weighed.seen.len()).map(|t| a.base.v.own_errors(t, &scale.evidence.records[t])).collect::<Vec<_>>(), a.base.v.omega.exp(), scale.evidence.over_noise(&weighed.seen, &weighed.v), scale.evidence.over_noise(&a.base.seen, &a.base.v), weighed.fitted.outcome.iterations); }
                 stood.push(Stood { name: names[c].clone(), weighed, gain, admissible: contradicted.is_none() });
                 match contradicted {
                     Some(fault) => Reason::NotInRecord { fault },
@@ -336,10 +335,14 @@ fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, sparse: Option<[Score; 
     }
     let acts = |n: &Name| matches!(role(n), Some(Role::Force | Role::Series)) && n.of.is_none();
     let alone: Vec<&Stood> = stood.iter().filter(|q| acts(&q.name)).take(s.pair_of).collect();
+    let tried = 0.5 * (bench.names.len().max(2) as f64).powi(2);
+    let above = |q: &Stood| (q.weighed.likelihood - a.base.likelihood).max(0.0);
+    let price = |sizes: usize| 0.5 * (sizes - 2 * a.base.size()) as f64 * scale.counts.n.ln() + tried.ln();
     let mut pairs: Vec<([Name; 2], System)> = Vec::new();
     for (k, first) in alone.iter().enumerate() {
         for second in &alone[k + 1..] {
-            pairs.extend(together(first, second).map(|system| ([first.name.clone(), second.name.clone()], system)));
+            let promises = s.promise_pair * (above(first) + above(second)) >= price(first.weighed.size() + second.weighed.size()) - s.tie;
+            pairs.extend(together(first, second).filter(|_| promises).map(|system| ([first.name.clone(), second.name.clone()], system)));
         }
     }
     let named = |s: &Score| bench.names[bench.trials[s.trial].candidate].clone();
@@ -351,10 +354,9 @@ fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, sparse: Option<[Score; 
         return None;
     }
     (a.watch)(&format!("weighing {} pairs", pairs.len()));
-    let count = bench.names.len().max(2) as f64;
     let weigh = |(names, system): &([Name; 2], System)| {
         let weighed = scale.weigh(system, &a.base.v, a.monitor).ok()?;
-        let gain = scale.gain(&weighed, a.base, 0.5 * count * count);
+        let gain = scale.gain(&weighed, a.base, tried);
         Some(Move { names: names.to_vec(), weighed, gain })
     };
     let found = parallel::map(&pairs, weigh);

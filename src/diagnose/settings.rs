@@ -22,6 +22,8 @@ pub struct Settings {
     pub promise: f64,
     /// The same of an effect in series, whose score at opening zero says little.
     pub promise_series: f64,
+    /// The most that a pair may gain over what its two gained each by itself, before their price: each hides part of what the other does.
+    pub promise_pair: f64,
     /// Fits and estimates of variances in turn; and estimates of the counts and of the widths of slack by what is then left.
     pub rounds: usize,
     /// Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed.
@@ -152,6 +154,7 @@ impl Default for Settings {
             weighed: 8,
             promise: 2.0,
             promise_series: 5.0,
+            promise_pair: 5.0,
             rounds: 2,
             estimates: 4,
             iterations: 12,

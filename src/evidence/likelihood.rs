@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::facts::Count;
+use super::record::Part;
 use super::{Counts, Evidence, Record, Seen, Variances, beside};
 
 /// A test with its columns `X = [r, J / ||J||]` and `B`, and for channels in which all coefficients have one variance their inner products.
@@ -11,11 +11,10 @@ pub struct Gram {
     b: DMatrix<f64>,
 }
 
-/// `(X'V^-1X, ln|V|)` of a test whose coefficients vary by these parts, counted as they are.
-fn information(gram: &Gram, b: &DMatrix<f64>, parts: &[(f64, f64)], counts: &[Count]) -> Option<(DMatrix<f64>, f64)> {
-    let w = weights(parts, counts);
-    let level = |((noise, error), c): (&(f64, f64), &Count)| if noise.is_finite() && c.z > 0.0 { c.level(*noise, *error) } else { 0.0 };
-    let mut ld: f64 = parts.iter().zip(counts).map(level).sum();
+/// `(X'V^-1X, ln|V|)` of a test whose coefficients vary by these parts, counted `z` times.
+fn information(gram: &Gram, b: &DMatrix<f64>, parts: &[Part], z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
+    let w = weights(parts, z);
+    let mut ld: f64 = parts.iter().zip(z.iter()).map(|(p, z)| p.level(*z)).sum();
     let weighed = |m: &DMatrix<f64>| {
         let mut m = m.clone();
         m.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
@@ -31,9 +30,8 @@ fn information(gram: &Gram, b: &DMatrix<f64>, parts: &[(f64, f64)], counts: &[Co
     Some((whole, ld)).filter(|(m, ld)| ld.is_finite() && m.iter().all(|v| v.is_finite()))
 }
 
-fn weights(parts: &[(f64, f64)], counts: &[Count]) -> DVector<f64> {
-    let of = |((noise, error), c): (&(f64, f64), &Count)| if noise.is_finite() && c.z > 0.0 { 1.0 / c.variance(*noise, *error) } else { 0.0 };
-    DVector::from_iterator(parts.len(), parts.iter().zip(counts).map(of))
+fn weights(parts: &[Part], z: &DVector<f64>) -> DVector<f64> {
+    DVector::from_iterator(parts.len(), parts.iter().zip(z.iter()).map(|(p, z)| 1.0 / p.variance(*z)))
 }
 
 impl Evidence {
@@ -57,9 +55,9 @@ impl Evidence {
     pub fn likelihood(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> f64 {
         let mut sum = v.prior(&self.settings);
         for (t, (record, s)) in self.records.iter().zip(seen).enumerate() {
-            let d = record.parts(v.kappa, &v.own_errors(t, record));
+            let parts = record.parts(v.kappa, &v.own_errors(t, record));
             let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
-            let Some((inner, ld)) = information(&gram, &record.shared(s, v.omega), &d, &counts.of[t]) else { return f64::NEG_INFINITY };
+            let Some((inner, ld)) = information(&gram, &record.shared(s, v.omega), &parts, &counts.z[t]) else { return f64::NEG_INFINITY };
             sum -= 0.5 * (ld + inner[(0, 0)]);
         }
         sum
@@ -71,9 +69,9 @@ impl Evidence {
     pub fn squares(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> f64 {
         let of = |t: usize| {
             let (record, s) = (&self.records[t], &seen[t]);
-            let d = record.parts(v.kappa, &v.own_errors(t, record));
+            let parts = record.parts(v.kappa, &v.own_errors(t, record));
             let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
-            information(&gram, &record.shared(s, v.omega), &d, &counts.of[t]).map_or(0.0, |(inner, _)| inner[(0, 0)])
+            information(&gram, &record.shared(s, v.omega), &parts, &counts.z[t]).map_or(0.0, |(inner, _)| inner[(0, 0)])
         };
         (0..self.records.len()).map(of).sum()
     }
@@ -83,9 +81,9 @@ impl Evidence {
         let counts = self.independent();
         let of = |t: usize| {
             let (record, s) = (&self.records[t], &seen[t]);
-            let d = record.parts(v.kappa.max(0.0), &vec![0.0; record.channels.len()]);
+            let parts = record.parts(v.kappa.max(0.0), &vec![0.0; record.channels.len()]);
             let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
-            information(&gram, &record.shared(s, v.omega), &d, &counts.of[t]).map_or(f64::INFINITY, |(inner, _)| inner[(0, 0)])
+            information(&gram, &record.shared(s, v.omega), &parts, &counts.z[t]).map_or(f64::INFINITY, |(inner, _)| inner[(0, 0)])
         };
         ((0..self.records.len()).map(of).sum::<f64>() / counts.n.max(1.0)).sqrt()
     }
@@ -96,12 +94,12 @@ pub(super) fn restricted(e: &Evidence, grams: &[Gram], seen: &[Seen], counts: &C
     let p = grams.first()?.x.ncols();
     let (mut whole, mut ld) = (DMatrix::zeros(p, p), 0.0);
     for (t, (record, gram)) in e.records.iter().zip(grams).enumerate() {
-        let d = record.parts(v.kappa, &v.own_errors(t, record));
+        let parts = record.parts(v.kappa, &v.own_errors(t, record));
         let mut b = gram.b.clone();
         let scattering = seen[t].strengths.ncols();
         let from = b.ncols() - scattering;
         b.columns_mut(from, scattering).scale_mut(v.omega.exp());
-        let (inner, own) = information(gram, &b, &d, &counts.of[t])?;
+        let (inner, own) = information(gram, &b, &parts, &counts.z[t])?;
         (whole, ld) = (whole + inner, ld + own);
     }
     let mut k = whole.view((1, 1), (p - 1, p - 1)).into_owned();
@@ -112,9 +110,9 @@ pub(super) fn restricted(e: &Evidence, grams: &[Gram], seen: &[Seen], counts: &C
 }
 
 /// What is left of a residual without what its coefficients share, `D V^-1 r`.
-pub(super) fn cleaned(record: &Record, seen: &Seen, parts: &[(f64, f64)], counts: &[Count], omega: f64) -> DVector<f64> {
+pub(super) fn cleaned(record: &Record, seen: &Seen, parts: &[Part], z: &DVector<f64>, omega: f64) -> DVector<f64> {
     let b = record.shared(seen, omega);
-    let w = weights(parts, counts);
+    let w = weights(parts, z);
     let mut bw = b.clone();
     bw.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
     let mut inner = bw.transpose() * &b;

@@ -61,7 +61,7 @@ impl Evidence {
         let of = |t: usize| {
             let record = &self.records[t];
             let parts = record.parts(v.kappa, &v.own_errors(t, record));
-            let counted: Vec<f64> = parts.iter().zip(&counts.of[t]).map(|((n, e), c)| if c.z > 0.0 { c.variance(*n, *e) } else { f64::INFINITY }).collect();
+            let counted: Vec<f64> = parts.iter().zip(counts.z[t].iter()).map(|(p, z)| p.variance(*z)).collect();
             Covariance::new(record.coefficients.clone(), &counted, &record.shared(&seen[t], v.omega))
         };
         (0..self.records.len()).map(of).collect()

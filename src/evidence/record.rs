@@ -10,6 +10,7 @@ use crate::model::{FreeParam, System};
 use crate::parallel;
 use crate::response::{BlockKind, Coefficients, Computed, Plan, instruments};
 
+use super::facts::smooth;
 use super::{Settings, beside};
 
 /// One channel of a test.
@@ -27,12 +28,60 @@ pub struct Channel {
     pub harmonics: Vec<usize>,
     /// Relative error below which no model is claimed here.
     pub least: f64,
+    /// Dimensions that the model's error has for each coefficient: 1 where it is white, fewer where it is a smooth function of few.
+    pub free: f64,
 }
 
 impl Channel {
     /// True variance of noise over that seen.
     pub fn scale(&self, kappa: f64) -> f64 {
         if self.kind == BlockKind::Frf { 1.0 } else { (2.0 * kappa).exp() }
+    }
+}
+
+/// What a coefficient varies by.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// Variance by noise; infinite where it is not compared.
+    pub noise: f64,
+    /// Variance by the model's error.
+    pub error: f64,
+    /// See [`Channel::free`].
+    pub free: f64,
+}
+
+impl Part {
+    /// Variance in the directions in which the model may err: there the error of all coefficients together stands beside the noise of one.
+    fn whole(&self) -> f64 {
+        self.noise + self.error / self.free
+    }
+
+    /// One over the weight of a residual's square; infinite where it counts as nothing.
+    pub fn variance(&self, z: f64) -> f64 {
+        if z > 0.0 { self.whole() / z } else { f64::INFINITY }
+    }
+
+    /// What a coefficient adds to `-2 ln L` beside the square of its residual over [`Part::variance`]. With D the variance of `whole`:
+    /// `z [free ln D + (1 - free) (ln noise + 1 - noise / D)]`. The second part is that of the directions in which the model does not err, where the
+    /// residual is noise of the size it is known to have: 1, of which noise / D stands in the square already.
+    pub fn level(&self, z: f64) -> f64 {
+        if z == 0.0 || !self.noise.is_finite() {
+            return 0.0;
+        }
+        let whole = self.whole();
+        let rough = if self.free < 1.0 { (1.0 - self.free) * (self.noise.ln() + 1.0 - self.noise / whole) } else { 0.0 };
+        z * (self.free * whole.ln() + rough)
+    }
+
+    /// Part of the variance that the model's error has.
+    pub fn share(&self) -> f64 {
+        if self.error > 0.0 { self.error / (self.noise + self.error) } else { 0.0 }
+    }
+
+    /// Independent facts that it is.
+    pub fn facts(&self, z: f64) -> f64 {
+        let whole = self.whole();
+        if whole > 0.0 { z * (self.noise + self.error) / whole } else { z }
     }
 }
 
@@ -63,11 +112,13 @@ pub struct Seen {
 }
 
 impl Record {
-    /// Variances of each coefficient by noise of scale `e^kappa` and by the model's error of each channel. That of FRFs is known by many averages.
-    pub fn parts(&self, kappa: f64, errors: &[f64]) -> Vec<(f64, f64)> {
-        let mut parts: Vec<(f64, f64)> = self.noise.iter().map(|n| (*n, 0.0)).collect();
+    /// What each coefficient varies by: noise of scale `e^kappa`, the model's error of each channel. Noise of FRFs is known by many averages.
+    pub fn parts(&self, kappa: f64, errors: &[f64]) -> Vec<Part> {
+        let mut parts: Vec<Part> = self.noise.iter().map(|n| Part { noise: *n, error: 0.0, free: 1.0 }).collect();
         for (channel, tau) in self.channels.iter().zip(errors) {
-            channel.range.clone().for_each(|i| parts[i] = (channel.scale(kappa) * self.noise[i], tau * tau * self.size[i]));
+            channel.range.clone().for_each(|i| {
+                parts[i] = Part { noise: channel.scale(kappa) * self.noise[i], error: tau * tau * self.size[i], free: channel.free };
+            });
         }
         parts
     }
@@ -120,6 +171,7 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
     };
     let mut records = parallel::over(plans.len(), of);
     pool_noise(plans, &mut records, settings.noise_pool);
+    smooth(&mut records, settings);
     records
 }
 
@@ -130,7 +182,7 @@ fn channel(plan: &Plan, block: &crate::response::Block, range: Range<usize>, sys
     // Damped modes that are close to each other make one maximum.
     let modes = if line { resonances(measured, s.rises).max(plan.modes_within(system).unwrap_or(0)) } else { 0 };
     let least = if line { s.frf_error_least } else { s.model_error_least };
-    Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics, least }
+    Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics, least, free: 1.0 }
 }
 
 /// What a relative error of 1, alike in all coefficients, is in each: of a loop and a record of their rms about the mean, of an FRF of its

@@ -28,6 +28,7 @@ fn evidence(tests: usize) -> Evidence {
             modes: 0,
             harmonics: crate::data::harmonic_of(200),
             least: 0.003,
+            free: 1.0,
         }],
         noise: vec![1e-4 / n as f64; n],
         size: vec![1.0 / n as f64; n],
@@ -90,6 +91,7 @@ fn lines(smooth: f64) -> (Evidence, Vec<Seen>, DMatrix<f64>, f64) {
     let c = &mut e.records[0].channels[0];
     (c.kind, c.modes, c.least) = (BlockKind::Frf, 1, 0.001);
     (e.records[0].noise, e.records[0].size) = (vec![nu; n], vec![1.0; n]);
+    super::facts::smooth(&mut e.records, &e.settings);
     let cosine = |i: usize, k: usize| (std::f64::consts::PI * k as f64 * (i as f64 + 0.5) / n as f64).cos();
     let mut basis = DMatrix::from_fn(n, 6, cosine);
     basis.column_iter_mut().for_each(|mut c| {

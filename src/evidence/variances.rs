@@ -1,6 +1,7 @@
 //! The variances of a model in its tests, and their estimate.
 
 use super::likelihood::restricted;
+use super::record::Part;
 use super::{Counts, Evidence, Record, Seen, Settings};
 
 /// Variances, as logarithms of standard deviations.
@@ -117,14 +118,14 @@ impl Evidence {
     fn own_errors(&self, seen: &[Seen], counts: &Counts, mut v: Variances) -> Variances {
         let s = &self.settings;
         for (t, record) in self.records.iter().enumerate() {
-            let d = record.parts(v.kappa, &v.own_errors(t, record));
-            let left = super::likelihood::cleaned(record, &seen[t], &d, &counts.of[t], v.omega);
+            let parts = record.parts(v.kappa, &v.own_errors(t, record));
+            let left = super::likelihood::cleaned(record, &seen[t], &parts, &counts.z[t], v.omega);
             for (b, channel) in record.channels.iter().enumerate() {
                 let cost = |g: f64| {
                     let tau = (v.tau + g).exp().max(channel.least);
                     let of = |i: usize| {
-                        let (c, (noise, _), error) = (&counts.of[t][i], d[i], tau * tau * record.size[i]);
-                        if noise.is_finite() && c.z > 0.0 { 0.5 * (c.level(noise, error) + left[i] * left[i] / c.variance(noise, error)) } else { 0.0 }
+                        let (z, part) = (counts.z[t][i], Part { error: tau * tau * record.size[i], ..parts[i] });
+                        0.5 * (part.level(z) + left[i] * left[i] / part.variance(z))
                     };
                     channel.range.clone().map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
                 };

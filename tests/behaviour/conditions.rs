@@ -2,7 +2,8 @@
 //! slider's exact path, computed here.
 
 use std::f64::consts::TAU;
-use std::path::Path;
+
+use crate::rig::{Rig, noise};
 
 const K: f64 = 20.0;
 const SLIDES_AT: f64 = 0.2;
@@ -46,21 +47,9 @@ reference = "0.3 mm"
 a = { start = "0.3 1/mm", min = "0 1/mm" }
 "#;
 
-/// Standard normal numbers, by Box and Muller from a linear congruence.
-fn noise() -> impl FnMut() -> f64 {
-    let mut state = 97531u64;
-    let mut uniform = move || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        ((state >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    };
-    move || (-2.0 * uniform().ln()).sqrt() * (TAU * uniform()).cos()
-}
-
-fn write(dir: &Path) {
-    let data = dir.join("data");
-    std::fs::create_dir(&data).unwrap();
-    let mut normal = noise();
-    let mut toml = "schema = 1\n".to_string();
+fn rig() -> Rig {
+    let rig = Rig::new();
+    let (mut state, mut toml) = (97531u64, "schema = 1\n".to_string());
     for (s, (i, area)) in STATES.iter().enumerate() {
         let limit = LIMIT * (1.0 + GROWTH * (area - 15.0)) * (EXPONENT * (i - 0.3)).exp();
         for (n, most) in [0.5, 1.5].iter().enumerate() {
@@ -69,9 +58,9 @@ fn write(dir: &Path) {
                 let x = most * (TAU * f64::from(k) / 400.0).sin();
                 slider = (slider + limit / SLIDES_AT * (x - before)).clamp(-limit, limit);
                 before = x;
-                csv += &format!("{:.6},{x:.6},{:.5}\n", f64::from(k) / 400.0, K * x + slider + 0.3 * normal());
+                csv += &format!("{:.6},{x:.6},{:.5}\n", f64::from(k) / 400.0, K * x + slider + 0.3 * noise(&mut state));
             }
-            std::fs::write(data.join(format!("a{s}-{n}.csv")), csv).unwrap();
+            rig.write(&format!("data/a{s}-{n}.csv"), &csv);
             toml += &format!(
                 "[[test]]\nid = \"a{s}-{n}\"\nkind = \"cycle\"\nfile = \"a{s}-{n}.csv\"\ncontrol = \"displacement\"\nconditions = {{ frequency = \
                  \"1 Hz\", i = \"{i} mm\", A = \"{area} mm2\" }}\ndiscard_cycles = 1\nchannels = [{{ role=\"time\", column=\"t\", unit=\"s\" }}, {{ \
@@ -79,16 +68,14 @@ fn write(dir: &Path) {
             );
         }
     }
-    std::fs::write(data.join("dataset.toml"), toml).unwrap();
-    std::fs::write(dir.join("study.toml"), STUDY).unwrap();
+    rig.write("data/dataset.toml", &toml);
+    rig.write("study.toml", STUDY);
+    rig
 }
 
 #[test]
 fn a_limit_that_grows_tenfold_with_the_contact_area_is_named_alone() {
-    let dir = tempfile::tempdir().unwrap();
-    write(dir.path());
-    let run = std::process::Command::new(env!("CARGO_BIN_EXE_misfit")).args(["ladder", "--json"]).arg(dir.path()).output().unwrap();
-    let result: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap();
+    let result = rig().json("ladder", &[]);
     let missing = result["missing"].as_array().unwrap();
     assert!(missing.len() == 1 && missing[0]["effect"] == "linear_law" && missing[0]["at"] == "c1.x", "{missing:?}");
     let of = |name: &str| {

@@ -1,9 +1,11 @@
 //! Base slack: a chain whose springs are not all alike is no missing physics. The data are a dense complex solve in the test, not the program's own.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::path::Path;
 
 use nalgebra::{Complex, DMatrix, DVector};
+
+use crate::rig::noise;
 
 const N: usize = 6;
 /// Put in, relative: base spring and the five of the group; masses.
@@ -43,16 +45,6 @@ at = "c1-5.x"
 c = { start = "0.003 N s/mm", min = "0 N s/mm" }
 "#;
 
-/// Standard normal numbers, by Box and Muller from a linear congruence.
-fn noise() -> impl FnMut() -> f64 {
-    let mut state = 12345u64;
-    let mut uniform = move || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        ((state >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    };
-    move || (-2.0 * uniform().ln()).sqrt() * (TAU * uniform()).cos()
-}
-
 fn folder(study: &str) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
@@ -69,7 +61,7 @@ fn folder(study: &str) -> tempfile::TempDir {
         c += &e * e.transpose() * damping;
     }
     let m = DMatrix::from_diagonal(&DVector::from_iterator(N, MASSES.iter().map(|d| 0.1 * (1.0 + d))));
-    let mut normal = noise();
+    let mut state = 12345u64;
     let mut toml = "schema = 1\n".to_string();
     for (from, to) in [(1, 6), (6, 6), (3, 2), (6, 4), (1, 1)] {
         let mut csv = "f,re,im,coh\n".to_string();
@@ -81,7 +73,7 @@ fn folder(study: &str) -> tempfile::TempDir {
             force[from - 1] = Complex::new(1.0, 0.0);
             let h = dynamic.lu().solve(&force).unwrap()[to - 1] * (-w * w);
             let sigma = 0.01 * h.norm() / 2f64.sqrt();
-            csv += &format!("{hz:.4},{:.8e},{:.8e},0.99\n", h.re + sigma * normal(), h.im + sigma * normal());
+            csv += &format!("{hz:.4},{:.8e},{:.8e},0.99\n", h.re + sigma * noise(&mut state), h.im + sigma * noise(&mut state));
         }
         std::fs::write(data.join(format!("frf-{from}-{to}.csv")), csv).unwrap();
         toml += &format!(
