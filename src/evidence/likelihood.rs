@@ -82,6 +82,7 @@ impl Evidence {
         let of = |t: usize| {
             let (record, s) = (&self.records[t], &seen[t]);
             let parts = record.parts(v.kappa.max(0.0), &vec![0.0; record.channels.len()]);
+            let parts: Vec<Part> = parts.into_iter().map(|p| Part { colour: 1.0, ..p }).collect();
             let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
             information(&gram, &record.shared(s, v.omega), &parts, &counts.z[t]).map_or(f64::INFINITY, |(inner, _)| inner[(0, 0)])
         };

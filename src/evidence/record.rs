@@ -30,6 +30,8 @@ pub struct Channel {
     pub least: f64,
     /// Dimensions that the model's error has for each coefficient: 1 where it is white, fewer where it is a smooth function of few.
     pub free: f64,
+    /// Variance of a mean over many coefficients by noise, over that if neighbours were independent.
+    pub colour: f64,
 }
 
 impl Channel {
@@ -48,12 +50,15 @@ pub struct Part {
     pub error: f64,
     /// See [`Channel::free`].
     pub free: f64,
+    /// See [`Channel::colour`].
+    pub colour: f64,
 }
 
 impl Part {
-    /// Variance in the directions in which the model may err: there the error of all coefficients together stands beside the noise of one.
+    /// Variance in the directions in which the model may err: there the error of all coefficients together stands beside the noise of one, which is
+    /// that of its slow part.
     fn whole(&self) -> f64 {
-        self.noise + self.error / self.free
+        self.colour * self.noise + self.error / self.free
     }
 
     /// One over the weight of a residual's square; infinite where it counts as nothing.
@@ -62,14 +67,15 @@ impl Part {
     }
 
     /// What a coefficient adds to `-2 ln L` beside the square of its residual over [`Part::variance`]. With D the variance of `whole`:
-    /// `z [free ln D + (1 - free) (ln noise + 1 - noise / D)]`. The second part is that of the directions in which the model does not err, where the
-    /// residual is noise of the size it is known to have: 1, of which noise / D stands in the square already.
+    /// `z [free ln D + (1 - free) ln noise + (1 - free colour) (1 - noise / D)]`. The second part is that of the directions in which the model does not
+    /// err, where the residual is noise of the size it is known to have: 1, of which noise / D stands in the square already.
     pub fn level(&self, z: f64) -> f64 {
         if z == 0.0 || !self.noise.is_finite() {
             return 0.0;
         }
         let whole = self.whole();
-        let rough = if self.free < 1.0 { (1.0 - self.free) * (self.noise.ln() + 1.0 - self.noise / whole) } else { 0.0 };
+        let known = (1.0 - self.free * self.colour).max(0.0) * (1.0 - self.noise / whole);
+        let rough = if self.free < 1.0 { (1.0 - self.free) * self.noise.ln() + known } else { 0.0 };
         z * (self.free * whole.ln() + rough)
     }
 
@@ -114,10 +120,11 @@ pub struct Seen {
 impl Record {
     /// What each coefficient varies by: noise of scale `e^kappa`, the model's error of each channel. Noise of FRFs is known by many averages.
     pub fn parts(&self, kappa: f64, errors: &[f64]) -> Vec<Part> {
-        let mut parts: Vec<Part> = self.noise.iter().map(|n| Part { noise: *n, error: 0.0, free: 1.0 }).collect();
+        let mut parts: Vec<Part> = self.noise.iter().map(|n| Part { noise: *n, error: 0.0, free: 1.0, colour: 1.0 }).collect();
         for (channel, tau) in self.channels.iter().zip(errors) {
             channel.range.clone().for_each(|i| {
-                parts[i] = Part { noise: channel.scale(kappa) * self.noise[i], error: tau * tau * self.size[i], free: channel.free };
+                let (noise, error) = (channel.scale(kappa) * self.noise[i], tau * tau * self.size[i]);
+                parts[i] = Part { noise, error, free: channel.free, colour: channel.colour };
             });
         }
         parts
@@ -172,6 +179,9 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
     let mut records = parallel::over(plans.len(), of);
     pool_noise(plans, &mut records, settings.noise_pool);
     smooth(&mut records, settings);
+    let colour = colour(plans, &records, settings);
+    let frfs = records.iter_mut().flat_map(|r| &mut r.channels).filter(|c| c.kind == BlockKind::Frf);
+    frfs.for_each(|c| c.colour = colour);
     records
 }
 
@@ -182,7 +192,7 @@ fn channel(plan: &Plan, block: &crate::response::Block, range: Range<usize>, sys
     // Damped modes that are close to each other make one maximum.
     let modes = if line { resonances(measured, s.rises).max(plan.modes_within(system).unwrap_or(0)) } else { 0 };
     let least = if line { s.frf_error_least } else { s.model_error_least };
-    Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics, least, free: 1.0 }
+    Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics, least, free: 1.0, colour: 1.0 }
 }
 
 /// What a relative error of 1, alike in all coefficients, is in each: of a loop and a record of their rms about the mean, of an FRF of its
@@ -224,6 +234,38 @@ fn resonances(lines: &[f64], rises: f64) -> usize {
         }
     }
     count.max(1)
+}
+
+/// Colour of the noise along the lines of FRFs: windows and leakage make neighbours alike. Third differences of what was measured are noise alone where
+/// the lines are close; for noise whose neighbours are correlated by rho (AR(1)) their mean square is `(20 - 30 rho + 12 rho^2 - 2 rho^3) / 20` of that
+/// of independent lines, and `colour = (1 + rho) / (1 - rho)`. The median over the lines of all FRFs, since near a resonance they are more than noise.
+fn colour(plans: &[&Plan], records: &[Record], s: &Settings) -> f64 {
+    let mut rough = Vec::new();
+    for (plan, record) in plans.iter().zip(records) {
+        for (block, channel) in plan.blocks.iter().zip(&record.channels).filter(|(_, c)| c.kind == BlockKind::Frf) {
+            let (h, nu) = (&plan.measured[block.range.clone()], &record.noise[channel.range.clone()]);
+            for k in 3..h.len() / 2 {
+                let part = |p: usize| (h[2 * k + p] - 3.0 * h[2 * k - 2 + p] + 3.0 * h[2 * k - 4 + p] - h[2 * k - 6 + p]).powi(2);
+                let white: f64 = [1.0, 9.0, 9.0, 1.0].iter().enumerate().map(|(n, w)| w * (nu[2 * (k - n)] + nu[2 * (k - n) + 1])).sum();
+                if white > 0.0 && white.is_finite() {
+                    rough.push((part(0) + part(1)) / white);
+                }
+            }
+        }
+    }
+    if rough.len() < s.colour_lines {
+        return 1.0;
+    }
+    rough.sort_by(f64::total_cmp);
+    // Squares of complex noise are exponential: their median is ln 2 of the mean.
+    let seen = rough[rough.len() / 2] / std::f64::consts::LN_2;
+    let of = |rho: f64| (20.0 - 30.0 * rho + 12.0 * rho * rho - 2.0 * rho.powi(3)) / 20.0;
+    let (mut low, mut high) = (0.0, s.colour_most);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if of(middle) > seen { low = middle } else { high = middle }
+    }
+    (1.0 + low) / (1.0 - low)
 }
 
 /// Draws the noise spectrum of a loop that was seen in few cycles to the shape that those of its channel have in common.

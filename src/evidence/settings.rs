@@ -51,6 +51,10 @@ pub struct Settings {
     pub ridge: f64,
     /// Lines on either side over which the size of an FRF is averaged: between resonances a model errs by what its neighbours are.
     pub neighbours: usize,
+    /// Lines of FRFs from which the correlation of neighbours is told...
+    pub colour_lines: usize,
+    /// ...and the most that it is: what is smoother is no noise.
+    pub colour_most: f64,
     /// A maximum of an FRF's magnitude is a resonance where it stands this far above the minima about it.
     pub rises: f64,
 }
@@ -87,6 +91,8 @@ impl Default for Settings {
             scatter_from: -5.3,
             ridge: 1e-9,
             neighbours: 3,
+            colour_lines: 50,
+            colour_most: 0.9,
             rises: 1.4,
         }
     }

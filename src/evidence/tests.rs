@@ -29,6 +29,7 @@ fn evidence(tests: usize) -> Evidence {
             harmonics: crate::data::harmonic_of(200),
             least: 0.003,
             free: 1.0,
+            colour: 1.0,
         }],
         noise: vec![1e-4 / n as f64; n],
         size: vec![1.0 / n as f64; n],
