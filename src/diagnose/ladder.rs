@@ -356,7 +356,7 @@ impl Climb<'_> {
 
     /// What the held-out tests say of the first and of the last model, and of every effect that was added.
     fn word(&self) -> (Option<super::held_out::Word>, Vec<Missing>) {
-        let held = HeldOutTests::new(self.case.plans_of(SplitName::HeldOut), &self.first, &self.now, &self.settings);
+        let held = HeldOutTests::new(self.case.plans_of(SplitName::HeldOut), &self.scale.evidence, &self.first, &self.now, &self.settings);
         let last = held.as_ref().and_then(|h| h.look(&self.now));
         // Where nothing was added and nothing given slack, they are one model.
         let same = self.added.is_empty() && self.first.fitted.system.instances.len() == self.now.fitted.system.instances.len();

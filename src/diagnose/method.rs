@@ -117,7 +117,7 @@ impl Default for Telling {
             narrowing: 60,
             narrow: 1e-6,
             held_out_points: 40,
-            held_out_span: 6.5,
+            held_out_span: 7.6,
             terms: 4,
             term: 0.03,
             picture: 200,
