@@ -89,7 +89,7 @@ pub(super) fn sentence(verdict: Verdict, missing: &[(&str, &str)]) -> String {
     let names: Vec<String> = missing.iter().map(|(effect, at)| format!("{effect} at {at}")).collect();
     match verdict {
         Verdict::Missing => format!("Missing: {}.", names.join(", ")),
-        Verdict::NothingMissing => "Nothing is missing: what is left of the misfit is noise.".into(),
+        Verdict::NothingMissing => "Nothing is missing: no effect explains more of what is left than it costs.".into(),
         Verdict::Unexplained if !names.is_empty() => {
             format!("Unexplained: {} take part of the misfit away on the fitted tests, and that is not the answer.", names.join(", "))
         }

@@ -101,7 +101,9 @@ pub(super) fn errors(model: &[OwnError], scatter: &[ScatterOf], noise: f64) -> S
     }
     let each: Vec<String> = model.iter().map(|m| format!("{} of {} ({})", percent(m.relative), m.channel, m.kind)).collect();
     let scatter = scatter.first().map_or(String::new(), |s| format!("; strengths scatter between tests by {}", percent(s.relative)));
-    format!("Model error: {}{scatter}; the noise is {} times what was seen or stated.\n", each.join(", "), significant(noise, 2))
+    // A model errs more in some harmonics than in others, which the estimate takes from the noise: a factor below 1 says nothing.
+    let noise = if noise > 1.0 { format!("; the noise is {} times what was seen or stated", significant(noise, 2)) } else { String::new() };
+    format!("Model error: {}{scatter}{noise}.\n", each.join(", "))
 }
 
 pub(super) fn notes(all: &[String]) -> String {

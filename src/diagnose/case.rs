@@ -83,6 +83,12 @@ pub struct Fitted {
 }
 
 impl Fitted {
+    /// Free parameters that are not held at a bound.
+    pub fn inside(&self) -> Vec<usize> {
+        let bound = self.options.constraints.at_bound(&self.outcome.p);
+        (0..self.free.len()).filter(|k| !bound.iter().any(|(i, _)| i == k)).collect()
+    }
+
     /// What the deviations of its parameters are judged by.
     pub fn judgement(&self) -> UncertaintyOptions {
         let measure = |f: &FreeParam| match (f.log, self.system.absent_at_zero(f)) {

@@ -78,6 +78,8 @@ pub struct Telling {
     pub terms: usize,
     /// ...part of the cost that a further one must take away...
     pub term: f64,
+    /// ...nats beyond half the logarithm of the data that it must gain, for the terms among which it was chosen...
+    pub term_nats: f64,
     /// ...and points of its picture for each loop at most.
     pub picture: usize,
 }
@@ -120,6 +122,7 @@ impl Default for Telling {
             held_out_span: 7.6,
             terms: 4,
             term: 0.03,
+            term_nats: 2.0,
             picture: 200,
         }
     }

@@ -264,7 +264,8 @@ pub struct FitResult {
     pub model_error: Vec<OwnError>,
     /// How much strengths differ from test to test.
     pub scatter: Vec<ScatterOf>,
-    /// True noise over that seen between cycles or stated; 1 where it is not estimated.
+    /// True noise over that seen between cycles or stated; 1 where it is not estimated. Below 1 it is no finding: where the model errs in some harmonics
+    /// more than in others, the estimate takes it from the noise.
     pub noise: f64,
     /// Notes on data and fit.
     pub notes: Vec<String>,
@@ -413,7 +414,7 @@ pub struct LadderResult {
     pub model_error: Vec<OwnError>,
     /// How much strengths differ from test to test.
     pub scatter: Vec<ScatterOf>,
-    /// True noise over that seen between cycles or stated.
+    /// True noise over that seen between cycles or stated; below 1 no finding (see [`FitResult::noise`]).
     pub noise: f64,
     /// Constants of the search.
     pub settings: Settings,

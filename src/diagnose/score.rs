@@ -62,13 +62,12 @@ pub struct Projected {
     pub cost: f64,
 }
 
-/// Evaluates the model once with all trials at their null strength. `at_bound[k]` holds for free parameters of `system` that lie at a
-/// bound.
+/// Evaluates the model once with all trials at their null strength. `kept`: the free parameters of `system` that no bound holds.
 pub fn projected(
     plans: &[&Plan],
     system: &System,
     trials: &[Trial],
-    at_bound: &[bool],
+    kept: &[usize],
     priors: &[(usize, f64, f64)],
     s: &Scoring,
 ) -> Result<Projected, DiagnoseError> {
@@ -109,8 +108,7 @@ pub fn projected(
         let reason = "a derivative of the response with respect to the model's own parameters is not finite";
         return Err(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)).into());
     }
-    let kept: Vec<usize> = (0..own).filter(|k| !at_bound[*k]).collect();
-    let (q, back) = decomposed(&base.select_columns(&kept), s);
+    let (q, back) = decomposed(&base.select_columns(kept), s);
     let column = |t: usize| {
         let mut g = DVector::zeros(rows);
         g.rows_mut(0, j.nrows()).copy_from(&j.column(own + t));
@@ -132,12 +130,12 @@ pub fn score(
     plans: &[&Plan],
     system: &System,
     trials: &[Trial],
-    at_bound: &[bool],
+    kept: &[usize],
     priors: &[(usize, f64, f64)],
     seed: u64,
     settings: &Scoring,
 ) -> Result<Scores, DiagnoseError> {
-    let Projected { r, columns: all, own, cost } = projected(plans, system, trials, at_bound, priors, settings)?;
+    let Projected { r, columns: all, own, cost } = projected(plans, system, trials, kept, priors, settings)?;
     let mut scores = Vec::new();
     let mut columns: Vec<DVector<f64>> = Vec::new();
     for (t, (trial, left)) in trials.iter().zip(all).enumerate() {
@@ -234,7 +232,8 @@ fn null_distribution(columns: &[DVector<f64>], two_sided: &[bool], seed: u64, dr
         }
     };
     let Ok(normal) = Normal::new(0.0, 1.0) else { return vec![] };
-    let block = 200;
+    // Draws that are made at once: the size of a product of matrices, no setting.
+    let block = draws.clamp(1, 200);
     let drawn = |stream: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream as u64);

@@ -182,10 +182,8 @@ fn once((names, trials): (Vec<Name>, Vec<Trial>), added: &[&Name]) -> (Vec<Name>
 
 fn scored(race: &Case, base: &Weighed, trials: &[Trial]) -> Result<Scores, DiagnoseError> {
     let f = &base.fitted;
-    let bound = f.options.constraints.at_bound(&f.outcome.p);
-    let at_bound: Vec<bool> = (0..f.free.len()).map(|k| bound.iter().any(|(i, _)| *i == k)).collect();
     let priors: Vec<_> = f.options.priors.iter().map(|p| (p.index, p.mean, p.sigma)).collect();
-    score(&race.plans_of(SplitName::Fit), &f.system, trials, &at_bound, &priors, race.seed, &race.search.settings.scoring)
+    score(&race.plans_of(SplitName::Fit), &f.system, trials, &f.inside(), &priors, race.seed, &race.search.settings.scoring)
 }
 
 /// What a candidate has to gain, and what it promises.

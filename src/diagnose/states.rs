@@ -190,8 +190,7 @@ impl About {
             j[(points + n, place(prior.index)?)] = if follows { value } else { 1.0 } / prior.sigma;
             r[points + n] = (value - prior.mean) / prior.sigma;
         }
-        let bound = base.fitted.options.constraints.at_bound(&base.fitted.outcome.p);
-        let kept: Vec<usize> = (0..own.len()).filter(|k| !bound.iter().any(|(i, _)| i == k)).collect();
+        let kept = base.fitted.inside();
         let columns: Vec<usize> = kept.iter().map(|k| place(*k)).collect::<Option<_>>()?;
         let (q, back) = decomposed(&j.select_columns(&columns), &scale.settings.scoring);
         let plans = plans.into_iter().cloned().collect();

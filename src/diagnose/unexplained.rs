@@ -126,7 +126,7 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     }
     let settings = &case.search.settings;
     let told = &settings.telling;
-    let p = projected(&plans, &base.system, &trials, &at_bound(base), &[], &settings.scoring).ok()?;
+    let p = projected(&plans, &base.system, &trials, &base.inside(), &[], &settings.scoring).ok()?;
     let rows: usize = plans.iter().map(|p| p.len()).sum();
     let whole = 0.5 * p.r.norm_squared();
     let choices = (0..sites.len()).filter_map(|site| {
@@ -163,11 +163,6 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     })
 }
 
-fn at_bound(base: &Fitted) -> Vec<bool> {
-    let bound = base.options.constraints.at_bound(&base.outcome.p);
-    (0..base.free.len()).map(|k| bound.iter().any(|(i, _)| *i == k)).collect()
-}
-
 /// Terms among `own` with their strengths, and what they leave of the cost.
 fn choose(
     p: &Projected,
@@ -191,7 +186,7 @@ fn choose(
         });
         let Some((k, strengths, left)) = next.min_by(|a, b| a.2.total_cmp(&b.2)) else { break };
         let fall = state.1 - left;
-        if fall < told.term * whole || fall < 0.5 * (rows.max(1) as f64).ln() + 2.0 {
+        if fall < told.term * whole || fall < 0.5 * (rows.max(1) as f64).ln() + told.term_nats {
             break;
         }
         chosen.push(k);

@@ -179,7 +179,16 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
     let mut records = parallel::over(plans.len(), of);
     pool_noise(plans, &mut records, settings.noise_pool);
     smooth(&mut records, settings);
-    let colour = colour(plans, &records, settings);
+    let channels = |(plan, record): (&'_ &Plan, &'_ Record)| -> Vec<(Range<usize>, Range<usize>)> {
+        let lines = plan.blocks.iter().zip(&record.channels).filter(|(_, c)| c.kind == BlockKind::Frf);
+        lines.map(|(b, c)| (b.range.clone(), c.range.clone())).collect()
+    };
+    let lines: Vec<(&[f64], &[f64])> = plans
+        .iter()
+        .zip(&records)
+        .flat_map(|(p, r)| channels((p, r)).into_iter().map(move |(rows, of)| (&p.measured[rows], &r.noise[of])))
+        .collect();
+    let colour = colour(&lines, settings);
     let frfs = records.iter_mut().flat_map(|r| &mut r.channels).filter(|c| c.kind == BlockKind::Frf);
     frfs.for_each(|c| c.colour = colour);
     records
@@ -239,17 +248,15 @@ fn resonances(lines: &[f64], rises: f64) -> usize {
 /// Colour of the noise along the lines of FRFs: windows and leakage make neighbours alike. Third differences of what was measured are noise alone where
 /// the lines are close; for noise whose neighbours are correlated by rho (AR(1)) their mean square is `(20 - 30 rho + 12 rho^2 - 2 rho^3) / 20` of that
 /// of independent lines, and `colour = (1 + rho) / (1 - rho)`. The median over the lines of all FRFs, since near a resonance they are more than noise.
-fn colour(plans: &[&Plan], records: &[Record], s: &Settings) -> f64 {
+/// `lines`: measured lines, real and imaginary part in turn, with the variances of both.
+pub(super) fn colour(lines: &[(&[f64], &[f64])], s: &Settings) -> f64 {
     let mut rough = Vec::new();
-    for (plan, record) in plans.iter().zip(records) {
-        for (block, channel) in plan.blocks.iter().zip(&record.channels).filter(|(_, c)| c.kind == BlockKind::Frf) {
-            let (h, nu) = (&plan.measured[block.range.clone()], &record.noise[channel.range.clone()]);
-            for k in 3..h.len() / 2 {
-                let part = |p: usize| (h[2 * k + p] - 3.0 * h[2 * k - 2 + p] + 3.0 * h[2 * k - 4 + p] - h[2 * k - 6 + p]).powi(2);
-                let white: f64 = [1.0, 9.0, 9.0, 1.0].iter().enumerate().map(|(n, w)| w * (nu[2 * (k - n)] + nu[2 * (k - n) + 1])).sum();
-                if white > 0.0 && white.is_finite() {
-                    rough.push((part(0) + part(1)) / white);
-                }
+    for (h, nu) in lines {
+        for k in 3..h.len() / 2 {
+            let part = |p: usize| (h[2 * k + p] - 3.0 * h[2 * k - 2 + p] + 3.0 * h[2 * k - 4 + p] - h[2 * k - 6 + p]).powi(2);
+            let white: f64 = [1.0, 9.0, 9.0, 1.0].iter().enumerate().map(|(n, w)| w * (nu[2 * (k - n)] + nu[2 * (k - n) + 1])).sum();
+            if white > 0.0 && white.is_finite() {
+                rough.push((part(0) + part(1)) / white);
             }
         }
     }
