@@ -179,15 +179,11 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
     let mut records = parallel::over(plans.len(), of);
     pool_noise(plans, &mut records, settings.noise_pool);
     smooth(&mut records, settings);
-    let channels = |(plan, record): (&'_ &Plan, &'_ Record)| -> Vec<(Range<usize>, Range<usize>)> {
-        let lines = plan.blocks.iter().zip(&record.channels).filter(|(_, c)| c.kind == BlockKind::Frf);
-        lines.map(|(b, c)| (b.range.clone(), c.range.clone())).collect()
-    };
-    let lines: Vec<(&[f64], &[f64])> = plans
-        .iter()
-        .zip(&records)
-        .flat_map(|(p, r)| channels((p, r)).into_iter().map(move |(rows, of)| (&p.measured[rows], &r.noise[of])))
-        .collect();
+    let mut lines = Vec::new();
+    for (plan, record) in plans.iter().zip(&records) {
+        let frfs = plan.blocks.iter().zip(&record.channels).filter(|(_, c)| c.kind == BlockKind::Frf);
+        lines.extend(frfs.map(|(b, c)| (&plan.measured[b.range.clone()], &record.noise[c.range.clone()])));
+    }
     let colour = colour(&lines, settings);
     let frfs = records.iter_mut().flat_map(|r| &mut r.channels).filter(|c| c.kind == BlockKind::Frf);
     frfs.for_each(|c| c.colour = colour);

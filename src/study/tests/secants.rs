@@ -20,7 +20,7 @@ fn a_slider_takes_from_the_spring_beside_it() {
     let case = Case { plans: std::sync::Arc::new(case.plans.iter().map(covered).collect()), ..case.clone() };
     let plans = case.plans_of(SplitName::Fit);
     let (names, trials) = candidates(&case, &fitted.system, &plans, &Scene::new(&plans, &fitted.system));
-    let scores = score(&plans, &fitted.system, &trials, &vec![false; fitted.free.len()], &[], 1, &case.search.settings.scoring).unwrap();
+    let scores = score(&plans, &fitted.system, &trials, &fitted.inside(), &[], 1, &case.search.settings.scoring).unwrap();
     let bench = Bench {
         case: &case,
         base: &fitted.system,
