@@ -162,10 +162,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         }
         let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
         if parallel::watched(&monitor.watch(), || climb.slacken(than)) {
-            if let Some(last) = rungs.pop() {
-                let again = climb.rung(last.added.clone(), last.removed.clone())?;
-                rungs.push(Rung { tests: again.tests, parameters: again.parameters, effects: again.effects, cost: again.cost, ..last });
-            }
+            climb.refresh(&mut rungs)?;
             // What was added stands beside slack now: something else may do its work better, and its ties are others.
             if !climb.added.is_empty()
                 && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap())
@@ -222,6 +219,14 @@ impl Climb<'_> {
             termination: fitted.outcome.termination.name().into(),
             cost: fitted.outcome.cost,
         })
+    }
+
+    /// The last rung with the present model's values: what was added has been fitted on, or stands beside slack now.
+    fn refresh(&self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
+        let Some(last) = rungs.pop() else { return Ok(()) };
+        let now = self.rung(last.added, last.removed)?;
+        rungs.push(Rung { candidates: last.candidates, second_opinion: last.second_opinion, effort: last.effort, ..now });
+        Ok(())
     }
 
     fn instance(&self, k: usize) -> Option<&Instance> {
@@ -289,6 +294,7 @@ impl Climb<'_> {
         started: std::time::Instant,
     ) -> Result<(LadderResult, System), DiagnoseError> {
         let stopped = matches!(end, End::Stopped);
+        self.refresh(&mut rungs)?;
         let (before, after) = (self.held_out(&self.first)?, self.held_out(&self.now));
         let mut ended = end.describe(self);
         let mut after = after.unwrap_or_else(|why| {
