@@ -48,7 +48,8 @@ impl Evidence {
                 continue;
             }
             let range = |&(t, b): &(usize, usize)| self.records[t].channels[b].range.clone().map(move |i| (t, i));
-            let compared: Vec<(usize, usize)> = group.iter().flat_map(range).filter(|(t, i)| self.records[*t].noise[*i].is_finite()).collect();
+            let compared: Vec<(usize, usize)> =
+                group.iter().flat_map(range).filter(|(t, i)| self.records[*t].noise[*i].is_finite()).collect();
             let dominated: f64 = compared.iter().map(|(t, i)| parts[*t][*i].share()).sum();
             let facts = facts.min(dominated);
             let z0 = if dominated > 0.0 { facts / dominated } else { 1.0 };

@@ -159,13 +159,13 @@ fn a_strength_that_differs_from_test_to_test_is_no_model_error() {
 /// Neighbouring lines that are alike, on a curve that bends: `(1 + rho) / (1 - rho)` of the noise of a mean over them.
 #[test]
 fn the_colour_of_noise_is_told_from_its_roughness() {
-    for (rho, put_in) in [(0.0, 1.0), (0.6, 4.0)] {
+    for (rho, put_in) in [(0.0f64, 1.0), (0.6, 4.0)] {
         let (w, n) = (noise(2000, 7.0), 1000);
         let mut lines = vec![0.0; 2 * n];
         for part in 0..2 {
             let mut walk = w[part];
             for k in 0..n {
-                walk = rho * walk + (1.0 - rho * rho as f64).sqrt() * w[2 * k + part];
+                walk = rho * walk + (1.0 - rho * rho).sqrt() * w[2 * k + part];
                 lines[2 * k + part] = 100.0 * (k as f64 / 60.0).sin() + walk;
             }
         }

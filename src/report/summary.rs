@@ -1,10 +1,10 @@
 //! The first screen: one sentence, four cards, what to do next, the error of every test against the rungs.
 
-use crate::diagnose::results::{SplitName, TestResult, Verdict};
+use crate::diagnose::results::{EffectAt, Missing, SplitName, TestResult, Verdict};
 use crate::effect;
 
 use super::chart::{self, Attributes, Chart, Charts};
-use super::stage::{FITS, Stage, effect_at, of_split, over_floor, pooled, split_words};
+use super::stage::{FITS, Stage, of_split, over_floor, pooled, split_words};
 use super::text::{digits, esc, label, list, percent, probability, ratio, words};
 use super::{ReportInput, page};
 
@@ -34,18 +34,48 @@ fn about(input: &ReportInput) -> String {
     format!("{title}{tests}{held}")
 }
 
+/// An effect that is missing.
+struct Named<'a> {
+    effect: &'a str,
+    at: &'a str,
+    /// Of a law over a condition, what it acts on: `elastic_slip.f over A`.
+    of: Option<&'a str>,
+    tied: Vec<String>,
+}
+
+impl Named<'_> {
+    /// `linear law of elastic_slip.f over A at c1.x`, escaped.
+    fn words(&self) -> String {
+        let of = self.of.map(|of| format!(" of {}", esc(of))).unwrap_or_default();
+        format!("{}{of} at {}", esc(&words(self.effect)), esc(self.at))
+    }
+
+    /// What it cannot be told from, escaped.
+    fn tied(&self) -> Option<String> {
+        let tied: Vec<String> = self.tied.iter().map(|t| esc(&words(t))).collect();
+        (!tied.is_empty()).then(|| list(&tied))
+    }
+}
+
+/// What is missing; none where nothing was looked for.
+fn named<'a>(input: &ReportInput<'a>) -> Option<Vec<Named<'a>>> {
+    match (input.ladder, input.diagnosis) {
+        (Some(l), _) => {
+            let of = |m: &'a Missing| Named { effect: &m.effect, at: &m.at, of: m.of.as_deref(), tied: m.tied_with.clone() };
+            Some(l.missing.iter().map(of).collect())
+        }
+        (None, Some(d)) => {
+            let of = |m: &'a EffectAt| Named { effect: &m.effect, at: &m.at, of: None, tied: tied(input, &m.effect, &m.at) };
+            Some(d.missing.iter().map(of).collect())
+        }
+        (None, None) => None,
+    }
+}
+
 /// Names of the missing effects, each with what it cannot be told from.
 fn missing_names(input: &ReportInput) -> Vec<String> {
-    let named = |effect: &str, at: &str, tied: &[String]| {
-        let tied: Vec<String> = tied.iter().map(|t| esc(&words(t))).collect();
-        let or = if tied.is_empty() { String::new() } else { format!(" (these data cannot tell it from {})", list(&tied)) };
-        format!("{} at {}{or}", esc(&words(effect)), esc(at))
-    };
-    match (input.ladder, input.diagnosis) {
-        (Some(l), _) => l.missing.iter().map(|m| named(&m.effect, &m.at, &m.tied_with)).collect(),
-        (None, Some(d)) => d.missing.iter().map(|m| named(&m.effect, &m.at, &tied(input, &m.effect, &m.at))).collect(),
-        (None, None) => vec![],
-    }
+    let one = |n: &Named| n.words() + &n.tied().map(|t| format!(" (these data cannot tell it from {t})")).unwrap_or_default();
+    named(input).unwrap_or_default().iter().map(one).collect()
 }
 
 /// What a diagnosed effect is tied with.
@@ -217,10 +247,8 @@ fn fails(stages: &[Stage]) -> String {
 
 fn missing(input: &ReportInput) -> String {
     const TITLE: &str = "What is missing?";
-    let named: Vec<(&str, &str, Vec<String>)> = match (input.ladder, input.diagnosis) {
-        (Some(l), _) => l.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str(), m.tied_with.clone())).collect(),
-        (None, Some(d)) => d.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str(), tied(input, &m.effect, &m.at))).collect(),
-        (None, None) => return card("", TITLE, "Not searched yet", &["A diagnosis weighs every effect of the library.".into()]),
+    let Some(named) = named(input) else {
+        return card("", TITLE, "Not searched yet", &["A diagnosis weighs every effect of the library.".into()]);
     };
     let verdict = input.ladder.map(|l| l.verdict).or(input.diagnosis.map(|d| d.verdict));
     if named.is_empty() {
@@ -235,16 +263,13 @@ fn missing(input: &ReportInput) -> String {
         let seen = if seen.is_empty() { String::new() } else { format!("These would have been seen: {}", list(&seen)) };
         return card("good", TITLE, "Nothing found", &[vec![seen], not_physics(input)].concat());
     }
-    let big: Vec<String> = named.iter().map(|(e, at, _)| format!("{} at {}", esc(&words(e)), esc(at))).collect();
+    let big: Vec<String> = named.iter().map(Named::words).collect();
     let mut small = Vec::new();
-    for (effect, at, tied) in &named {
-        if let (1, Ok(law)) = (named.len(), effect::find(effect)) {
+    for n in &named {
+        if let (1, Ok(law)) = (named.len(), effect::find(n.effect)) {
             small.push(format!("Its mark: {}", esc(law.info().claim)));
         }
-        if !tied.is_empty() {
-            let tied: Vec<String> = tied.iter().map(|t| esc(&words(t))).collect();
-            small.push(format!("{} cannot be told from {}", effect_at(&words(effect), at), list(&tied)));
-        }
+        small.extend(n.tied().map(|tied| format!("{} cannot be told from {tied}", n.words())));
     }
     let unexplained = match verdict {
         Some(Verdict::Unexplained) => "And a part that no candidate explains.",
@@ -252,7 +277,7 @@ fn missing(input: &ReportInput) -> String {
         _ => "",
     };
     small.push(unexplained.into());
-    small.push(evidence(input, named[0].0, named[0].1));
+    small.push(evidence(input, named[0].effect, named[0].at));
     small.extend(not_physics(input));
     card("bad", TITLE, &list(&big), &small)
 }
