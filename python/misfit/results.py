@@ -65,7 +65,8 @@ class FitResult(msgspec.Struct, kw_only=True):
     n_residuals: int
     """Rows."""
     noise: float | None
-    """True noise over that seen between cycles or stated; 1 where it is not estimated."""
+    """True noise over that seen between cycles or stated; 1 where it is not estimated. Below 1 it is no finding: where the model errs in some
+    harmonics more than in others, the estimate takes it from the noise."""
     notes: list[str]
     """Notes on data and fit."""
     parameters: list[ParameterResult]
@@ -460,7 +461,8 @@ class Fit(Run, kw_only=True, dict=True):
     n_residuals: int
     """Rows."""
     noise: float | None
-    """True noise over that seen between cycles or stated; 1 where it is not estimated."""
+    """True noise over that seen between cycles or stated; 1 where it is not estimated. Below 1 it is no finding: where the model errs in some
+    harmonics more than in others, the estimate takes it from the noise."""
     notes: list[str]
     """Notes on data and fit."""
     parameters: list[ParameterResult]
@@ -727,6 +729,10 @@ class Scoring(msgspec.Struct, kw_only=True):
 
 class Settings(msgspec.Struct, kw_only=True):
     """How missing physics is searched for, and when it is believed."""
+    colour_lines: int
+    """Lines of FRFs from which the correlation of neighbours is told..."""
+    colour_most: float | None
+    """...and the most that it is: what is smoother is no noise."""
     correction_least: float | None
     """Relative deviation from which one is told as a correction: a per cent is within what is nominal."""
     correction_sure: float | None
@@ -734,6 +740,8 @@ class Settings(msgspec.Struct, kw_only=True):
     decisive: float | None
     """Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; a
     test that separates two laws by so much breaks their tie."""
+    estimates: int
+    """Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed."""
     evaluations: int
     """Evaluations of the likelihood in one estimate of the variances..."""
     facts_loop: float | None
@@ -756,6 +764,9 @@ class Settings(msgspec.Struct, kw_only=True):
     """Times that these are gone through again, at most, for a model that others are held against and that has not come to its end."""
     fitting: Fitting
     """How fits are begun and ended."""
+    frf_error_least: float | None
+    """The same of an FRF. A linear response is computed without steps, and its error is smooth: over the lines of a resonance noise averages
+    out, and 0.3 % would hide what they show."""
     held_out_fall: float | None
     """Part by which their error must fall beside that."""
     held_out_nats: float | None
@@ -799,6 +810,8 @@ class Settings(msgspec.Struct, kw_only=True):
     promise: float | None
     """Factor on the gain that a score or a refit under the base's variances promises, below which a candidate is not looked at further: once it
     is there, the error it leaves has a smaller variance."""
+    promise_pair: float | None
+    """The most that a pair may gain over what its two gained each by itself, before their price: each hides part of what the other does."""
     promise_series: float | None
     """The same of an effect in series, whose score at opening zero says little."""
     race: Race
@@ -882,6 +895,8 @@ class Telling(msgspec.Struct, kw_only=True):
     """...with so many values tried over the range..."""
     term: float | None
     """...part of the cost that a further one must take away..."""
+    term_nats: float | None
+    """...nats beyond half the logarithm of the data that it must gain, for the terms among which it was chosen..."""
     terms: int
     """Terms of a formula for what is unexplained at most..."""
     transient: float | None
@@ -913,7 +928,7 @@ class Ladder(Run, kw_only=True, dict=True):
     no_next_test: str | None
     """Where candidates are tied and no test within reach separates them: so much in words."""
     noise: float | None
-    """True noise over that seen between cycles or stated."""
+    """True noise over that seen between cycles or stated; below 1 no finding (see `FitResult::noise`)."""
     proven: bool
     """Whether the held-out tests bear out what was added: their density rises and their error falls."""
     remainder: float | None
