@@ -1,6 +1,6 @@
 //! The last word: tests that nothing was fitted to.
 
-use crate::evidence::{Channel, Counts, Evidence, Seen, Variances};
+use crate::evidence::{Counts, Evidence, Seen, Variances};
 use crate::model::System;
 use crate::parallel;
 use crate::residual::mean_square;
@@ -49,7 +49,7 @@ impl<'a> HeldOutTests<'a> {
         }
         let evidence = Evidence::new(&plans, &last.fitted.system, &settings.evidence);
         let mut tests = HeldOutTests { counts: evidence.independent(), plans, evidence, fitted, settings };
-        tests.counts = tests.evidence.least_counts(&tests.elsewhere(&first.v));
+        tests.counts = tests.evidence.least_counts(&first.v.carried(tests.fitted, &tests.evidence));
         Some(tests)
     }
 
@@ -86,29 +86,16 @@ impl<'a> HeldOutTests<'a> {
         (mean, (variance / n).sqrt())
     }
 
-    /// Variances of a model in tests that it has not seen: a channel errs there as channels of its name and kind do where it was fitted, or, where there
-    /// is none, as all do. A model that is right to 1 % on loops need not be so on FRFs.
-    fn elsewhere(&self, v: &Variances) -> Variances {
-        let known: Vec<(&Channel, f64)> =
-            self.fitted.records.iter().zip(&v.own).flat_map(|(r, own)| r.channels.iter().zip(own.iter().copied())).collect();
-        let mean = |alike: &dyn Fn(&Channel) -> bool| {
-            let of: Vec<f64> = known.iter().filter(|(c, _)| alike(c)).map(|(_, g)| *g).collect();
-            (!of.is_empty()).then(|| of.iter().sum::<f64>() / of.len() as f64)
-        };
-        let of = |c: &Channel| mean(&|o| o.kind == c.kind && o.label == c.label).or(mean(&|_| true)).unwrap_or(0.0);
-        Variances { own: self.evidence.records.iter().map(|r| r.channels.iter().map(of).collect()).collect(), ..v.clone() }
-    }
-
     /// A model in them; none where it cannot be computed there.
     pub fn look<'w>(&self, w: &'w Weighed) -> Option<Look<'w>> {
-        let ((seen, values), v) = (self.see(&w.fitted.system)?, self.elsewhere(&w.v));
+        let ((seen, values), v) = (self.see(&w.fitted.system)?, w.v.carried(self.fitted, &self.evidence));
         let density = self.evidence.likelihood(&seen, &self.counts, &v) - v.prior(&self.settings.evidence);
         density.is_finite().then_some(Look { of: w, seen, values, density })
     }
 
     /// The model error that they show, beside noise and scatter as those of `beside`.
     fn error_left(&self, look: &Look, beside: &Weighed) -> f64 {
-        let mut v = self.elsewhere(&beside.v);
+        let mut v = beside.v.carried(self.fitted, &self.evidence);
         let (points, span) = (self.settings.telling.held_out_points, self.settings.telling.held_out_span);
         let least = self.settings.evidence.least().ln();
         let at = |k: usize| least + span * k as f64 / (points - 1) as f64;

@@ -31,7 +31,7 @@ mod settings;
 mod variances;
 
 pub use facts::Counts;
-pub use record::{Channel, Record, Seen};
+pub use record::{Record, Seen};
 pub use settings::Settings;
 pub use variances::Variances;
 
