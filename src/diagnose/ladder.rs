@@ -294,7 +294,10 @@ impl Climb<'_> {
         started: std::time::Instant,
     ) -> Result<(LadderResult, System), DiagnoseError> {
         let stopped = matches!(end, End::Stopped);
-        self.refresh(&mut rungs)?;
+        // The model without additions is still that of its rung.
+        if !self.added.is_empty() {
+            self.refresh(&mut rungs)?;
+        }
         let (before, after) = (self.held_out(&self.first)?, self.held_out(&self.now));
         let mut ended = end.describe(self);
         let mut after = after.unwrap_or_else(|why| {

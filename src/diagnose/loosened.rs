@@ -23,7 +23,7 @@ struct Former {
 
 impl Climb<'_> {
     /// Gives slack to what the study ties or fixes where that gains more than what a step has found: a move like any other, whose price is that
-    /// of its widths. Within a tie of it an effect is the smaller statement. It then stands in every model that follows. Whether it was given.
+    /// of its widths. It has to gain more by a tie, since an effect is the smaller statement. It then stands in every model that follows. Whether it was given.
     pub fn slacken(&mut self, than: f64) -> bool {
         let (s, e) = (&self.settings, &self.settings.evidence);
         let seen = self.now.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least;

@@ -335,7 +335,7 @@ fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, sparse: Option<[Score; 
     let alone: Vec<&Stood> = stood.iter().filter(|q| acts(&q.name)).take(s.pair_of).collect();
     let tried = 0.5 * (bench.names.len().max(2) as f64).powi(2);
     let above = |q: &Stood| (q.weighed.likelihood - a.base.likelihood).max(0.0);
-    let price = |sizes: usize| 0.5 * (sizes - 2 * a.base.size()) as f64 * scale.counts.n.ln() + tried.ln();
+    let price = |sizes: usize| 0.5 * (sizes as f64 - 2.0 * a.base.size() as f64) * scale.counts.n.ln() + tried.ln();
     let mut pairs: Vec<([Name; 2], System)> = Vec::new();
     for (k, first) in alone.iter().enumerate() {
         for second in &alone[k + 1..] {

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::record::Part;
 use super::{Counts, Evidence, Record, Seen, Variances, beside};
 
-/// A test with its columns `X = [r, J / ||J||]` and `B`, and for channels in which all coefficients have one variance their inner products.
+/// A test with its columns `X = [r, J / ||J||]` and `B`.
 pub struct Gram {
     x: DMatrix<f64>,
     b: DMatrix<f64>,
@@ -30,6 +30,7 @@ fn information(gram: &Gram, b: &DMatrix<f64>, parts: &[Part], z: &DVector<f64>) 
     Some((whole, ld)).filter(|(m, ld)| ld.is_finite() && m.iter().all(|v| v.is_finite()))
 }
 
+/// Weight of each residual's square, z over its variance; 0 where a coefficient is not compared.
 fn weights(parts: &[Part], z: &DVector<f64>) -> DVector<f64> {
     DVector::from_iterator(parts.len(), parts.iter().zip(z.iter()).map(|(p, z)| 1.0 / p.variance(*z)))
 }

@@ -120,7 +120,7 @@ fn the_error_along_lines_is_a_smooth_function() {
     }
 }
 
-/// An error of twice the noise's power is told from noise that is thrice as strong: a fact of it shows in many lines.
+/// An error of twice the noise's power is seen with its size, though it lies in one of the six directions: a fact of it shows in many lines.
 #[test]
 fn an_error_along_lines_is_no_noise() {
     let (e, seen, ..) = lines(2e-4);

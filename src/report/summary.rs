@@ -416,3 +416,16 @@ pub fn rung_axis(stages: &[Stage]) -> Attributes {
         .set("ticktext", stages.iter().map(|s| label(&s.name)).collect::<Vec<_>>())
         .set("range", [-0.15 * end.max(1.0), end + 0.15 * end.max(1.0)])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_law_that_is_missing_says_what_it_acts_on() {
+        let law = Named { effect: "linear_law", at: "c<1.x", of: Some("elastic_slip.f over A"), tied: vec![] };
+        assert_eq!((law.words().as_str(), law.tied()), ("linear law of elastic_slip.f over A at c&lt;1.x", None));
+        let tied = Named { effect: "elastic_slip", at: "c1.x", of: None, tied: vec!["bouc_wen at c1.x".into()] };
+        assert_eq!((tied.words().as_str(), tied.tied().as_deref()), ("elastic slip at c1.x", Some("bouc wen at c1.x")));
+    }
+}
