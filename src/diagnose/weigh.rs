@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use crate::effect::Role;
 use crate::evidence::{Counts, Evidence, Seen, Variances};
 use crate::identify::{Monitor, Termination};
-use crate::model::System;
+use crate::model::{Instance, System};
 use crate::parallel;
 use crate::residual::Memo;
 use crate::response::Plan;
@@ -28,9 +29,10 @@ pub struct Weighed {
 }
 
 impl Weighed {
-    /// Free parameters.
+    /// Free parameters of the effects that act. One whose strength the tests have put to zero is not in the model, and says nothing of its shape.
     pub fn size(&self) -> usize {
-        self.fitted.free.len()
+        let f = &self.fitted;
+        f.free.iter().filter(|p| !absent(&f.system.instances[p.instance])).count()
     }
 }
 
@@ -42,6 +44,8 @@ pub struct Scale {
     pub evidence: Evidence,
     /// The counts.
     pub counts: Counts,
+    /// Whether select tests are among them, to which no fit of `fit` has been made.
+    pub selects: bool,
     /// Constants.
     pub settings: Settings,
 }
@@ -50,20 +54,22 @@ impl Scale {
     /// On the fit and select tests of a case. `system`: from which the signals are computed that instruments may misread.
     pub fn new(case: &Case, system: &System, settings: &Settings) -> Scale {
         let fitted = |(p, s): &(Plan, SplitName)| (p.clone(), if *s == SplitName::Select { SplitName::Fit } else { *s });
+        let selects = case.plans.iter().any(|(_, s)| *s == SplitName::Select);
         let case = Case { plans: Arc::new(case.plans.iter().map(fitted).collect()), ..case.clone() };
-        Scale::of_fitted(&case, system, settings)
+        Scale { selects, ..Scale::of_fitted(&case, system, settings) }
     }
 
     /// On the fit tests alone.
     pub fn of_fitted(case: &Case, system: &System, settings: &Settings) -> Scale {
         let case = case.clone();
         let evidence = Evidence::new(&case.plans_of(SplitName::Fit), system, &settings.evidence);
-        Scale { counts: evidence.independent(), evidence, case, settings: settings.clone() }
+        Scale { counts: evidence.independent(), evidence, case, selects: false, settings: settings.clone() }
     }
 
     /// The same once more, for counts of its own.
     pub fn again(&self) -> Scale {
-        Scale { case: self.case.clone(), evidence: self.evidence.clone(), counts: self.counts.clone(), settings: self.settings.clone() }
+        let (case, evidence, counts, settings) = (self.case.clone(), self.evidence.clone(), self.counts.clone(), self.settings.clone());
+        Scale { case, evidence, counts, selects: self.selects, settings }
     }
 
     /// The case under the covariance that a weighed model has.
@@ -151,6 +157,7 @@ impl Scale {
     /// lines of an FRF would lead a good fit away from the loops before they are known to be few facts.
     pub fn begin(&mut self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
         self.counts = self.evidence.independent();
+        let system = &self.plainly(system, monitor)?;
         parallel::watched(&monitor.watch(), || {
             let (plain, mut v) = (self.see(system)?, Variances::start(&self.evidence));
             for _ in 0..self.settings.estimates {
@@ -163,6 +170,20 @@ impl Scale {
             }
             self.finished(now, monitor)
         })
+    }
+
+    /// The system fitted to all tests it is weighed on, from where it was fitted to those of the fit: where the search begins does not depend on which
+    /// of its tests are called select.
+    fn plainly(&self, system: &System, monitor: &Monitor) -> Result<System, String> {
+        if !self.selects || super::trace::stopped(monitor) {
+            return Ok(system.clone());
+        }
+        let case = Case { starts: 1, ..self.case.clone() };
+        let fitted = case.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
+        match fitted.outcome.termination {
+            Termination::Failed(reason) => Err(reason),
+            _ => Ok(fitted.system),
+        }
     }
 
     /// The same fitted on until it has come to its end: what a model has not yet found by itself would be the gain of whatever is added to it.
@@ -191,7 +212,7 @@ impl Scale {
     /// the facts for every parameter (Schwarz, Ann. Statist. 6, 1978) and the logarithm of what was tried.
     pub fn gain(&self, larger: &Weighed, smaller: &Weighed, tried: f64) -> f64 {
         let more = larger.size() as f64 - smaller.size() as f64;
-        let price = 0.5 * more * self.counts.n.ln() + if more > 0.0 { tried.max(1.0).ln() } else { 0.0 };
+        let price = 0.5 * more * self.counts.n.ln() + tried.max(1.0).ln();
         larger.likelihood - smaller.likelihood - price
     }
 
@@ -199,6 +220,13 @@ impl Scale {
     pub fn worth(&self, w: &Weighed) -> f64 {
         w.likelihood - 0.5 * w.size() as f64 * self.counts.n.ln()
     }
+}
+
+/// Whether an effect stands at strength zero, its least.
+pub(super) fn absent(instance: &Instance) -> bool {
+    let acts = matches!(instance.effect.info().role, Role::Force | Role::Series);
+    let strength = &instance.params[0];
+    acts && strength.free && strength.min == 0.0 && strength.value == 0.0
 }
 
 /// Sum of squares of the priors' rows.
