@@ -78,9 +78,6 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let Survey { loose, squares, race, names, trials, scores, mut effort } = survey(a)?;
     let best = best_per_candidate(&scores.list, &trials);
     let price = Price::new(a, &names, squares);
-    if std::env::var("DBGB").is_ok() {
-        eprintln!("DBG facts {:.1} n {:.1} physics {} all {} kappa {:.2} omega {:.4} size {}", scale.counts.facts, scale.counts.n, price.physics, price.all, base.v.kappa, base.v.omega.exp(), base.size());
-    }
     let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
     let wanted = states::wanted(scale, &race, base, &trials, a.monitor);
     let wanted: Vec<Wanted> = wanted.into_iter().filter(|w| price.promises(trials[w.trial].candidate, w.drop)).collect();
