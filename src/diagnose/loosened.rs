@@ -2,13 +2,15 @@
 //! found beside it do its work.
 
 use super::DiagnoseError;
-use super::case::{Case, begin};
+use super::case::Case;
 use super::climb::{Added, Climb};
+use super::refit::fit_some;
 use super::results::Rung;
 use super::slack::{self, Slack};
 use super::trace;
 use super::weigh::{Scale, Weighed};
 use crate::model::System;
+use crate::parallel;
 
 /// A climb before slack was taken back.
 struct Former {
@@ -40,8 +42,7 @@ impl Climb<'_> {
         let system = present.with(self.base, given.instances[self.base..].to_vec());
         let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
         let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
-        let Ok(began) = begin(&loose, &self.monitor.quiet()) else { return false };
-        let Ok(weighed) = scale.weigh(&began.fitted.system, &self.now.v, self.monitor) else { return false };
+        let Some(weighed) = self.loose(&scale, &loose) else { return false };
         // Its parameters are paid for by their widths.
         let gain = weighed.likelihood - self.now.likelihood;
         if gain <= than.max(0.0) + s.tie {
@@ -53,6 +54,16 @@ impl Climb<'_> {
         self.loosened = true;
         self.forget();
         true
+    }
+
+    /// The model with slack, weighed from where it stands and from its plain fit: across resonances that are displaced only the plain fit leads, and
+    /// where strengths scatter between tests it leads astray, since it takes the scatter for deviations of parts.
+    fn loose(&self, scale: &Scale, loose: &Case) -> Option<Weighed> {
+        let plain = fit_some(loose, &loose.system, self.settings.iterations, self.monitor).ok().map(|f| f.system);
+        let starts: Vec<&System> = std::iter::once(&loose.system).chain(&plain).collect();
+        let weighed = parallel::map(&starts, |start| scale.weigh(start, &self.now.v, self.monitor).ok());
+        let best = weighed.into_iter().flatten().max_by(|a, b| a.likelihood.total_cmp(&b.likelihood))?;
+        scale.finished(best, self.monitor).ok()
     }
 
     /// Takes slack that a move has given back where the model without it, its effects exchanged once for what does their work there, is within a

@@ -127,6 +127,7 @@ impl Scale {
             if let Termination::Failed(reason) = &fitted.outcome.termination {
                 return Err(reason.clone());
             }
+            if std::env::var("DBGW").is_ok() { eprintln!("DBG weigh round {round} iterations {} {:?} cost {:.3} history {:.2?}", fitted.outcome.iterations, fitted.outcome.termination, fitted.outcome.cost, (fitted.outcome.start_cost, fitted.outcome.evaluations, fitted.outcome.wall_s)); }
             system = self.case.deviations.widened(&fitted, &self.settings);
             seen = self.see_again(&system, &memo)?;
             last = Some(fitted);
