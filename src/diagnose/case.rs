@@ -6,7 +6,7 @@ use crate::data::{Rig, TestKind};
 use crate::effect::Dim;
 use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Measure, Monitor, Prior, UncertaintyOptions};
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
-use crate::parallel;
+use crate::parallel::{self, Watch};
 use crate::residual::{Memo, Problem, test_error, to_variable};
 use crate::response::{BlockKind, Computed, Plan};
 use crate::units::Unit;
@@ -241,7 +241,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let start = &case.system;
     let Began { case, fitted, nearer } = begin(case, monitor)?;
     let case = &case;
-    let tests = compare(case, &fitted.system, splits)?;
+    let tests = compare(case, &fitted.system, splits, &monitor.watch())?;
     let (parameters, unidentifiable) = parameters(case, &fitted)?;
     let mut notes = Vec::new();
     let sigmas = fitted.outcome.whitened_rms();
@@ -317,8 +317,8 @@ pub fn effects(system: &System) -> Vec<EffectAt> {
     system.instances.iter().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() }).collect()
 }
 
-/// Holds the tests of the given splits against a system.
-pub fn compare(case: &Case, system: &System, splits: &[SplitName]) -> Result<Vec<TestResult>, DiagnoseError> {
+/// Holds the tests of the given splits against a system. What is told of them beyond that and asks for more evaluations is left out once `watch` has ended.
+pub fn compare(case: &Case, system: &System, splits: &[SplitName], watch: &Watch) -> Result<Vec<TestResult>, DiagnoseError> {
     let wanted: Vec<&(Plan, SplitName)> = case.plans.iter().filter(|(_, split)| splits.contains(split)).collect();
     let ratio = fitted_ratio(case);
     let one = |(plan, split): &&(Plan, SplitName)| {
@@ -326,7 +326,7 @@ pub fn compare(case: &Case, system: &System, splits: &[SplitName]) -> Result<Vec
         let constant_damping = constant_damping(plan, *split, &computed, ratio, case.search.settings.telling.standard_errors);
         Ok(TestResult {
             constant_damping,
-            factors: factors(plan, system, &computed, &case.search.settings.telling),
+            factors: parallel::watched(watch, || factors(plan, system, &computed, &case.search.settings.telling)),
             ..test_result(plan, *split, &computed)
         })
     };

@@ -29,13 +29,20 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     let started = std::time::Instant::now();
     let (case, fitted, result) = fit(case, &SEEN, monitor)?;
     let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
-    let mut step = climb.step()?;
-    if climb.slacken(step.taken.as_ref().map_or(0.0, |t| t.gain)) {
-        step = climb.step()?;
-    }
-    if let Some(taken) = &step.taken {
-        climb.add(taken, &step);
-    }
+    let step = parallel::watched(&monitor.watch(), || {
+        let mut step = climb.step()?;
+        if climb.slacken(step.taken.as_ref().map_or(0.0, |t| t.gain)) {
+            step = climb.step()?;
+        }
+        if let Some(taken) = &step.taken {
+            climb.add(taken, &step);
+        }
+        Ok::<_, DiagnoseError>(step)
+    });
+    let step = match step {
+        Err(_) if trace::stopped(monitor) => Step::default(),
+        found => found?,
+    };
     let stopped = trace::stopped(monitor);
     let verdict = match climb.grounds(None, stopped) {
         _ if step.taken.is_some() => Verdict::Missing,
@@ -210,7 +217,7 @@ impl Climb<'_> {
         Ok(Rung {
             added,
             removed,
-            tests: compare(&self.case, &fitted.system, &SEEN)?,
+            tests: compare(&self.case, &fitted.system, &SEEN, &self.monitor.watch())?,
             parameters: parameters(&self.case, fitted)?.0.into_iter().filter(|p| !deviates(&p.name)).collect(),
             effects: effects(&fitted.system).into_iter().enumerate().filter(|(k, _)| !self.slack.has(*k)).map(|e| e.1).collect(),
             candidates: vec![],
@@ -393,7 +400,7 @@ impl Climb<'_> {
     }
 
     fn held_out(&self, w: &Weighed) -> Result<Vec<TestResult>, DiagnoseError> {
-        compare(&self.case, &w.fitted.system, &[SplitName::HeldOut])
+        compare(&self.case, &w.fitted.system, &[SplitName::HeldOut], &self.monitor.watch())
     }
 
     /// Physics that was added, what costs most to leave out first.

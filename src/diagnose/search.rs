@@ -40,6 +40,7 @@ pub struct Move {
 }
 
 /// What one step found.
+#[derive(Default)]
 pub struct Step {
     /// Every candidate, best first.
     pub candidates: Vec<Candidate>,

@@ -79,14 +79,12 @@ pub fn judged(g: &Grounds, s: &Settings) -> Judged {
     if withdrawn {
         why += "; the model without it is right there to what is seen, and it is withdrawn";
     }
-    let verdict = if withdrawn {
-        Verdict::NothingMissing
-    } else if g.added {
+    let verdict = if g.added && !withdrawn {
         let too_much_left = unexplained && remainder.is_some_and(|part| part > s.remainder);
         if too_much_left || refuted { Verdict::Unexplained } else { Verdict::Missing }
     } else if g.stopped {
         Verdict::Interrupted
-    } else if unexplained {
+    } else if unexplained && !withdrawn {
         Verdict::Unexplained
     } else {
         Verdict::NothingMissing
@@ -146,6 +144,8 @@ mod tests {
         let mut g = grounds(0.2, (0.005, 0.004), 0.012, 0.0119);
         let j = of(&g);
         assert!(j.withdrawn && !j.proven && j.verdict == Verdict::NothingMissing && j.why.contains("withdrawn"), "{j:?}");
+        let stopped = of(&Grounds { stopped: true, ..g });
+        assert!(stopped.withdrawn && stopped.verdict == Verdict::Interrupted, "{stopped:?}");
         // Not what fitted tests show beyond doubt, whatever they amount to elsewhere.
         assert!(!of(&Grounds { gain: 20.0, ..g }).withdrawn);
         // Not where an instrument is at fault as well, nor where an error is seen with it or without it.

@@ -286,7 +286,7 @@ pub fn open(loaded: &Loaded, model_id: &str) -> Result<Value, Failure> {
         return Ok(json!({ "held_out_opened": loaded.opened() }));
     }
     let model = loaded.model(model_id)?;
-    let tests = diagnose::compare(&model.case, &model.system, &work::ALL)?;
+    let tests = diagnose::compare(&model.case, &model.system, &work::ALL, &crate::parallel::Watch::default())?;
     let folder = RunFolder::create(&loaded.study, "compare", None)?;
     folder.study(&loaded.study, &model.system)?;
     folder.residuals(&tests)?;

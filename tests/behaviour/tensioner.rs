@@ -168,7 +168,7 @@ fn a_film_at_the_shelf_and_a_loss_in_the_blade_reconcile_both_tables() {
     assert!(worst["dissipated"] < 0.05 && worst["stored"] < 0.008 && worst["modal_damping"] < 0.05, "{worst:?}");
     assert!(worst["natural_frequency"] < 0.02, "{worst:?}");
     // The damping at the other loads, which was not fitted, against one constant ratio; its figures from Table 2 by hand.
-    let held = compare(&case, &study.system, &[SplitName::HeldOut]).unwrap();
+    let held = compare(&case, &study.system, &[SplitName::HeldOut], &Default::default()).unwrap();
     let (mut model, mut constant) = (0.0, 0.0);
     for (id, by_hand) in [("modal-preload", 0.0891), ("modal-maximum", 0.0616)] {
         let c = held.iter().find(|t| t.id == id).unwrap().constant_damping.as_ref().unwrap();
