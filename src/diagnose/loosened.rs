@@ -2,9 +2,8 @@
 //! found beside it do its work.
 
 use super::DiagnoseError;
-use super::case::Case;
+use super::case::{Case, begin};
 use super::climb::{Added, Climb};
-use super::refit::fit_some;
 use super::results::Rung;
 use super::slack::{self, Slack};
 use super::trace;
@@ -59,7 +58,7 @@ impl Climb<'_> {
     /// The model with slack, weighed from where it stands and from its plain fit: across resonances that are displaced only the plain fit leads, and
     /// where strengths scatter between tests it leads astray, since it takes the scatter for deviations of parts.
     fn loose(&self, scale: &Scale, loose: &Case) -> Option<Weighed> {
-        let plain = fit_some(loose, &loose.system, self.settings.iterations, self.monitor).ok().map(|f| f.system);
+        let plain = begin(loose, &self.monitor.quiet()).ok().map(|began| began.fitted.system);
         let starts: Vec<&System> = std::iter::once(&loose.system).chain(&plain).collect();
         let weighed = parallel::map(&starts, |start| scale.weigh(start, &self.now.v, self.monitor).ok());
         let best = weighed.into_iter().flatten().max_by(|a, b| a.likelihood.total_cmp(&b.likelihood))?;

@@ -350,8 +350,7 @@ pub(super) fn some(case: &Case, iterations: u64) -> Case {
     }
 }
 
-/// A fit of no more than so many iterations, which did not fail.
-pub(super) fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
+fn fit_some(case: &Case, system: &System, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
     ended(some(case, iterations).fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()))
 }
 

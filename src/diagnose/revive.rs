@@ -5,14 +5,13 @@
 //! better than they are. So the model is fitted once more from where the study begins, its additions as they stand, and what is at zero even then
 //! is searched for at its place, over all its shapes, as a candidate would be.
 
-use crate::effect::Kind;
+use crate::effect::{Kind, Role};
 use crate::model::Instance;
 
 use super::case::{Case, begin};
 use super::climb::Climb;
 use super::search::{Against, step};
 use super::trace;
-use super::weigh::absent;
 
 impl Climb<'_> {
     /// Begins every effect of the study that stands at zero again, where the study begins it or where it scores best, and keeps it there where that
@@ -73,8 +72,11 @@ impl Climb<'_> {
 
 /// Whether an effect stands at strength zero, its least, and has a shape that is fitted: nothing there says what that should be.
 fn is_out(instance: &Instance) -> bool {
-    let shaped = instance.params.iter().zip(instance.effect.info().params).any(|(v, p)| v.free && p.kind == Kind::Shape);
-    shaped && absent(instance)
+    let info = instance.effect.info();
+    let acts = matches!(info.role, Role::Force | Role::Series);
+    let shaped = instance.params.iter().zip(info.params).any(|(v, p)| v.free && p.kind == Kind::Shape);
+    let strength = &instance.params[0];
+    acts && shaped && strength.free && strength.min == 0.0 && strength.value == 0.0
 }
 
 /// The instance with what another one of its law has for the parameters that it fits, within its own bounds.

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::effect::Role;
 use crate::evidence::{Counts, Evidence, Seen, Variances};
 use crate::identify::{Monitor, Termination};
-use crate::model::{Instance, System};
+use crate::model::System;
 use crate::parallel;
 use crate::residual::Memo;
 use crate::response::Plan;
@@ -29,10 +28,10 @@ pub struct Weighed {
 }
 
 impl Weighed {
-    /// Free parameters of the effects that act. One whose strength the tests have put to zero is not in the model, and says nothing of its shape.
+    /// Free parameters, those of a study's effect that the tests have put to zero among them: that it is not there says as much as that another is, and
+    /// what stands in its place is no smaller statement.
     pub fn size(&self) -> usize {
-        let f = &self.fitted;
-        f.free.iter().filter(|p| !absent(&f.system.instances[p.instance])).count()
+        self.fitted.free.len()
     }
 }
 
@@ -127,7 +126,15 @@ impl Scale {
             if let Termination::Failed(reason) = &fitted.outcome.termination {
                 return Err(reason.clone());
             }
-            if std::env::var("DBGW").is_ok() { eprintln!("DBG weigh round {round} iterations {} {:?} cost {:.3} history {:.2?}", fitted.outcome.iterations, fitted.outcome.termination, fitted.outcome.cost, (fitted.outcome.start_cost, fitted.outcome.evaluations, fitted.outcome.wall_s)); }
+            if std::env::var("DBGW").is_ok() {
+                eprintln!(
+                    "DBG weigh round {round} iterations {} {:?} cost {:.3} history {:.2?}",
+                    fitted.outcome.iterations,
+                    fitted.outcome.termination,
+                    fitted.outcome.cost,
+                    (fitted.outcome.start_cost, fitted.outcome.evaluations, fitted.outcome.wall_s)
+                );
+            }
             system = self.case.deviations.widened(&fitted, &self.settings);
             seen = self.see_again(&system, &memo)?;
             last = Some(fitted);
@@ -221,13 +228,6 @@ impl Scale {
     pub fn worth(&self, w: &Weighed) -> f64 {
         w.likelihood - 0.5 * w.size() as f64 * self.counts.n.ln()
     }
-}
-
-/// Whether an effect stands at strength zero, its least.
-pub(super) fn absent(instance: &Instance) -> bool {
-    let acts = matches!(instance.effect.info().role, Role::Force | Role::Series);
-    let strength = &instance.params[0];
-    acts && strength.free && strength.min == 0.0 && strength.value == 0.0
 }
 
 /// Sum of squares of the priors' rows.

@@ -56,6 +56,11 @@ pub(super) fn found(mut columns: Vec<FoundColumn>) -> FoundHistory {
     let samples = time.len();
     let seconds = time.last().zip(time.first()).map_or(0.0, |(b, a)| b - a);
     let mut findings = Vec::new();
+    // A file of variables may hold some that are of no history, or of another.
+    for c in columns.iter_mut().filter(|c| c.role.is_some() && c.values.len() != samples) {
+        findings.push(Note::new(&c.column, format!("has {} values where the time has {samples}: it is of another record", c.values.len())));
+        c.role = None;
+    }
     // A second column of one role is of another place; which, only the engineer knows.
     let mut seen: Vec<Role> = Vec::new();
     for c in columns.iter_mut().filter(|c| c.role.is_some()) {
@@ -135,4 +140,22 @@ fn steady(time: &[f64], drive: &[f64], frequency: f64, cycles: usize) -> (u32, u
     let first = sizes.iter().position(is_full).unwrap_or(0);
     let last = sizes.iter().rposition(is_full).unwrap_or(cycles.saturating_sub(1));
     (first as u32, last + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_as_long_as_the_time_is_of_another_record() {
+        let of = |column: &str, role: Role, n: usize| FoundColumn {
+            column: column.into(),
+            role: Some(role),
+            unit: None,
+            values: (0..n).map(|k| (0.1 * k as f64).sin() + if role == Role::Time { k as f64 } else { 0.0 }).collect(),
+        };
+        let found = found(vec![of("t", Role::Time, 240), of("x", Role::Displacement, 240), of("F", Role::Force, 4)]);
+        assert!(found.cyclic.is_none() && found.columns[1].role.is_some() && found.columns[2].role.is_none());
+        assert!(found.findings.iter().any(|f| f.text.contains("4 values") && f.about == "F"), "{:?}", found.findings);
+    }
 }
