@@ -43,7 +43,7 @@ pub struct Scale {
     pub evidence: Evidence,
     /// The counts.
     pub counts: Counts,
-    /// Whether select tests are among them, to which no fit of `fit` has been made.
+    /// Whether select tests are among them, which `fit` leaves out.
     pub selects: bool,
     /// Constants.
     pub settings: Settings,
@@ -125,15 +125,6 @@ impl Scale {
             let fitted = fit.fit_system(&system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
             if let Termination::Failed(reason) = &fitted.outcome.termination {
                 return Err(reason.clone());
-            }
-            if std::env::var("DBGW").is_ok() {
-                eprintln!(
-                    "DBG weigh round {round} iterations {} {:?} cost {:.3} history {:.2?}",
-                    fitted.outcome.iterations,
-                    fitted.outcome.termination,
-                    fitted.outcome.cost,
-                    (fitted.outcome.start_cost, fitted.outcome.evaluations, fitted.outcome.wall_s)
-                );
             }
             system = self.case.deviations.widened(&fitted, &self.settings);
             seen = self.see_again(&system, &memo)?;
