@@ -126,7 +126,7 @@ impl<'a> Climb<'a> {
                 step(&Against { scale: &self.scale, base: &self.now, need: None, added, monitor, watch })?
             }
         };
-        self.tried = found.candidates.len().max(found.visible.len()).max(1) as f64;
+        self.tried = found.tried.max(1.0);
         Ok(found)
     }
 

@@ -34,7 +34,7 @@ pub fn near(
     let alone = found.stood.iter().filter(|s| s.admissible).map(|s| (vec![s.name.clone()], s.weighed.fitted.system.clone()));
     let all: Vec<_> = pair.into_iter().chain(alone).take(whole.settings.race.followed).collect();
     watch(&format!("following the whole record with {}", all.len()));
-    let tried = found.visible.len().max(1) as f64;
+    let tried = found.tried.max(1.0);
     let follow = |(names, system): &(Vec<Name>, crate::model::System)| -> Option<Move> {
         let case = whole.case.at(system);
         let nearer = approached(&case, monitor).ok()?;

@@ -180,6 +180,12 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         }
         let Some(taken) = &step.taken else {
             visible = step.visible;
+            // What was added first may stand for two: where nothing gains beside it, every addition is held against what could stand in its place now.
+            let exchanged = climb.effects() > 1 || !climb.added.is_empty() && rungs.last().is_some_and(|r| !r.removed.is_empty());
+            if exchanged && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap()) {
+                rungs.push(climb.rung(Some(added), vec![removed])?);
+                continue;
+            }
             if let Some(tight) = parallel::watched(&monitor.watch(), || climb.tighten(true)) {
                 rungs.extend(tight);
                 continue;
@@ -187,11 +193,6 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break if trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
         };
         rungs.push(climb.taken(taken, &step)?);
-        // What was added first may stand for two: every addition is held against what could stand in its place now.
-        let alone = climb.added.len() == 1 && rungs.last().is_some_and(|r| r.removed.is_empty());
-        if !alone && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap()) {
-            rungs.push(climb.rung(Some(added), vec![removed])?);
-        }
         rungs.extend(parallel::watched(&monitor.watch(), || climb.tighten(false)).unwrap_or_default());
     };
     climb.finish(rungs, &end, visible, started)

@@ -45,7 +45,7 @@ pub fn map(case: &Case, fitted: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str
     scale.counts = scale.evidence.counts(&base.seen, &base.v);
     let against = Against { scale: &scale, base: &base, need: None, added: vec![], monitor, watch };
     let found = survey(&against)?;
-    let price = Price::new(&against, &found.names, found.squares);
+    let price = Price::new(&against, &found.names, found.squares, &found.scores);
     let mark = |score: &super::score::Score| {
         let trial = &found.trials[score.trial];
         Mark {

@@ -39,6 +39,8 @@ pub struct Scoring {
     pub shows: f64,
     /// Draws of the null distribution of the best score.
     pub draws: usize,
+    /// Trials that would pass, in a draw, the level at which candidates are counted as choices: what is taken lies far out.
+    pub passing: f64,
     /// Columns that the sparse combination weighs, those of the highest scores.
     pub columns: usize,
     /// Price of a column there in parts of the best score, where chance does not ask for more.
@@ -102,7 +104,17 @@ impl Default for Fitting {
 
 impl Default for Scoring {
     fn default() -> Self {
-        Scoring { visible: 1e-3, dependent: 1e-8, shows: 1e-4, draws: 10_000, columns: 120, price: 0.1, entered: 1e-4, word: 0.02 }
+        Scoring {
+            visible: 1e-3,
+            dependent: 1e-8,
+            shows: 1e-4,
+            draws: 10_000,
+            passing: 0.5,
+            columns: 120,
+            price: 0.1,
+            entered: 1e-4,
+            word: 0.02,
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 mod approach;
 mod candidates;
 mod case;
+mod chance;
 mod climb;
 mod damping;
 mod error;

@@ -12,8 +12,16 @@ use super::score::Score;
 use super::settings::Settings;
 use super::states::Wanted;
 
-/// By the scores, by what the states of the conditions want, and by the second opinion. `best`: the best score of each candidate that is beyond chance, in order.
-pub fn first(best: &[Score], wanted: &[Wanted], selected: &[(usize, f64)], trials: &[Trial], settings: &Settings) -> Vec<Score> {
+/// By the scores, by what the states of the conditions want, by the second opinion, and by what they may gain. `best`: the best score of each candidate
+/// that is beyond chance, in order. `bound`: what a score may gain; of a law in series its slope says little.
+pub fn first(
+    best: &[Score],
+    wanted: &[Wanted],
+    selected: &[(usize, f64)],
+    bound: impl Fn(&Score) -> f64,
+    trials: &[Trial],
+    settings: &Settings,
+) -> Vec<Score> {
     let race = &settings.race;
     let top = best.first().map_or(0.0, |s| s.drop);
     let mut picked: Vec<Score> = best.iter().filter(|s| s.drop >= race.worth * top).take(settings.refits).copied().collect();
@@ -29,6 +37,10 @@ pub fn first(best: &[Score], wanted: &[Wanted], selected: &[(usize, f64)], trial
             picked.push(best.iter().find(of).copied().unwrap_or_else(|| w.score()));
         }
     }
+    let mut others: Vec<Score> =
+        best.iter().filter(|s| !picked.iter().any(|p| trials[p.trial].candidate == trials[s.trial].candidate)).copied().collect();
+    others.sort_by(|a, b| bound(b).total_cmp(&bound(a)));
+    picked.extend(others.into_iter().take(race.of_bound));
     picked
 }
 

@@ -12,6 +12,8 @@ pub struct Race {
     pub carries: f64,
     /// ...and how many of them.
     pub of_opinion: usize,
+    /// Candidates refitted beside those for what they may gain at most.
+    pub of_bound: usize,
     /// Leaders whose laws are tried at other places...
     pub leaders: usize,
     /// ...the part of the greatest fall of the cost that makes one...
@@ -87,6 +89,7 @@ impl Default for Race {
             worth: 0.05,
             carries: 0.1,
             of_opinion: 3,
+            of_bound: 2,
             leaders: 2,
             leads: 0.5,
             elsewhere: 6,

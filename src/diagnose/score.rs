@@ -8,11 +8,8 @@
 
 use crate::parallel;
 use nalgebra::{DMatrix, DVector};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::effect::Sign;
+use crate::effect::{Role, Sign};
 use crate::identify::LeastSquares;
 use crate::model::System;
 use crate::residual::Problem;
@@ -20,6 +17,7 @@ use crate::response::Plan;
 
 use super::DiagnoseError;
 use super::candidates::Trial;
+use super::chance::{Drawn, chance};
 use super::method::Scoring;
 use super::selection::{Column, select};
 
@@ -48,6 +46,10 @@ pub struct Scores {
     pub selected: Vec<(usize, f64)>,
     /// What each free parameter of the model does of a unit of a trial's strength, `-J^+ g`, in the fit's variables.
     pub own: Vec<DVector<f64>>,
+    /// Independent candidates among all of them...
+    pub independent: f64,
+    /// ...and among those of the model's physics.
+    pub independent_physics: f64,
 }
 
 /// The residual and the trials' columns, without what the model's own parameters can do.
@@ -159,7 +161,10 @@ pub fn score(
         ));
         columns.push(left / norm);
     }
-    let null = null_distribution(&columns, &scores.iter().map(|s| s.1).collect::<Vec<_>>(), seed, settings.draws);
+    let physics = |t: usize| trials[t].instance.effect.info().role != Role::Channel;
+    let drawn = |(s, both): &(Score, bool)| Drawn { two_sided: *both, candidate: trials[s.trial].candidate, physics: physics(s.trial) };
+    let chance = chance(&columns, &scores.iter().map(drawn).collect::<Vec<_>>(), seed, settings);
+    let null = &chance.best;
     let level = null.get(null.len() * 99 / 100).copied().unwrap_or(0.0);
     let weighed = scores.iter().zip(&columns);
     let weighed: Vec<Column> = weighed.map(|((s, both), g)| Column { g, two_sided: *both, candidate: trials[s.trial].candidate }).collect();
@@ -175,7 +180,7 @@ pub fn score(
         })
         .collect();
     scores.sort_by(|a, b| b.drop.total_cmp(&a.drop));
-    Ok(Scores { list: scores, selected, own })
+    Ok(Scores { list: scores, selected, own, independent: chance.independent, independent_physics: chance.independent_physics })
 }
 
 /// Orthonormal basis of the columns, leaving out what is numerically dependent.
@@ -206,44 +211,4 @@ pub(super) fn project(q: &DMatrix<f64>, v: DVector<f64>) -> DVector<f64> {
     let once = &v - q * q.tr_mul(&v);
     // A second pass removes what rounding left of the first.
     &once - q * q.tr_mul(&once)
-}
-
-/// Sorted draws of the largest score where nothing is missing: `z ~ N(0, correlation of the columns)`.
-fn null_distribution(columns: &[DVector<f64>], two_sided: &[bool], seed: u64, draws: usize) -> Vec<f64> {
-    let m = columns.len();
-    if m == 0 {
-        return vec![];
-    }
-    let g = DMatrix::from_columns(columns);
-    // A product, not `tr_mul`: that goes column by column.
-    let mut correlation = g.transpose() * &g;
-    for k in 0..m {
-        correlation[(k, k)] += 1e-9 + 1e-12 * m as f64;
-    }
-    let mut jitter = 1e-9;
-    let root = loop {
-        if let Some(c) = correlation.clone().cholesky() {
-            break c.l();
-        }
-        jitter *= 10.0;
-        (0..m).for_each(|k| correlation[(k, k)] += jitter);
-        if jitter > 1.0 {
-            break DMatrix::identity(m, m);
-        }
-    };
-    let Ok(normal) = Normal::new(0.0, 1.0) else { return vec![] };
-    // Draws that are made at once: the size of a product of matrices, no setting.
-    let block = draws.clamp(1, 200);
-    let drawn = |stream: usize| {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(stream as u64);
-        let z = &root * DMatrix::from_fn(m, block, |_, _| normal.inverse_cdf(rng.random_range(f64::EPSILON..1.0 - f64::EPSILON)));
-        let top = |c: nalgebra::DVectorView<f64>| {
-            c.iter().zip(two_sided).map(|(z, both)| if *both { z.abs() } else { z.max(0.0) }).fold(0.0, f64::max)
-        };
-        z.column_iter().map(top).collect::<Vec<f64>>()
-    };
-    let mut best = parallel::over(draws / block, drawn).concat();
-    best.sort_by(f64::total_cmp);
-    best
 }

@@ -54,6 +54,8 @@ pub struct Step {
     pub effort: Effort,
     /// Name and visible strength of each candidate.
     pub visible: Vec<(Name, f64)>,
+    /// Independent candidates that it tried.
+    pub tried: f64,
 }
 
 /// What a step weighs against.
@@ -78,12 +80,13 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let system = &base.fitted.system;
     let Survey { loose, squares, race, names, trials, scores, mut effort } = survey(a)?;
     let best = best_per_candidate(&scores.list, &trials);
-    let price = Price::new(a, &names, squares);
+    let price = Price::new(a, &names, squares, &scores);
     let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
     let wanted = states::wanted(scale, &race, base, &trials, a.monitor);
     let wanted: Vec<Wanted> = wanted.into_iter().filter(|w| price.promises(trials[w.trial].candidate, w.drop)).collect();
+    let bound = |s: &Score| price.bound(trials[s.trial].candidate, s.drop);
     let picked =
-        if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &wanted, &scores.selected, &trials, &scale.settings) };
+        if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &wanted, &scores.selected, bound, &trials, &scale.settings) };
     let bench = Bench {
         case: &race,
         base: system,
@@ -107,7 +110,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         gain: s.gain,
     });
     if taken.is_none() && a.need.is_none() {
-        taken = in_pairs(a, &stood, &bench, picks::pair(&hopeful, &scores.selected, &names, &trials, bench.race()));
+        taken = in_pairs(a, &stood, &bench, price.physics, picks::pair(&hopeful, &scores.selected, &names, &trials, bench.race()));
         if let Some(pair) = &taken {
             let of = |r: &Refit| pair.names.contains(&names[r.candidate]);
             refits.iter().zip(&mut reasons).filter(|(r, _)| of(r)).for_each(|(_, w)| *w = Reason::InPair { nats: pair.gain });
@@ -125,7 +128,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let positions: Vec<usize> = tied.iter().filter_map(|t| names.iter().position(|n| n == *t)).collect();
     let second_opinion = listed.second_opinion(first.or(best.first().map(|s| trials[s.trial].candidate)), &positions);
     let visible = visible(&scores.list, &names, &trials);
-    Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible })
+    Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible, tried: price.all })
 }
 
 /// Every candidate with its score.
@@ -162,6 +165,7 @@ pub(super) fn survey(a: &Against) -> Result<Survey, DiagnoseError> {
     (a.watch)(&format!("scoring {} effects at places, {} shapes", names.len(), trials.len()));
     let started = std::time::Instant::now();
     let scores = scored(&race, base, &trials)?;
+    (a.watch)(&format!("they are as much of a choice as {:.0} independent ones", scores.independent));
     let effort = Effort { trials: trials.len(), score_s: started.elapsed().as_secs_f64(), ..Effort::default() };
     Ok(Survey { loose, squares, race, names, trials, scores, effort })
 }
@@ -198,10 +202,13 @@ pub(super) struct Price<'a> {
 }
 
 impl<'a> Price<'a> {
-    pub fn new(against: &'a Against, names: &'a [Name], squares: f64) -> Self {
+    pub fn new(against: &'a Against, names: &'a [Name], squares: f64, scores: &Scores) -> Self {
         let channel = |n: &&Name| role(n) == Some(Role::Channel);
         let physics = names.iter().filter(|n| !channel(n)).count();
-        Price { against, names, squares, physics: physics.max(1) as f64, all: names.len().max(1) as f64 }
+        // Candidates that say the same are one choice.
+        let count = |names: usize, independent: f64| independent.min(names as f64).max(1.0);
+        let (physics, all) = (count(physics, scores.independent_physics), count(names.len(), scores.independent));
+        Price { against, names, squares, physics, all }
     }
 
     /// What was tried where this candidate was.
@@ -326,15 +333,16 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
     (stood, reasons.into_iter().map(|r| r.unwrap_or(Reason::NotTried)).collect())
 }
 
-/// The pair that gains most, of those that stood best alone and of those that a sparse combination needs together.
-fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, sparse: Option<[Score; 2]>) -> Option<Move> {
+/// The pair that gains most, of those that stood best alone and of those that a sparse combination needs together. `singles`: candidates of which it
+/// may be made.
+fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, singles: f64, sparse: Option<[Score; 2]>) -> Option<Move> {
     let (scale, s) = (a.scale, &a.scale.settings);
     if a.base.v.model_error(&scale.evidence) < s.pairs_from * s.evidence.model_error_least {
         return None;
     }
     let acts = |n: &Name| matches!(role(n), Some(Role::Force | Role::Series)) && n.of.is_none();
     let alone: Vec<&Stood> = stood.iter().filter(|q| acts(&q.name)).take(s.pair_of).collect();
-    let tried = 0.5 * (bench.names.len().max(2) as f64).powi(2);
+    let tried = (0.5 * singles * (singles - 1.0)).max(1.0);
     let above = |q: &Stood| (q.weighed.likelihood - a.base.likelihood).max(0.0);
     let price = |sizes: usize| 0.5 * (sizes as f64 - 2.0 * a.base.size() as f64) * scale.counts.n.ln() + tried.ln();
     let mut pairs: Vec<([Name; 2], System)> = Vec::new();

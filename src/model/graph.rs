@@ -259,7 +259,8 @@ impl Model {
 
 /// Places of a model by name.
 pub struct Finder<'a> {
-    model: &'a Model,
+    /// The model.
+    pub model: &'a Model,
     connectors: HashMap<&'a str, usize>,
     places: HashMap<(usize, Axis), usize>,
 }

@@ -4,7 +4,7 @@ use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView};
 use crate::data::{Conditions, Dataset, Record, Test};
 use crate::effect::{Effect, Info, Kind, Param, Role, Sign};
 use crate::explain::Explain;
-use crate::model::{AtCondition, Instance, Model, ModelError, ParamValue, Site, Target};
+use crate::model::{AtCondition, Finder, Instance, Model, ModelError, ParamValue, Site, Target};
 use crate::units::{Dimension, Unit};
 
 use super::engineering::dimension;
@@ -36,8 +36,9 @@ struct Head<'a> {
 pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Result<Vec<Instance>, StudyError> {
     let tables = root.tables("effect")?;
     let mut heads: Vec<Head<'_>> = Vec::with_capacity(tables.len());
+    let finder = model.finder();
     for table in &tables {
-        let head = head(table, model, dataset)?;
+        let head = head(table, &finder, dataset)?;
         let label = format!("{}.{}", head.at, head.effect.info().name);
         match levels::read(table, dataset, &label)? {
             levels::Levels::Any => heads.push(head),
@@ -77,7 +78,7 @@ pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Re
     Ok(instances)
 }
 
-fn head<'a>(table: &TableView<'a>, model: &Model, dataset: &Dataset) -> Result<Head<'a>, TomlError> {
+fn head<'a>(table: &TableView<'a>, finder: &Finder, dataset: &Dataset) -> Result<Head<'a>, TomlError> {
     let effect = effect(&table.require("effect", "the name of an effect, such as \"linear_stiffness\"")?)?;
     let value = table.require("at", "a place such as \"c1.x\", a channel such as \"loop-1Hz.force\", or a list of places")?;
     let entries: Vec<ValueView<'a>> = if value.is_list() { value.list()? } else { vec![value.clone()] };
@@ -85,9 +86,9 @@ fn head<'a>(table: &TableView<'a>, model: &Model, dataset: &Dataset) -> Result<H
         return Err(value.refuse("an empty list of places", "at least one place"));
     }
     let names = entries.iter().map(|v| v.string()).collect::<Result<Vec<_>, _>>()?;
-    let site = site::resolve(model, dataset, effect, &names).map_err(|(i, e)| located(entries.get(i).unwrap_or(&value), &e))?;
+    let site = site::resolve(finder, dataset, effect, &names).map_err(|(i, e)| located(entries.get(i).unwrap_or(&value), &e))?;
     let effect = match effect {
-        Effect::Formula(_) => formula::read(table, site::nature(model, dataset, &site).0)?,
+        Effect::Formula(_) => formula::read(table, site::nature(finder.model, dataset, &site).0)?,
         _ => effect,
     };
     Ok(Head { table: table.clone(), effect, at: names.join(","), site, only: None })

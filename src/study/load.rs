@@ -162,7 +162,7 @@ impl Study {
     pub fn site(&self, effect: &str, at: &str) -> Result<Site, StudyError> {
         let effect = crate::effect::find(effect).map_err(|e| crate::model::ModelError::invalid(effect, e.to_string(), e.accepted()))?;
         let entries: Vec<&str> = at.split(',').map(str::trim).collect();
-        Ok(site::resolve(&self.system.model, &self.dataset, effect, &entries).map_err(|(_, e)| e)?)
+        Ok(site::resolve(&self.system.model.finder(), &self.dataset, effect, &entries).map_err(|(_, e)| e)?)
     }
 
     /// A new effect for this study: `values` by parameter name [SI]; those not named start at their default (strength: its null value).

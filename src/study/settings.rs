@@ -203,7 +203,7 @@ pub(super) fn search(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> 
         let test = text.rsplit_once('.').map_or("", |(test, _)| test);
         if force.is_err() && (test == "*" || dataset.test(test).is_some()) {
             let delay = effect::LIBRARY.iter().find(|e| matches!(e, Effect::Channel(_)));
-            return delay.map_or(Ok(()), |e| site::resolve(model, dataset, e, &[text]).map(|_| ()).map_err(|(_, e)| at(v, &e)));
+            return delay.map_or(Ok(()), |e| site::resolve(&finder, dataset, e, &[text]).map(|_| ()).map_err(|(_, e)| at(v, &e)));
         }
         force.map_err(|e| at(v, &e))
     };

@@ -2,7 +2,7 @@
 
 use crate::data::{Dataset, Record, Role, Test};
 use crate::effect::{Effect, Role as EffectRole};
-use crate::model::{ChannelSite, Model, ModelError, Site};
+use crate::model::{ChannelSite, Finder, Model, ModelError, Site};
 use crate::units::Dimension;
 
 /// A channel of a test that an effect may act on.
@@ -45,7 +45,7 @@ pub(super) fn rotational(at: &str) -> bool {
 }
 
 /// Resolves `at` (one entry of it where it is a list); errors say which entry.
-pub(super) fn resolve(model: &Model, dataset: &Dataset, effect: &Effect, at: &[&str]) -> Result<Site, (usize, ModelError)> {
+pub(super) fn resolve(finder: &Finder, dataset: &Dataset, effect: &Effect, at: &[&str]) -> Result<Site, (usize, ModelError)> {
     let info = effect.info();
     if info.role == EffectRole::Channel {
         return match at {
@@ -58,7 +58,7 @@ pub(super) fn resolve(model: &Model, dataset: &Dataset, effect: &Effect, at: &[&
     }
     let mut places: Vec<usize> = Vec::new();
     let mut seen = std::collections::HashSet::new();
-    let finder = model.finder();
+    let model = finder.model;
     for (i, entry) in at.iter().enumerate() {
         for place in finder.places_at(entry).map_err(|e| (i, e))? {
             if !seen.insert(place) {

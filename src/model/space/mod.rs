@@ -27,7 +27,7 @@ pub mod joint;
 pub mod plane;
 pub mod rotation;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::ModelError;
 use super::graph::{Axis, Body, Connector, Dof, Model, Place, unique};
@@ -98,8 +98,8 @@ impl Model {
             }
             places.extend(Axis::ALL.iter().map(|axis| Place { connector: c, axis: *axis, from: None, to: None }));
         }
-        let reached = |b: usize| connectors.iter().any(|c| c.from == b || c.to == b);
-        if let Some(b) = (0..bodies.len()).find(|b| !bodies[*b].free.is_empty() && !reached(*b)) {
+        let reached: HashSet<usize> = connectors.iter().flat_map(|c| [c.from, c.to]).collect();
+        if let Some(b) = (0..bodies.len()).find(|b| !bodies[*b].free.is_empty() && !reached.contains(b)) {
             let name = &bodies[b].name;
             return Err(ModelError::invalid(
                 name,
