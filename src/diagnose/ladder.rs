@@ -156,6 +156,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break End::Stopped;
         }
         if climb.effects() >= climb.settings.max_added || rungs.len() > 2 * climb.settings.max_added {
+            climb.exchange(&mut rungs)?;
             break End::Full;
         }
         watch(&format!("rung {}", rungs.len()));
@@ -180,10 +181,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         }
         let Some(taken) = &step.taken else {
             visible = step.visible;
-            // What was added first may stand for two: where nothing gains beside it, every addition is held against what could stand in its place now.
-            let exchanged = climb.effects() > 1 || !climb.added.is_empty() && rungs.last().is_some_and(|r| !r.removed.is_empty());
-            if exchanged && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap()) {
-                rungs.push(climb.rung(Some(added), vec![removed])?);
+            if climb.exchange(&mut rungs)? {
                 continue;
             }
             if let Some(tight) = parallel::watched(&monitor.watch(), || climb.tighten(true)) {
@@ -199,6 +197,18 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
 }
 
 impl Climb<'_> {
+    /// Exchanges an addition for what does its work better. What was added first may stand for two: where nothing gains beside it, or nothing more may be
+    /// added, every addition is held against what could stand in its place now. Whether one was exchanged.
+    fn exchange(&mut self, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
+        let changed = self.effects() > 1 || !self.added.is_empty() && rungs.last().is_some_and(|r| !r.removed.is_empty());
+        if !changed {
+            return Ok(false);
+        }
+        let Some((added, removed)) = parallel::watched(&self.monitor.watch(), || self.swap()) else { return Ok(false) };
+        rungs.push(self.rung(Some(added), vec![removed])?);
+        Ok(true)
+    }
+
     /// Adds what a step has found, takes out what it has made superfluous, and says how the model then stands.
     pub(super) fn taken(&mut self, taken: &super::search::Move, step: &Step) -> Result<Rung, DiagnoseError> {
         let watch = self.monitor.watch();
