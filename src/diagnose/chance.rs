@@ -55,7 +55,7 @@ pub fn chance(columns: &[DVector<f64>], trials: &[Drawn], seed: u64, s: &Scoring
     let mut physics = vec![false; candidates];
     trials.iter().for_each(|t| physics[t.candidate] = t.physics);
     // What `passing` independent trials would pass in a draw.
-    let level = normal.inverse_cdf(1.0 - 0.5 * s.passing / m.max(1) as f64);
+    let level = normal.inverse_cdf(1.0 - 0.5 * s.passing / m as f64);
     // Draws that are made at once: the size of a product of matrices, no setting.
     let block = s.draws.clamp(1, 200);
     let drawn = |stream: usize| {
