@@ -89,7 +89,7 @@ impl<'a> HeldOutTests<'a> {
     /// A model in them; none where it cannot be computed there.
     pub fn look<'w>(&self, w: &'w Weighed) -> Option<Look<'w>> {
         let ((seen, values), v) = (self.see(&w.fitted.system)?, w.v.carried(self.fitted, &self.evidence));
-        let density = self.evidence.likelihood(&seen, &self.counts, &v) - v.prior(&self.settings.evidence);
+        let density = self.evidence.likelihood(&seen, &self.counts, &v) - self.evidence.prior(&self.counts, &v);
         density.is_finite().then_some(Look { of: w, seen, values, density })
     }
 

@@ -146,7 +146,7 @@ impl Scale {
     /// A fitted model with its variances, not fitted again under them.
     pub fn as_it_stands(&self, fitted: &Fitted) -> Option<Weighed> {
         let seen = self.see(&fitted.system).ok().filter(|s| !s.is_empty())?;
-        let once = self.evidence.estimate(&seen, &self.counts, &Variances::start(&self.evidence));
+        let once = self.evidence.estimate(&seen, &self.counts, &Variances::start(&self.evidence, &seen));
         let v = self.evidence.estimate(&seen, &self.evidence.counts(&seen, &once), &once);
         let likelihood = self.evidence.likelihood(&seen, &self.counts, &v);
         Some(Weighed { fitted: fitted.clone(), seen, v, likelihood })
@@ -155,10 +155,11 @@ impl Scale {
     /// The system weighed, the counts set by what its plain fit leaves and then by what it leaves itself. Counted as independent at first, a thousand
     /// lines of an FRF would lead a good fit away from the loops before they are known to be few facts.
     pub fn begin(&mut self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
-        self.counts = self.evidence.independent();
         let system = &self.plainly(system, monitor)?;
         parallel::watched(&monitor.watch(), || {
-            let (plain, mut v) = (self.see(system)?, Variances::start(&self.evidence));
+            let plain = self.see(system)?;
+            let mut v = Variances::start(&self.evidence, &plain);
+            self.counts = self.evidence.counts(&plain, &v);
             for _ in 0..self.settings.estimates {
                 v = self.evidence.estimate(&plain, &self.counts, &v);
                 self.counts = self.evidence.counts(&plain, &v);

@@ -54,7 +54,7 @@ impl Evidence {
 
     /// `l_z` of the residuals, the prior of the variances with it.
     pub fn likelihood(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> f64 {
-        let mut sum = v.prior(&self.settings);
+        let mut sum = self.prior(counts, v);
         for (t, (record, s)) in self.records.iter().zip(seen).enumerate() {
             let parts = record.parts(v.kappa, &v.own_errors(t, record));
             let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };

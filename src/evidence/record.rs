@@ -52,6 +52,8 @@ pub struct Part {
     pub free: f64,
     /// See [`Channel::colour`].
     pub colour: f64,
+    /// See [`Channel::scale`].
+    pub scale: f64,
 }
 
 impl Part {
@@ -68,7 +70,9 @@ impl Part {
 
     /// What a coefficient adds to `-2 ln L` beside the square of its residual over [`Part::variance`]. With D the variance of `whole`:
     /// `z [free ln D + (1 - free) ln noise + (1 - free colour) (1 - noise / D)]`. The second part is that of the directions in which the model does not
-    /// err, where the residual is noise of the size it is known to have: 1, of which noise / D stands in the square already.
+    /// err, where the residual is noise of the size it is known to have: 1, of which noise / D stands in the square already. What does not count because
+    /// it is the model's error, 1 - z, adds `ln scale + 1 / scale`: beside that error there is noise of the size that was seen. Without it a model
+    /// whose coefficients count as few could call all it leaves noise of twice that size.
     pub fn level(&self, z: f64) -> f64 {
         if z == 0.0 || !self.noise.is_finite() {
             return 0.0;
@@ -76,7 +80,12 @@ impl Part {
         let whole = self.whole();
         let known = (1.0 - self.free * self.colour).max(0.0) * (1.0 - self.noise / whole);
         let rough = if self.free < 1.0 { (1.0 - self.free) * self.noise.ln() + known } else { 0.0 };
-        z * (self.free * whole.ln() + rough)
+        z * (self.free * whole.ln() + rough) + (1.0 - z) * (self.scale.ln() + 1.0 / self.scale)
+    }
+
+    /// Fisher information of the logarithm of the model's error in a coefficient.
+    pub fn known(&self, z: f64) -> f64 {
+        if self.error > 0.0 && self.noise.is_finite() { 2.0 * z * self.free * (self.error / self.free / self.whole()).powi(2) } else { 0.0 }
     }
 
     /// Part of the variance that the model's error has.
@@ -120,11 +129,12 @@ pub struct Seen {
 impl Record {
     /// What each coefficient varies by: noise of scale `e^kappa`, the model's error of each channel. Noise of FRFs is known by many averages.
     pub fn parts(&self, kappa: f64, errors: &[f64]) -> Vec<Part> {
-        let mut parts: Vec<Part> = self.noise.iter().map(|n| Part { noise: *n, error: 0.0, free: 1.0, colour: 1.0 }).collect();
+        let mut parts: Vec<Part> = self.noise.iter().map(|n| Part { noise: *n, error: 0.0, free: 1.0, colour: 1.0, scale: 1.0 }).collect();
         for (channel, tau) in self.channels.iter().zip(errors) {
             channel.range.clone().for_each(|i| {
-                let (noise, error) = (channel.scale(kappa) * self.noise[i], tau * tau * self.size[i]);
-                parts[i] = Part { noise, error, free: channel.free, colour: channel.colour };
+                let scale = channel.scale(kappa);
+                let (noise, error) = (scale * self.noise[i], tau * tau * self.size[i]);
+                parts[i] = Part { noise, error, free: channel.free, colour: channel.colour, scale };
             });
         }
         parts

@@ -56,22 +56,41 @@ fn drawn(draw: usize, tests: usize, error: f64) -> Vec<Seen> {
 }
 
 fn estimated(e: &Evidence, seen: &[Seen]) -> Variances {
-    let once = e.estimate(seen, &e.independent(), &Variances::start(e));
+    let once = e.estimate(seen, &e.independent(), &Variances::start(e, seen));
     e.estimate(seen, &e.independent(), &once)
 }
 
 #[test]
 fn where_noise_rules_every_coefficient_is_a_fact() {
     let e = evidence(5);
-    // Noise and a white error of the model are hardly to be told from each other: at the likeliest variances a quarter of the noise's power passes for one.
+    let one = seen(5, 0.0);
+    let v = estimated(&e, &one);
+    assert!(v.model_error(&e) < 0.005 && v.kappa.abs() < 0.3, "{v:?}");
+    assert!(e.counts(&one, &v).n > 0.85 * 405.0);
     let (mut error, mut facts) = (0.0, 0.0);
     for draw in 0..8 {
         let seen = drawn(draw, 5, 0.0);
         let v = estimated(&e, &seen);
-        assert!(v.kappa.abs() < 0.3, "{draw}: {v:?}");
-        (error, facts) = (error + v.model_error(&e) / 8.0, facts + e.counts(&seen, &v).n / 8.0);
+        let (own, n) = (v.model_error(&e), e.counts(&seen, &v).n);
+        assert!(own < 0.006 && v.kappa.abs() < 0.3 && n > 0.78 * 405.0, "{draw}: {v:?} {n}");
+        (error, facts) = (error + own / 8.0, facts + n / 8.0);
     }
-    assert!(error < 0.006 && facts > 0.78 * 405.0, "{error} {facts}");
+    assert!(error < 0.005 && facts > 0.85 * 405.0, "{error} {facts}");
+}
+
+/// Errors of its own in every channel are worth less where they say no more than the common one.
+#[test]
+fn own_errors_are_integrated_out() {
+    let e = evidence(2);
+    let (counts, v) = (e.independent(), v_of(&e, 0.05));
+    let d = 1e-4 / 81.0 + 0.05f64.powi(2) / 81.0;
+    // 81 coefficients of which the error has the part p each know its logarithm by 2 p^2.
+    let known = 81.0 * 2.0 * (0.05f64.powi(2) / 81.0 / d).powi(2);
+    let apart = -2.0 * 0.5 * (1.0 + 0.49 * known).ln();
+    approx::assert_relative_eq!(e.prior(&counts, &v), apart - 0.5 * ((-6.2f64).exp() / 0.02).powi(2), max_relative = 1e-9);
+    // At the least error that is claimed there is nothing to fit.
+    let least = Variances { own: vec![vec![-9.0]; 2], ..v };
+    approx::assert_relative_eq!(e.prior(&counts, &least), -0.5 * ((-6.2f64).exp() / 0.02).powi(2) - 81.0 / 0.49, max_relative = 1e-9);
 }
 
 #[test]
@@ -92,7 +111,7 @@ fn a_model_error_is_found_and_counts_as_few() {
 }
 
 fn v_of(e: &Evidence, error: f64) -> Variances {
-    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, ..Variances::start(e) }
+    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, own: vec![vec![0.0]; e.records.len()] }
 }
 
 /// A test of one FRF in lines of equal noise and size, the residual a smooth function of the given power beside noise of exactly its size.
@@ -125,7 +144,7 @@ fn the_error_along_lines_is_a_smooth_function() {
         let whole = DMatrix::identity(81, 81) * nu + &basis * basis.transpose() * (error * error * 81.0 / 6.0);
         let factor = whole.cholesky().unwrap();
         let direct = -factor.l().diagonal().iter().map(|d| d.ln()).sum::<f64>() - 0.5 * seen[0].r.dot(&factor.solve(&seen[0].r));
-        approx::assert_relative_eq!(e.likelihood(&seen, &e.counts(&seen, &v), &v) - v.prior(&e.settings), direct, max_relative = 1e-9);
+        approx::assert_relative_eq!(e.likelihood(&seen, &e.counts(&seen, &v), &v) - e.prior(&e.counts(&seen, &v), &v), direct, max_relative = 1e-9);
     }
 }
 
@@ -133,7 +152,7 @@ fn the_error_along_lines_is_a_smooth_function() {
 #[test]
 fn an_error_along_lines_is_no_noise() {
     let (e, seen, ..) = lines(2e-4);
-    let start = Variances::start(&e);
+    let start = Variances::start(&e, &seen);
     let counts = e.counts(&seen, &start);
     let v = e.estimate(&seen, &counts, &e.estimate(&seen, &counts, &start));
     assert!((0.008..0.03).contains(&v.model_error(&e)), "{v:?}");
@@ -149,7 +168,7 @@ fn the_likelihood_is_that_of_its_covariance() {
     seen.iter_mut().for_each(|s| s.strengths = DMatrix::zeros(81, 0));
     let d = 1e-4 / 81.0 + 0.05f64.powi(2) / 81.0;
     let direct: f64 = seen.iter().flat_map(|s| s.r.iter()).map(|r| -0.5 * (d.ln() + r * r / d)).sum();
-    approx::assert_relative_eq!(e.likelihood(&seen, &e.independent(), &v) - v.prior(&e.settings), direct, max_relative = 1e-6);
+    approx::assert_relative_eq!(e.likelihood(&seen, &e.independent(), &v) - e.prior(&e.independent(), &v), direct, max_relative = 1e-6);
     // Whitened residuals have the same sum of squares.
     assert!(e.over_noise(&seen, &v) > 1.5);
 }

@@ -18,10 +18,17 @@ pub struct Variances {
 }
 
 impl Variances {
-    /// Where an estimate begins that knows nothing.
-    pub fn start(evidence: &Evidence) -> Variances {
+    /// Where an estimate begins that knows nothing: what models leave in these tests is all their error.
+    pub fn start(evidence: &Evidence, seen: &[Seen]) -> Variances {
+        let s = &evidence.settings;
         let own = evidence.records.iter().map(|r| vec![0.0; r.channels.len()]).collect();
-        Variances { kappa: 0.0, tau: 0.1f64.ln(), omega: (0.25 * evidence.settings.scatter_most).ln(), own }
+        let (mut left, mut size) = (0.0, 0.0);
+        for (record, seen) in evidence.records.iter().zip(seen) {
+            let compared = (0..record.noise.len()).filter(|i| record.noise[*i].is_finite());
+            compared.for_each(|i| (left, size) = (left + seen.r[i] * seen.r[i], size + record.size[i]));
+        }
+        let tau = if left > 0.0 && size > 0.0 { 0.5 * (left / size).ln() } else { s.least().ln() };
+        Variances { kappa: 0.0, tau, omega: (0.25 * s.scatter_most).ln(), own }.bounded(s)
     }
 
     /// Relative error of the model in each channel of a test.
@@ -48,8 +55,8 @@ impl Variances {
         Variances { own: to.records.iter().map(|r| r.channels.iter().map(of).collect()).collect(), ..self.clone() }
     }
 
-    /// Logarithm of the prior density.
-    pub fn prior(&self, s: &Settings) -> f64 {
+    /// Logarithm of the prior density, each channel's own error where it stands.
+    fn prior(&self, s: &Settings) -> f64 {
         let own: f64 = self.own.iter().flatten().map(|g| g * g).sum();
         -0.5 * (self.kappa / s.noise_spread).powi(2)
             - 0.5 * (self.omega.exp() / s.scatter_prior).powi(2)
@@ -90,13 +97,27 @@ impl Variances {
 }
 
 impl Evidence {
+    /// Logarithm of the prior density of these variances, the channels' own model errors integrated out about where they stand (Laplace): beside
+    /// noise an own error of every channel fits the scatter of that noise's power, and an estimate that fitted them for nothing made a quarter of pure
+    /// noise a model's error.
+    pub fn prior(&self, counts: &Counts, v: &Variances) -> f64 {
+        let s = &self.settings;
+        let of = |(t, record): (usize, &Record)| {
+            let parts = record.parts(v.kappa, &v.own_errors(t, record));
+            let open = record.channels.iter().zip(&v.own[t]).filter(|(c, g)| (v.tau + **g).exp() > c.least);
+            let known = |(c, _): (&Channel, &f64)| c.range.clone().map(|i| parts[i].known(counts.z[t][i])).sum::<f64>();
+            open.map(known).map(|known| 0.5 * (1.0 + s.model_error_spread.powi(2) * known).ln()).sum::<f64>()
+        };
+        v.prior(s) - self.records.iter().enumerate().map(of).sum::<f64>()
+    }
+
     /// Variances by restricted likelihood: the channels' own model errors one by one, the common ones by a pattern search (Hooke and Jeeves,
     /// J. ACM 8, 1961).
     pub fn estimate(&self, seen: &[Seen], counts: &Counts, start: &Variances) -> Variances {
         let start = Variances { omega: start.omega.max(self.settings.scatter_from), ..start.clone() };
         let mut best = self.own_errors(seen, counts, start.bounded(&self.settings));
         let grams = self.grams(seen);
-        let value = |v: &Variances| restricted(self, &grams, seen, counts, v).map_or(f64::NEG_INFINITY, |l| l + v.prior(&self.settings));
+        let value = |v: &Variances| restricted(self, &grams, seen, counts, v).map_or(f64::NEG_INFINITY, |l| l + self.prior(counts, v));
         let mut here = value(&best);
         let (mut left, mut part) = (self.settings.evaluations, 1.0);
         while part > self.settings.last_step && left > 0 {
