@@ -2,10 +2,11 @@
 //!
 //! - [`blocktri`]: ordering, factorisation and frequency sweeps of block-tridiagonal systems;
 //! - [`march`]: implicit time integration with exact sensitivities;
-//! - [`periodic`]: the steady cycle under a periodic drive;
+//! - [`periodic`]: the steady cycle under a periodic drive, marched;
 //! - [`equilibrium`]: the operating point under loads that stay;
 //! - [`frf`]: receptances and their sensitivities about rest;
-//! - [`harmonic`]: receptances at a declared excitation amplitude, by harmonic balance;
+//! - [`harmonic`]: receptances at a declared excitation amplitude and steady cycles, by harmonic balance;
+//! - [`steady`]: the steady cycle by the engine that suits it;
 //! - [`modal`]: damped modes and their sensitivities.
 
 pub mod blocktri;
@@ -18,6 +19,7 @@ pub mod modal;
 pub mod periodic;
 mod small;
 mod spatial;
+pub mod steady;
 
 pub use equilibrium::{Equilibrium, equilibrium};
 pub use error::EngineError;

@@ -56,6 +56,12 @@ pub struct BoundLoad {
 }
 
 impl Bound {
+    /// The same elements, each taken apart into what is linear at every amplitude and the rest ([`Element::apart`]). Channels are left out.
+    pub fn apart(&self) -> Bound {
+        let of = |e: &Element| e.apart().map_or_else(|| vec![e.clone()], Vec::from);
+        Bound { elements: self.elements.iter().flat_map(of).collect(), channels: vec![], n_free: self.n_free, loads: self.loads.clone() }
+    }
+
     /// Binds `system` to a test with the given conditions [SI]. The chains refer to `free`, whose variables are the logarithms where
     /// `free[k].log`.
     pub fn new(system: &System, free: &[FreeParam], test: &str, conditions: &BTreeMap<String, f64>) -> Result<Bound, ModelError> {

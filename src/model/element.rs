@@ -19,7 +19,9 @@ use super::recurrence::{Recurrence, Recurrences};
 use super::sensed::{Depth, Sensed};
 
 mod history;
+mod laws;
 
+#[derive(Clone)]
 struct ForcePiece {
     law: &'static dyn ForceLaw,
     /// Whether it has a [`Recurrence`].
@@ -28,6 +30,7 @@ struct ForcePiece {
     s: std::ops::Range<usize>,
 }
 
+#[derive(Clone)]
 struct SeriesPiece {
     law: &'static dyn Series,
     p: std::ops::Range<usize>,
@@ -36,6 +39,7 @@ struct SeriesPiece {
 }
 
 /// The law of one place with its numbers.
+#[derive(Clone)]
 pub struct Element {
     /// Index of the place.
     pub place: usize,
@@ -152,16 +156,6 @@ impl Element {
     pub fn n_params(&self) -> usize {
         self.p.len()
     }
-    /// Whether both have the same laws with the same numbers and the same free parameters behind them.
-    pub fn same_law(&self, other: &Element) -> bool {
-        // Formulas share a name; their equations tell them apart.
-        let names = |e: &Element| -> Vec<(&'static str, &'static str)> {
-            let forces = e.linear.iter().chain(&e.forces).chain(&e.followers).map(|f| f.law.info());
-            forces.chain(e.series.iter().map(|s| s.law.info())).map(|i| (i.name, i.equation)).collect()
-        };
-        self.p == other.p && self.chains == other.chains && names(self) == names(other)
-    }
-
     /// Whether small motion about any operating point is as about rest: linear laws, and those that remember, which are stuck where they are.
     pub fn is_alike_everywhere(&self) -> bool {
         self.series.is_empty() && self.forces.iter().chain(&self.followers).all(|f| f.law.linear() || f.law.info().states > 0)
@@ -199,16 +193,6 @@ impl Element {
             true => p[0] * scratch.recurrences.of((self.place, k), piece.law, p, dt).advance(u, s),
             false => piece.law.value(u, dt, s, p),
         }
-    }
-
-    /// Whether forces and openings are linear in the motion and its history, so that [`Element::stiffness`] says all at every amplitude.
-    pub fn is_linear_at_every_amplitude(&self) -> bool {
-        self.forces.iter().all(|f| f.law.superposes()) && self.series.iter().filter(|s| s.follower.is_none()).all(|s| s.law.linear())
-    }
-
-    /// The same of the candidates of the score test.
-    pub fn followers_are_linear(&self) -> bool {
-        self.followers.iter().all(|f| f.law.superposes()) && self.series.iter().filter(|s| s.follower.is_some()).all(|s| s.law.linear())
     }
 
     /// General force at the end of the step; `s` leaves with the new states.

@@ -6,7 +6,7 @@ use crate::data::{Control, FourierInput, TimeRecord};
 use crate::effect::Moment;
 use crate::engine::EngineError;
 use crate::engine::march::{Loads, Probe};
-use crate::engine::periodic::periodic;
+use crate::engine::steady::steady;
 use crate::model::{Bound, Model};
 use crate::units::Unit;
 
@@ -202,7 +202,7 @@ impl CyclePlan {
 
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
         let probes: Vec<Probe> = self.probes.iter().map(|p| p.0).collect();
-        let mut cycle = periodic(model, bound, &self.loads, &probes, sensitivities)?;
+        let mut cycle = steady(model, bound, &self.loads, &probes, sensitivities)?;
         let n_free = cycle.columns;
         let mut out = Computed::default();
         for (i, block) in plan.blocks.iter().enumerate() {
@@ -237,7 +237,7 @@ fn middle(values: impl Iterator<Item = f64>) -> (f64, f64) {
 pub(super) fn place_amplitudes(model: &Model, bound: &Bound, loads: &Loads) -> Result<Vec<Amplitude>, EngineError> {
     let n = model.places.len();
     let probes: Vec<Probe> = (0..n).map(Probe::Relative).chain((0..n).map(Probe::Force)).collect();
-    let cycle = periodic(model, bound, loads, &probes, false)?;
+    let cycle = steady(model, bound, loads, &probes, false)?;
     Ok((0..n).map(|p| amplitude(&cycle.values[p], &cycle.values[n + p], loads.dt)).collect())
 }
 

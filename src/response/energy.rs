@@ -9,7 +9,8 @@ use num_dual::Dual64;
 use crate::data::{Control, EnergyTable, StoredEnergy, TableValue};
 use crate::effect::Num;
 use crate::engine::march::{Loads, Probe};
-use crate::engine::periodic::{Cycle, periodic};
+use crate::engine::periodic::Cycle;
+use crate::engine::steady::steady;
 use crate::model::{Bound, FreeParam, Model, System};
 
 use super::cycle::place_amplitudes;
@@ -214,8 +215,7 @@ impl EnergyPlan {
     }
 
     fn cycle(&self, row: &Row, model: &Model, bound: &Bound, id: &str, slopes: bool) -> Result<Cycle, ResponseError> {
-        periodic(model, bound, &row.loads, self.probe.as_slice(), slopes)
-            .map_err(|source| ResponseError::Engine { test: id.into(), source })
+        steady(model, bound, &row.loads, self.probe.as_slice(), slopes).map_err(|source| ResponseError::Engine { test: id.into(), source })
     }
 
     pub(super) fn evaluate(

@@ -9,7 +9,7 @@ use num_complex::Complex64;
 use crate::effect::{Channel, Coefficient, Dim, Effect, Grid, Info, Kind, Moment, Scales, find};
 use crate::engine::harmonic::{Settings, at_amplitude};
 use crate::engine::march::{Loads, Probe};
-use crate::engine::periodic::periodic;
+use crate::engine::steady::steady;
 use crate::model::{Axis, Body, Bound, Connector, Instance, Model, ParamValue, Site, System};
 
 /// Steps of the loop.
@@ -75,7 +75,7 @@ fn cycle(instances: Vec<Instance>) -> Option<(Vec<f64>, Vec<f64>)> {
     let at = |k: usize| (TAU * k as f64 / STEPS as f64).sin_cos();
     let path = (0..=STEPS).map(at).map(|(s, c)| [s, c, -s]).collect();
     let loads = Loads { dt: TAU / STEPS as f64, prescribed: vec![(0, path)], forces: vec![] };
-    let mut found = periodic(&system.model, &bound, &loads, &[Probe::Force(0)], false).ok()?;
+    let mut found = steady(&system.model, &bound, &loads, &[Probe::Force(0)], false).ok()?;
     Some(((1..=STEPS).map(|k| at(k).0).collect(), found.values.pop()?))
 }
 

@@ -54,6 +54,16 @@ impl Basis {
         back.column_mut(0).fill(1.0 / samples as f64);
         Basis { samples, width, value, rate, step, values, rates, back }
     }
+
+    /// Rows `1, cos t, sin t, cos 2t, ...`, a column for each of equal samples of a cycle.
+    pub fn waves(harmonics: usize, samples: usize) -> DMatrix<f64> {
+        let circle: Vec<(f64, f64)> = (0..samples).map(|n| (TAU * n as f64 / samples as f64).sin_cos()).collect();
+        DMatrix::from_fn(1 + 2 * harmonics, samples, |c, n| {
+            let (sin, cos) = circle[(c.div_ceil(2) * n) % samples];
+            if c % 2 == 0 && c > 0 { sin } else { cos }
+        })
+    }
+
     fn row<'a>(&self, of: &'a [f64], n: usize) -> &'a [f64] {
         &of[n * self.width..(n + 1) * self.width]
     }

@@ -1,6 +1,8 @@
 //! Newton's method on the balance at the nonlinear places, and what follows from its solution.
 
-use nalgebra::{DMatrix, DVector, Dyn, LU, SVD};
+use faer::linalg::solvers::{PartialPivLu, Solve};
+use faer::{MatMut, MatRef};
+use nalgebra::{DMatrix, DVector, Dyn, SVD};
 use num_complex::Complex64;
 
 use crate::model::{Bound, Model};
@@ -8,10 +10,8 @@ use crate::model::{Bound, Model};
 use super::super::EngineError;
 use super::Settings;
 use super::aft::{Aft, Basis};
-use super::structure::{Flexibility, Part, Structure};
+use super::structure::{Drive, Flexibility, Structure};
 
-/// Change of the displacements, against the largest of their element, at which the balance holds.
-const TOLERANCE: f64 = 1e-12;
 /// What is accepted where rounding in a stiff law ends the descent earlier.
 const ACCEPTED: f64 = 1e-9;
 const ITERATIONS: usize = 60;
@@ -20,34 +20,29 @@ const REUSED: f64 = 0.2;
 
 /// Harmonic balance of one structure under one drive.
 pub(super) struct Balance<'a> {
-    structure: Structure<'a>,
-    basis: Basis,
-    harmonics: usize,
-    drive: (usize, f64),
-    outputs: Vec<usize>,
-    omega: f64,
-    flex: Vec<Flexibility>,
+    pub(super) structure: Structure<'a>,
+    pub(super) basis: Basis,
+    pub(super) harmonics: usize,
+    pub(super) drive: Drive,
+    pub(super) outputs: Vec<usize>,
+    pub(super) omega: f64,
+    pub(super) flex: Vec<Flexibility>,
     /// `G_k`, element by element.
     g: Vec<Vec<Complex64>>,
-    aft: Vec<Aft>,
+    pub(super) aft: Vec<Aft>,
     pub(super) x: DVector<f64>,
     pub(super) residual: DVector<f64>,
     pub(super) matrix: DMatrix<f64>,
     known: bool,
+    /// Change of the displacements, against the largest of their element, at which the balance holds.
+    tolerance: f64,
     /// Whether the derivatives of the laws have been taken, at whatever motion.
     derived: bool,
 }
 
 impl<'a> Balance<'a> {
-    pub fn new(
-        model: &Model,
-        bound: &'a Bound,
-        input: usize,
-        amplitude: f64,
-        outputs: &[usize],
-        settings: Settings,
-    ) -> Result<Self, EngineError> {
-        let structure = Structure::new(model, bound)?;
+    pub fn new(model: &Model, bound: &'a Bound, drive: Drive, outputs: &[usize], settings: Settings) -> Result<Self, EngineError> {
+        let structure = Structure::new(model, bound, &drive)?;
         let basis = Basis::new(settings.harmonics, settings.samples);
         let size = structure.nonlinear.len() * basis.width;
         Ok(Balance {
@@ -55,7 +50,7 @@ impl<'a> Balance<'a> {
             structure,
             basis,
             harmonics: settings.harmonics,
-            drive: (input, amplitude),
+            drive,
             outputs: outputs.to_vec(),
             omega: 0.0,
             flex: (0..=settings.harmonics).map(|_| Flexibility::default()).collect(),
@@ -64,6 +59,7 @@ impl<'a> Balance<'a> {
             residual: DVector::zeros(size),
             matrix: DMatrix::zeros(size, size),
             known: false,
+            tolerance: settings.tolerance,
             derived: false,
         })
     }
@@ -73,7 +69,7 @@ impl<'a> Balance<'a> {
         self.basis.width
     }
 
-    fn m(&self) -> usize {
+    pub(super) fn m(&self) -> usize {
         self.structure.nonlinear.len()
     }
 
@@ -82,10 +78,10 @@ impl<'a> Balance<'a> {
         let (n, m) = (self.structure.n, self.m());
         self.omega = omega;
         for k in 0..=self.harmonics {
-            if m == 0 && k != 1 {
+            if m == 0 && !self.drive.acts(k) {
                 continue;
             }
-            self.structure.solve(k, omega, self.drive, &self.outputs, &mut self.flex[k])?;
+            self.structure.solve(k, omega, &self.drive, &self.outputs, &mut self.flex[k])?;
             self.g[k].clear();
             for a in 0..m {
                 for b in 0..m {
@@ -120,16 +116,56 @@ impl<'a> Balance<'a> {
             self.known = true;
             return Ok(());
         }
-        Err(EngineError::NoHarmonicBalance { frequency: omega / std::f64::consts::TAU, amplitude: self.drive.1, residual })
+        Err(self.failed(residual))
+    }
+
+    /// Solves the balance at a frequency from the response with the stand-in stiffnesses, the drive raised in steps where that is too far.
+    pub(super) fn settle(&mut self, omega: f64) -> Result<(), EngineError> {
+        self.condense(omega)?;
+        if self.m() == 0 {
+            return Ok(());
+        }
+        let mut residual = f64::INFINITY;
+        self.linear_start();
+        if self.newton(1.0, &mut residual) || self.raise_force(&mut residual) {
+            return Ok(());
+        }
+        Err(self.failed(residual))
+    }
+
+    /// Largest coefficient in the last quarter of the harmonics, over the largest of all, of the element where it is largest: what the series leaves out.
+    pub(super) fn tail(&self) -> f64 {
+        let w = self.basis.width;
+        let largest = |part: &[f64]| part.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let whole = largest(self.x.as_slice()).max(f64::MIN_POSITIVE);
+        let of = |x: &[f64]| largest(&x[w - w / 4..]) / largest(x).max(1e-3 * whole);
+        self.x.as_slice().chunks(w).map(of).fold(0.0, f64::max)
+    }
+
+    /// That no balance was found.
+    pub(super) fn failed(&self, residual: f64) -> EngineError {
+        EngineError::NoHarmonicBalance { frequency: self.omega / std::f64::consts::TAU, amplitude: self.amplitude(), residual }
+    }
+
+    /// Largest force of the drive.
+    pub(super) fn amplitude(&self) -> f64 {
+        self.drive.forces.iter().flatten().map(|(_, f)| f.norm()).fold(0.0, f64::max)
+    }
+
+    /// Displacement across a nonlinear element at a harmonic, with the stand-in stiffnesses.
+    fn linear(&self, a: usize, k: usize) -> Complex64 {
+        self.structure.relative(self.structure.nonlinear[a], &self.flex[k].drive)
     }
 
     /// Response with the stand-in stiffnesses.
     pub(super) fn linear_start(&mut self) {
         self.x.fill(0.0);
+        let w = self.basis.width;
         for a in 0..self.m() {
-            let x = self.structure.relative(self.structure.nonlinear[a], &self.flex[1].drive);
-            let at = a * self.basis.width + 1;
-            (self.x[at], self.x[at + 1]) = (x.re, -x.im);
+            for k in 0..=self.harmonics {
+                let x = self.linear(a, k);
+                put(&mut self.x.as_mut_slice()[a * w..(a + 1) * w], k, x);
+            }
         }
     }
 
@@ -151,11 +187,11 @@ impl<'a> Balance<'a> {
         let mut before = self.x.clone();
         let mut factors = self.derived.then(|| {
             self.assemble();
-            Factors::new(self.matrix.clone())
+            Factors::new(&self.matrix)
         });
         for _ in 0..ITERATIONS {
             *reached = norm;
-            if norm <= TOLERANCE {
+            if norm <= self.tolerance {
                 return true;
             }
             before.copy_from(&self.x);
@@ -209,7 +245,7 @@ impl<'a> Balance<'a> {
         let w = self.basis.width;
         let own: Vec<f64> = (0..self.m())
             .map(|a| {
-                let linear = self.structure.relative(self.structure.nonlinear[a], &self.flex[1].drive).norm() * share;
+                let linear = (0..=self.harmonics).map(|k| self.linear(a, k).norm()).fold(0.0, f64::max) * share;
                 (0..w).map(|c| self.x[a * w + c].abs()).fold(0.1 * linear, f64::max)
             })
             .collect();
@@ -226,10 +262,9 @@ impl<'a> Balance<'a> {
         }
         self.residual.copy_from(&self.x);
         for a in 0..m {
-            let linear = self.structure.relative(self.structure.nonlinear[a], &self.flex[1].drive) * share;
-            self.residual[a * w + 1] -= linear.re;
-            self.residual[a * w + 2] += linear.im;
             for k in 0..=self.harmonics {
+                let linear = self.linear(a, k) * share;
+                put(&mut self.residual.as_mut_slice()[a * w..(a + 1) * w], k, -linear);
                 let sum: Complex64 = (0..m).map(|b| self.g[k][a * m + b] * self.out_of_line(b, k)).sum();
                 put(&mut self.residual.as_mut_slice()[a * w..(a + 1) * w], k, sum);
             }
@@ -239,7 +274,7 @@ impl<'a> Balance<'a> {
     }
 
     /// Force of a nonlinear element beyond its stand-in at a harmonic.
-    fn out_of_line(&self, a: usize, k: usize) -> Complex64 {
+    pub(super) fn out_of_line(&self, a: usize, k: usize) -> Complex64 {
         let w = self.basis.width;
         take(&self.aft[a].f, k) - self.flex[k].stand_in[a] * take(&self.x.as_slice()[a * w..(a + 1) * w], k)
     }
@@ -252,7 +287,7 @@ impl<'a> Balance<'a> {
         }
         self.derived = true;
         self.assemble();
-        Factors::new(self.matrix.clone())
+        Factors::new(&self.matrix)
     }
 
     /// Jacobian of the residual, `I + G (df/dx - z)`, with the derivatives of the laws as they were last taken.
@@ -279,7 +314,7 @@ impl<'a> Balance<'a> {
     }
 
     /// Derivative of [`Balance::out_of_line`] with respect to displacement coefficient `c` of its own element.
-    fn force_slope(&self, a: usize, k: usize, c: usize) -> Complex64 {
+    pub(super) fn force_slope(&self, a: usize, k: usize, c: usize) -> Complex64 {
         let (w, j) = (self.basis.width, &self.aft[a].jacobian);
         let df = match k {
             0 => Complex64::new(j[c], 0.0),
@@ -294,7 +329,7 @@ impl<'a> Balance<'a> {
 
     /// Appends `H` at the outputs.
     pub fn response(&self, h: &mut Vec<Complex64>) {
-        let (n, force) = (self.structure.n, self.drive.1);
+        let (n, force) = (self.structure.n, self.amplitude());
         for (o, &dof) in self.outputs.iter().enumerate() {
             let by_load = &self.flex[1].outputs[o * n..(o + 1) * n];
             let elements: Complex64 =
@@ -304,9 +339,10 @@ impl<'a> Balance<'a> {
     }
 
     /// Displacements of all degrees of freedom at a harmonic.
-    fn motion(&self, k: usize) -> Vec<Complex64> {
+    pub(super) fn motion(&self, k: usize) -> Vec<Complex64> {
         let n = self.structure.n;
-        let mut q = if k == 1 { self.flex[1].drive.clone() } else { vec![Complex64::ZERO; n] };
+        let mut q = self.flex[k].drive.clone();
+        q.resize(n, Complex64::ZERO);
         for a in 0..self.m() {
             let f = self.out_of_line(a, k);
             q.iter_mut().zip(&self.flex[k].places[a * n..(a + 1) * n]).for_each(|(q, u)| *q -= u * f);
@@ -314,83 +350,19 @@ impl<'a> Balance<'a> {
         q
     }
 
-    /// Appends `dH` at the outputs, `n_free` numbers each.
-    ///
-    /// A parameter changes the force of its element at a held motion by `df_k`; that acts on the structure as the external force
-    /// `-df_k` across the place. The structure answers with the Jacobian of the balance.
-    pub fn sensitivities(&mut self, dh: &mut Vec<Complex64>) -> Result<(), EngineError> {
-        let (n, w, m) = (self.structure.n, self.basis.width, self.m());
-        let (bound, omega) = (self.structure.bound, self.omega);
-        let n_free = bound.n_free;
-        let mut source = DMatrix::<f64>::zeros(m * w, n_free);
-        let mut direct = vec![Complex64::ZERO; self.outputs.len() * n_free];
-        let harmonics: Vec<usize> = if m == 0 { vec![1] } else { (0..=self.harmonics).collect() };
-        let motion: Vec<Vec<Complex64>> =
-            (0..=self.harmonics).map(|k| if harmonics.contains(&k) { self.motion(k) } else { vec![] }).collect();
-        let (mut dp, mut candidate) = (Vec::new(), Aft::default());
-        for (e, element) in bound.elements.iter().enumerate().filter(|(_, e)| e.chains.iter().any(|c| !c.is_empty())) {
-            if self.structure.parts[e] == Part::Candidate {
-                let mut x = vec![0.0; w];
-                harmonics.iter().for_each(|&k| put(&mut x, k, self.structure.relative(e, &motion[k])));
-                candidate.evaluate(element, &self.basis, omega, &x)?;
-                candidate.parameters(element, &self.basis, omega);
-            }
-            if let Part::Nonlinear(a) = self.structure.parts[e] {
-                self.aft[a].parameters(element, &self.basis, omega);
-            }
-            for &k in &harmonics {
-                if self.structure.parts[e] == Part::Linear {
-                    element.stiffness(Complex64::new(0.0, k as f64 * omega), &mut dp)?;
-                }
-                let by_place: Vec<Complex64> =
-                    (0..m).map(|a| self.structure.relative(e, &self.flex[k].places[a * n..(a + 1) * n])).collect();
-                for (p, chain) in element.chains.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
-                    let np = element.n_params();
-                    let df = match self.structure.parts[e] {
-                        Part::Linear => dp[p] * self.structure.relative(e, &motion[k]),
-                        Part::Candidate => column(&candidate.by_param, np, p, k),
-                        Part::Nonlinear(a) => column(&self.aft[a].by_param, np, p, k),
-                    };
-                    for (theta, slope) in chain {
-                        for (a, u) in by_place.iter().enumerate() {
-                            put(&mut source.as_mut_slice()[theta * m * w + a * w..][..w], k, -u * df * *slope);
-                        }
-                        if k == 1 {
-                            for o in 0..self.outputs.len() {
-                                let u = self.structure.relative(e, &self.flex[1].outputs[o * n..(o + 1) * n]);
-                                direct[o * n_free + theta] -= u * df * *slope;
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        if m > 0 {
-            source = self.linearize().columns(&source);
-        }
-        for (o, direct) in direct.chunks_exact(n_free.max(1)).enumerate().take(self.outputs.len()) {
-            let by_place: Vec<Complex64> =
-                self.structure.nonlinear.iter().map(|&e| self.structure.relative(e, &self.flex[1].outputs[o * n..(o + 1) * n])).collect();
-            for (theta, direct) in direct.iter().enumerate() {
-                let mut d = *direct;
-                for (a, u) in by_place.iter().enumerate() {
-                    let df: Complex64 = (0..w).map(|c| self.force_slope(a, 1, c) * source[(a * w + c, theta)]).sum();
-                    d -= u * df;
-                }
-                dh.push(d / self.drive.1);
-            }
-        }
-        Ok(())
+    /// Harmonics in which the structure moves.
+    pub(super) fn moving(&self) -> Vec<usize> {
+        (0..=self.harmonics).filter(|k| self.m() > 0 || self.drive.acts(*k)).collect()
     }
 }
 
 /// Coefficient `k` of a series as the complex amplitude of `Re(X e^{ikwt})`.
-fn take(series: &[f64], k: usize) -> Complex64 {
+pub(super) fn take(series: &[f64], k: usize) -> Complex64 {
     if k == 0 { Complex64::new(series[0], 0.0) } else { Complex64::new(series[2 * k - 1], -series[2 * k]) }
 }
 
 /// Adds a complex amplitude to a series.
-fn put(series: &mut [f64], k: usize, x: Complex64) {
+pub(super) fn put(series: &mut [f64], k: usize, x: Complex64) {
     if k == 0 {
         series[0] += x.re;
     } else {
@@ -399,43 +371,42 @@ fn put(series: &mut [f64], k: usize, x: Complex64) {
     }
 }
 
-/// Derivative of coefficient `k` with respect to parameter `p`.
-fn column(by_param: &[f64], np: usize, p: usize, k: usize) -> Complex64 {
-    if k == 0 { Complex64::new(by_param[p], 0.0) } else { Complex64::new(by_param[(2 * k - 1) * np + p], -by_param[2 * k * np + p]) }
-}
-
 /// A matrix ready to solve with; directions that nothing determines (the mean position of a body that only slides) stay as they are.
 pub(super) enum Factors {
-    Regular(LU<f64, Dyn, Dyn>),
+    Regular(PartialPivLu<f64>),
     Singular(Box<SVD<f64, Dyn, Dyn>>),
 }
 
 impl Factors {
-    fn new(matrix: DMatrix<f64>) -> Self {
-        let lu = LU::new(matrix);
-        let pivots = lu.lu_internal().diagonal();
+    fn new(matrix: &DMatrix<f64>) -> Self {
+        let n = matrix.nrows();
+        let lu = MatRef::from_column_major_slice(matrix.as_slice(), n, n).partial_piv_lu();
+        let pivots = lu.U().diagonal().column_vector();
         let (largest, smallest) = pivots.iter().fold((0.0f64, f64::INFINITY), |(l, s), p| (l.max(p.abs()), s.min(p.abs())));
-        if smallest > 1e-12 * largest {
-            return Factors::Regular(lu);
+        match smallest > 1e-12 * largest {
+            true => Factors::Regular(lu),
+            false => Factors::Singular(Box::new(SVD::new(matrix.clone(), true, true))),
         }
-        let mut matrix = lu.l() * lu.u();
-        lu.p().inv_permute_rows(&mut matrix);
-        Factors::Singular(Box::new(SVD::new(matrix, true, true)))
     }
 
     pub(super) fn solve(&self, rhs: &DVector<f64>) -> Option<DVector<f64>> {
-        let step = match self {
-            Factors::Regular(lu) => lu.solve(rhs)?,
-            Factors::Singular(svd) => svd.solve(rhs, 1e-11 * svd.singular_values.max()).ok()?,
-        };
+        let columns = DMatrix::from_column_slice(rhs.len(), 1, rhs.as_slice());
+        let step = self.columns(&columns).column(0).into_owned();
         step.iter().all(|s| s.is_finite()).then_some(step)
     }
 
-    fn columns(&self, rhs: &DMatrix<f64>) -> DMatrix<f64> {
-        let found = match self {
-            Factors::Regular(lu) => lu.solve(rhs),
-            Factors::Singular(svd) => svd.solve(rhs, 1e-11 * svd.singular_values.max()).ok(),
-        };
-        found.unwrap_or_else(|| DMatrix::from_element(rhs.nrows(), rhs.ncols(), f64::NAN))
+    pub(super) fn columns(&self, rhs: &DMatrix<f64>) -> DMatrix<f64> {
+        match self {
+            Factors::Regular(lu) => {
+                let mut found = rhs.clone();
+                let (rows, columns) = found.shape();
+                lu.solve_in_place(MatMut::from_column_major_slice_mut(found.as_mut_slice(), rows, columns));
+                found
+            }
+            Factors::Singular(svd) => {
+                let found = svd.solve(rhs, 1e-11 * svd.singular_values.max());
+                found.unwrap_or_else(|_| DMatrix::from_element(rhs.nrows(), rhs.ncols(), f64::NAN))
+            }
+        }
     }
 }

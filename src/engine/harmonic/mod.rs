@@ -19,8 +19,12 @@
 mod aft;
 mod balance;
 mod continuation;
+mod cycle;
 mod fixed_point;
+mod sensitivity;
 mod structure;
+
+pub use cycle::balanced;
 
 #[cfg(test)]
 mod tests;
@@ -31,23 +35,26 @@ use super::EngineError;
 use super::blocktri::BlockTriError;
 use super::frf::Receptance;
 use balance::Balance;
+use structure::Drive;
 
 /// Resolution of the harmonic balance.
 ///
 /// Against a long march of a three-body chain (`tests::the_response_equals_the_marched_steady_cycle`) the default is off by 1e-7 to
 /// 1e-4. With seven harmonics it would be 4e-3 where those of stick-slip beyond the seventh fall near a resonance of the chain.
 /// What a law differentiates over samples (film contact, velocity inside a play) is of second order in their distance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Highest harmonic of the displacement, at least 1.
     pub harmonics: usize,
     /// Samples of the cycle on which the laws are marched: a power of two, at least 64 and eight per harmonic.
     pub samples: usize,
+    /// Change of the displacements, against the largest of their element, at which the balance holds.
+    pub tolerance: f64,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { harmonics: 15, samples: 256 }
+        Settings { harmonics: 15, samples: 256, tolerance: 1e-12 }
     }
 }
 
@@ -76,7 +83,8 @@ pub fn at_amplitude(
             accepted: "a small signal (no `excitation`), or a cycle or transient test".into(),
         });
     }
-    let mut balance = Balance::new(model, bound, input, amplitude, outputs, settings)?;
+    let bound = &bound.apart();
+    let mut balance = Balance::new(model, bound, Drive::force(input, amplitude), outputs, settings)?;
     let mut h = Vec::with_capacity(omega.len() * outputs.len());
     let mut dh = Vec::with_capacity(if sensitivities { omega.len() * outputs.len() * bound.n_free } else { 0 });
     for w in omega {

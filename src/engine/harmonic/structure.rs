@@ -21,12 +21,40 @@ pub(super) enum Part {
     Nonlinear(usize),
 }
 
+/// What drives the structure, harmonic by harmonic.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Drive {
+    /// General forces at degrees of freedom, `forces[k]` those of harmonic k.
+    pub forces: Vec<Vec<(usize, Complex64)>>,
+    /// Degrees of freedom that are moved, with their displacement at every harmonic.
+    pub held: Vec<(usize, Vec<Complex64>)>,
+}
+
+impl Drive {
+    /// A harmonic force.
+    pub fn force(dof: usize, amplitude: f64) -> Drive {
+        Drive { forces: vec![vec![], vec![(dof, Complex64::new(amplitude, 0.0))]], held: vec![] }
+    }
+
+    /// Highest harmonic in it.
+    pub fn highest(&self) -> usize {
+        let moved = self.held.iter().map(|(_, series)| series.len());
+        moved.chain([self.forces.len()]).max().unwrap_or(1).saturating_sub(1)
+    }
+
+    /// Whether it acts at a harmonic.
+    pub fn acts(&self, k: usize) -> bool {
+        self.forces.get(k).is_some_and(|f| !f.is_empty())
+            || self.held.iter().any(|(_, series)| series.get(k).is_some_and(|u| u.norm() > 0.0))
+    }
+}
+
 /// Displacements per unit load at one harmonic.
 #[derive(Default)]
 pub(super) struct Flexibility {
     /// Columns: unit general force at each nonlinear place; length n each.
     pub places: Vec<Complex64>,
-    /// Under the drive alone (fundamental only).
+    /// Under the drive alone.
     pub drive: Vec<Complex64>,
     /// Columns: unit load at each output (fundamental only).
     pub outputs: Vec<Complex64>,
@@ -51,14 +79,18 @@ pub(super) struct Structure<'a> {
     dp: Vec<Complex64>,
     /// Slope of each nonlinear element at rest where its law has no small-signal stiffness.
     rest_slope: Vec<f64>,
+    /// Which degrees of freedom are moved: their rows say so instead of the equilibrium.
+    held: Vec<bool>,
 }
 
 /// Ground stiffness against the largest entry of the matrix for a structure whose mean position nothing holds.
 const LOOSE: f64 = 1e-7;
 
 impl<'a> Structure<'a> {
-    pub fn new(model: &Model, bound: &'a Bound) -> Result<Self, EngineError> {
+    pub fn new(model: &Model, bound: &'a Bound, drive: &Drive) -> Result<Self, EngineError> {
         let n = model.dofs.len();
+        let mut held = vec![false; n];
+        drive.held.iter().for_each(|(d, _)| held[*d] = true);
         let pairs: Vec<_> = bound.elements.iter().filter_map(|e| Some((e.to?, e.from?))).chain((0..n).map(|d| (d, d))).collect();
         let layout = Arc::new(Layout::new(Levels::new(n, &pairs)?));
         let slot = |i: Option<usize>, j: Option<usize>| match (i, j) {
@@ -102,6 +134,7 @@ impl<'a> Structure<'a> {
             same,
             z: vec![],
             dp: vec![],
+            held,
         })
     }
 
@@ -113,18 +146,36 @@ impl<'a> Structure<'a> {
 
     /// Solves at harmonic `k` of `omega`: nonlinear elements stand in with a linear stiffness of their own, which the caller takes out
     /// of their force again.
-    pub fn solve(
-        &mut self,
-        k: usize,
-        omega: f64,
-        drive: (usize, f64),
-        outputs: &[usize],
-        out: &mut Flexibility,
-    ) -> Result<(), EngineError> {
-        let s = Complex64::new(0.0, k as f64 * omega);
-        self.stiffnesses(s, omega)?;
+    pub fn solve(&mut self, k: usize, omega: f64, drive: &Drive, outputs: &[usize], out: &mut Flexibility) -> Result<(), EngineError> {
+        self.factor(k, omega)?;
         out.stand_in.clear();
         out.stand_in.extend(self.nonlinear.iter().map(|&e| self.z[e]));
+        let n = self.n;
+        out.places.clear();
+        out.places.resize(n * self.nonlinear.len(), Complex64::ZERO);
+        for (a, &e) in self.nonlinear.iter().enumerate() {
+            self.load(e, Complex64::ONE, &mut out.places[a * n..(a + 1) * n]);
+        }
+        self.matrix.solve(&mut out.places)?;
+        out.drive.clear();
+        out.drive.resize(n, Complex64::ZERO);
+        if drive.acts(k) {
+            self.driven(k, drive, &mut out.drive);
+            self.matrix.solve(&mut out.drive)?;
+        }
+        if k == 1 {
+            out.outputs.clear();
+            out.outputs.resize(n * outputs.len(), Complex64::ZERO);
+            outputs.iter().enumerate().for_each(|(o, d)| out.outputs[o * n + d] = Complex64::ONE);
+            self.matrix.solve(&mut out.outputs)?;
+        }
+        Ok(())
+    }
+
+    /// Factors the structure at harmonic `k`.
+    pub fn factor(&mut self, k: usize, omega: f64) -> Result<(), EngineError> {
+        let s = Complex64::new(0.0, k as f64 * omega);
+        self.stiffnesses(s, omega)?;
         self.assemble(s, 0.0);
         let line = |e: BlockTriError| match e {
             BlockTriError::Singular { dof, pivot } => BlockTriError::SingularLine { dof, frequency: s.im / std::f64::consts::TAU, pivot },
@@ -139,29 +190,49 @@ impl<'a> Structure<'a> {
             }
             Err(e) => return Err(line(e).into()),
         }
-        let n = self.n;
-        out.places.clear();
-        out.places.resize(n * self.nonlinear.len(), Complex64::ZERO);
-        for (a, &e) in self.nonlinear.iter().enumerate() {
-            let element = &self.bound.elements[e];
-            for (dof, sign) in [(element.to, 1.0), (element.from, -1.0)] {
-                if let Some(d) = dof {
-                    out.places[a * n + d] += sign;
-                }
+        Ok(())
+    }
+
+    /// Answers to loads at the degrees of freedom, column after column, by the factors of the last [`Structure::factor`].
+    pub fn answer(&mut self, columns: &mut [Complex64]) -> Result<(), EngineError> {
+        Ok(self.matrix.solve(columns)?)
+    }
+
+    /// Puts a general force of an element's place into a column of loads; what is moved takes none.
+    pub fn load(&self, element: usize, force: Complex64, column: &mut [Complex64]) {
+        let e = &self.bound.elements[element];
+        for (dof, sign) in [(e.to, 1.0), (e.from, -1.0)] {
+            if let Some(d) = dof.filter(|d| !self.held[*d]) {
+                column[d] += force * sign;
             }
         }
-        self.matrix.solve(&mut out.places)?;
-        if k == 1 {
-            out.drive.clear();
-            out.drive.resize(n, Complex64::ZERO);
-            out.drive[drive.0] = Complex64::new(drive.1, 0.0);
-            self.matrix.solve(&mut out.drive)?;
-            out.outputs.clear();
-            out.outputs.resize(n * outputs.len(), Complex64::ZERO);
-            outputs.iter().enumerate().for_each(|(o, d)| out.outputs[o * n + d] = Complex64::ONE);
-            self.matrix.solve(&mut out.outputs)?;
+    }
+
+    /// Loads of the drive: forces, what is moved, and what the elements carry over from there.
+    fn driven(&self, k: usize, drive: &Drive, column: &mut [Complex64]) {
+        for (d, force) in drive.forces.get(k).into_iter().flatten().filter(|(d, _)| !self.held[*d]) {
+            column[*d] += force;
         }
-        Ok(())
+        for (held, series) in &drive.held {
+            let u = series.get(k).copied().unwrap_or_default();
+            for (e, z) in self.bound.elements.iter().zip(&self.z) {
+                let across = [(e.to, e.from), (e.from, e.to)].into_iter().find(|(one, _)| *one == Some(*held));
+                if let Some((_, Some(other))) = across.filter(|(_, other)| other.is_some_and(|d| !self.held[d])) {
+                    column[other] += z * u;
+                }
+            }
+            column[*held] = u;
+        }
+    }
+
+    /// Complex stiffness of an element at the harmonic of the last [`Structure::factor`].
+    pub fn stiffness(&self, element: usize) -> Complex64 {
+        self.z[element]
+    }
+
+    /// Mass at a degree of freedom.
+    pub fn mass(&self, dof: usize) -> f64 {
+        self.mass[dof]
     }
 
     fn stiffnesses(&mut self, s: Complex64, omega: f64) -> Result<(), EngineError> {
@@ -187,12 +258,15 @@ impl<'a> Structure<'a> {
     fn assemble(&mut self, s: Complex64, ground: f64) {
         self.matrix.clear();
         for (d, slot) in self.diagonal.iter().enumerate() {
-            self.matrix.add_at(*slot, s * s * self.mass[d] + ground);
+            let value = if self.held[d] { Complex64::ONE } else { s * s * self.mass[d] + ground };
+            self.matrix.add_at(*slot, value);
         }
-        for (slots, z) in self.slots.iter().zip(&self.z) {
-            for (slot, value) in slots.iter().zip([*z, *z, -*z, -*z]) {
-                if let Some(slot) = slot {
-                    self.matrix.add_at(*slot, value);
+        for ((slots, z), e) in self.slots.iter().zip(&self.z).zip(&self.bound.elements) {
+            let free = |dof: Option<usize>| dof.is_some_and(|d| !self.held[d]);
+            let (to, from) = (free(e.to), free(e.from));
+            for ((slot, value), enters) in slots.iter().zip([*z, *z, -*z, -*z]).zip([to, from, to && from, to && from]) {
+                if let Some(slot) = slot.filter(|_| enters) {
+                    self.matrix.add_at(slot, value);
                 }
             }
         }

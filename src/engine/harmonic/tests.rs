@@ -43,7 +43,7 @@ fn bind(system: &System) -> Bound {
 }
 
 fn fine(harmonics: usize, samples: usize) -> Settings {
-    Settings { harmonics, samples }
+    Settings { harmonics, samples, ..Settings::default() }
 }
 
 fn run(system: &System, omega: &[f64], input: usize, force: f64, outputs: &[usize], settings: Settings) -> Vec<Complex64> {
@@ -348,4 +348,91 @@ fn requests_without_meaning_are_refused() {
     ] {
         assert!(!error.accepted().is_empty() && !error.to_string().is_empty(), "{error:?}");
     }
+}
+
+/// The first body moved in three harmonics about a mean, the last under a force and one that stays.
+fn driven(steps: usize) -> Loads {
+    let at = |k: usize| TAU * k as f64 / steps as f64;
+    let w = 40.0;
+    let moved = |k: usize| {
+        let t = at(k);
+        [
+            1e-4 + 1e-3 * t.sin() + 2e-4 * (2.0 * t).cos(),
+            w * (1e-3 * t.cos() - 4e-4 * (2.0 * t).sin()),
+            -w * w * (1e-3 * t.sin() + 8e-4 * (2.0 * t).cos()),
+        ]
+    };
+    Loads {
+        dt: TAU / w / steps as f64,
+        prescribed: vec![(0, (0..=steps).map(moved).collect())],
+        forces: vec![(2, (0..=steps).map(|k| 0.4 * at(k % steps).sin()).collect())],
+    }
+}
+
+/// Values, and sensitivities, of every kind of probe by the balance and by a march in many steps.
+#[test]
+fn the_steady_cycle_equals_the_marched_one() {
+    use super::super::march::Probe;
+    let probes = [
+        Probe::Dof(1),
+        Probe::Velocity(2),
+        Probe::Acceleration(1),
+        Probe::Relative(2),
+        Probe::RelativeVelocity(2),
+        Probe::RelativeAcceleration(1),
+        Probe::Force(1),
+        Probe::Force(2),
+        Probe::Reaction(0),
+    ];
+    // Effect, rms error of the values and of the sensitivities over their size.
+    let cases: [(&str, &[f64], f64, f64); 5] = [
+        ("maxwell", &[500.0, 0.02], 2e-5, 1e-4),
+        ("added_mass", &[0.1], 2e-5, 1e-4),
+        ("cubic_stiffness", &[4e8], 1e-4, 1e-3),
+        // Kinks beside a spring of 2500 N/m.
+        ("elastic_slip", &[0.02, 1e-4], 2e-3, 5e-2),
+        ("bilinear_stiffness", &[100.0], 2e-3, 5e-2),
+    ];
+    for (effect, values, close, closer) in cases {
+        let system = with(&[(effect, "c2.x", values)]);
+        let bound = bind(&system);
+        let (few, many) = (driven(400), driven(3200));
+        let balanced = super::balanced(&system.model, &bound, &few, &probes, true).expect(effect);
+        let marched = super::super::periodic::periodic(&system.model, &bound, &many, &probes, true).unwrap();
+        let columns = balanced.columns;
+        assert_eq!((columns, balanced.steps), (marched.columns, 400));
+        for (p, probe) in probes.iter().enumerate() {
+            let rms = |v: &dyn Fn(usize) -> f64| ((0..400).map(|k| v(k).powi(2)).sum::<f64>() / 400.0).sqrt();
+            let size = rms(&|k| marched.values[p][8 * k + 7]);
+            let off = rms(&|k| balanced.values[p][k] - marched.values[p][8 * k + 7]);
+            assert!(off <= close * size, "{effect} {probe:?}: {off} of {size}");
+            for c in 0..columns {
+                // In the first harmonics: beside a kink an acceleration's derivative jumps, and has all of them.
+                let by = |k: usize| marched.slopes[p][(8 * k + 7) * columns + c];
+                let of = |v: &dyn Fn(usize) -> f64, h: usize| -> Complex64 {
+                    (0..400).map(|k| Complex64::from_polar(v(k), -TAU * (h * (k + 1)) as f64 / 400.0)).sum()
+                };
+                let norm = |v: &dyn Fn(usize) -> f64| (0..=8).map(|h| of(v, h).norm_sqr()).sum::<f64>().sqrt();
+                let off = norm(&|k| balanced.slopes[p][k * columns + c] - by(k));
+                let size = norm(&by);
+                assert!(off <= closer * size.max(1e-12), "{effect} {probe:?} column {c}: {off} of {size}");
+            }
+        }
+    }
+}
+
+/// Where everything is moved, and where no force is found in harmonics, the march has to do it.
+#[test]
+fn what_the_balance_leaves_to_the_march() {
+    let system = with(&[]);
+    let bound = bind(&system);
+    let mut all = driven(100);
+    all.prescribed = (0..3).map(|d| (d, all.prescribed[0].1.clone())).collect();
+    assert!(super::balanced(&system.model, &bound, &all, &[], false).is_none());
+    // Friction that does most of the work, and a saw tooth, have all harmonics.
+    let system = with(&[("elastic_slip", "c2.x", &[1.0, 1e-4])]);
+    assert!(super::balanced(&system.model, &bind(&system), &driven(400), &[], false).is_none());
+    let mut rough = driven(400);
+    rough.forces[0].1 = (0..=400).map(|k| (k % 400) as f64).collect();
+    assert!(super::balanced(&system.model, &bound, &rough, &[], false).is_none());
 }

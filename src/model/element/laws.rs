@@ -1,0 +1,75 @@
+//! Which laws an element has, and what that says of it.
+
+use super::{Element, ForcePiece};
+
+impl Element {
+    /// Whether both have the same laws with the same numbers and the same free parameters behind them.
+    pub fn same_law(&self, other: &Element) -> bool {
+        // Formulas share a name; their equations tell them apart.
+        let names = |e: &Element| -> Vec<(&'static str, &'static str)> {
+            let forces = e.linear.iter().chain(&e.forces).chain(&e.followers).map(|f| f.law.info());
+            forces.chain(e.series.iter().map(|s| s.law.info())).map(|i| (i.name, i.equation)).collect()
+        };
+        self.p == other.p && self.chains == other.chains && names(self) == names(other)
+    }
+
+    /// Whether forces and openings are linear in the motion and its history, so that [`Element::stiffness`] says all at every amplitude.
+    pub fn is_linear_at_every_amplitude(&self) -> bool {
+        self.forces.iter().all(|f| f.law.superposes()) && self.series.iter().filter(|s| s.follower.is_none()).all(|s| s.law.linear())
+    }
+
+    /// The same of the candidates of the score test.
+    pub fn followers_are_linear(&self) -> bool {
+        self.followers.iter().all(|f| f.law.superposes()) && self.series.iter().filter(|s| s.follower.is_some()).all(|s| s.law.linear())
+    }
+
+    /// The same law as two elements side by side, what is linear at every amplitude and the rest; `None` where one of them is empty, or an opening
+    /// stands before both.
+    pub fn apart(&self) -> Option<[Element; 2]> {
+        if !self.series.is_empty() || self.is_linear_at_every_amplitude() {
+            return None;
+        }
+        let superposes = |f: &&ForcePiece| f.law.superposes();
+        let [mut linear, mut rest] = [self.bare(), self.bare()];
+        linear.linear_sum = self.linear_sum;
+        for piece in &self.linear {
+            let p = linear.push_params(self.p[piece.p.clone()].to_vec(), self.chains[piece.p.clone()].to_vec());
+            linear.linear.push(ForcePiece { p, ..piece.clone() });
+        }
+        for piece in &self.forces {
+            let of = if superposes(&piece) { &mut linear } else { &mut rest };
+            let p = of.push_params(self.p[piece.p.clone()].to_vec(), self.chains[piece.p.clone()].to_vec());
+            let s = of.n_states..of.n_states + piece.s.len();
+            of.n_states = s.end;
+            of.forces.push(ForcePiece { p, s, ..piece.clone() });
+        }
+        for piece in &self.followers {
+            let of = if superposes(&piece) { &mut linear } else { &mut rest };
+            let p = of.push_params(self.p[piece.p.clone()].to_vec(), self.chains[piece.p.clone()].to_vec());
+            let s = of.n_follower_states..of.n_follower_states + piece.s.len();
+            of.n_follower_states = s.end;
+            of.followers.push(ForcePiece { p, s, ..piece.clone() });
+        }
+        (linear.n_params() > 0 && rest.n_params() > 0).then_some([linear, rest])
+    }
+
+    /// The same place without laws.
+    fn bare(&self) -> Element {
+        Element {
+            place: self.place,
+            from: self.from,
+            to: self.to,
+            chains: vec![],
+            p: vec![],
+            active: vec![],
+            forces: vec![],
+            linear: vec![],
+            linear_sum: [0.0; 3],
+            followers: vec![],
+            series: vec![],
+            n_states: 0,
+            n_follower_states: 0,
+            opening: false,
+        }
+    }
+}
