@@ -16,6 +16,8 @@ pub struct HeldOutTests<'a> {
     /// The tests to which models were fitted.
     fitted: &'a Evidence,
     counts: Counts,
+    /// Scale of the noise as the last model has it: noise is the tests', and no model is better for having another.
+    kappa: f64,
     settings: &'a Settings,
 }
 
@@ -48,7 +50,7 @@ impl<'a> HeldOutTests<'a> {
             return None;
         }
         let evidence = Evidence::new(&plans, &last.fitted.system, &settings.evidence);
-        let mut tests = HeldOutTests { counts: evidence.independent(), plans, evidence, fitted, settings };
+        let mut tests = HeldOutTests { counts: evidence.independent(), kappa: last.v.kappa, plans, evidence, fitted, settings };
         tests.counts = tests.evidence.least_counts(&first.v.carried(tests.fitted, &tests.evidence));
         Some(tests)
     }
@@ -88,7 +90,8 @@ impl<'a> HeldOutTests<'a> {
 
     /// A model in them; none where it cannot be computed there.
     pub fn look<'w>(&self, w: &'w Weighed) -> Option<Look<'w>> {
-        let ((seen, values), v) = (self.see(&w.fitted.system)?, w.v.carried(self.fitted, &self.evidence));
+        let (seen, values) = self.see(&w.fitted.system)?;
+        let v = Variances { kappa: self.kappa, ..w.v.carried(self.fitted, &self.evidence) };
         let density = self.evidence.likelihood(&seen, &self.counts, &v) - self.evidence.prior(&self.counts, &v);
         density.is_finite().then_some(Look { of: w, seen, values, density })
     }
