@@ -16,12 +16,15 @@
 //! FRF     a smooth function along the lines, free in m of n directions (six a mode); there its variance is D = nu + tau^2 rho n / m, elsewhere
 //!         the residual is noise. A line adds  (m/n) ln D + (1 - m/n) (ln nu + 1 - nu / D) + r^2 / D  to -2 l
 //! others  the error lies anywhere, and a coefficient of which it holds the part p = tau^2 rho / d counts as z = 1 - p (1 - z0) facts, d = kappa^2 nu +
-//!         tau^2 rho: the coarsened posterior of Miller and Dunson, J. Am. Stat. Assoc. 114, 2019. It adds  z (ln d + r^2 / d)
+//!         tau^2 rho: the coarsened posterior of Miller and Dunson, J. Am. Stat. Assoc. 114, 2019. It adds  z (ln d + r^2 / d), and what does not
+//!         count is noise as it was seen beside that error: (1 - z) (ln kappa^2 + 1 / kappa^2)
 //! l_z     -1/2 [ sum of these + ln|I + B'W B| - (B'W r)'(I + B'W B)^-1 (B'W r) ] + ln prior(kappa, tau, omega, g),  W = diag(1 / D or z / d)
 //! ```
 //!
 //! The variances `kappa, tau, omega, g` are estimated for every model anew, by the restricted likelihood (Patterson and Thompson, Biometrika
-//! 58, 1971: the model's parameters integrated out to first order). Where noise rules, l_z is the ordinary likelihood. Two models
+//! 58, 1971: the model's parameters integrated out to first order), each channel's own error g_b integrated out about where it stands (Laplace:
+//! `-1/2 ln(1 + s^2 I_b)`, I_b its Fisher information): fitted for nothing, own errors would make a quarter of pure noise a model's error. An estimate
+//! begins where all that a model leaves is its error: under small z all noise is a summit as well. Where noise rules, l_z is the ordinary likelihood. Two models
 //! are compared under the z of the smaller one: `l_z(M1) - l_z(M0) - 1/2 dk ln n - ln(tried)` with `n` the facts there are.
 
 mod facts;
