@@ -87,3 +87,44 @@ pub fn pair(best: &[Score], selected: &[(usize, f64)], names: &[Name], trials: &
     let second = others.iter().find(|c| names[**c].at != names[first].at).or(others.first())?;
     Some([of(first)?, of(*second)?])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::find;
+    use crate::model::{Instance, ParamValue, Site};
+
+    fn trial(effect: &str, candidate: usize) -> Trial {
+        let effect = find(effect).unwrap();
+        let params = effect.info().params.iter().map(|p| ParamValue::fixed(p.default)).collect();
+        Trial { instance: Instance::new(effect, "c1.x", Site::Places(vec![0]), params), candidate }
+    }
+
+    fn score(trial: usize, drop: f64) -> Score {
+        Score { trial, z: 3.0, drop, strength: 1.0, p_value: 0.01, visible: 0.0 }
+    }
+
+    /// Eight frictions lead by their slope; of a law in series the slope says little, and it is refitted for what it may gain.
+    #[test]
+    fn what_a_slope_hides_is_refitted_for_its_bound() {
+        let settings = Settings::default();
+        let laws =
+            ["coulomb", "stribeck", "smooth_coulomb", "elastic_slip", "iwan", "bouc_wen", "lugre", "film", "cubic_stiffness", "backlash"];
+        let trials: Vec<Trial> = laws.iter().enumerate().map(|(k, law)| trial(law, k)).collect();
+        let best: Vec<Score> = (0..laws.len()).map(|k| score(k, 0.9 - 0.05 * k as f64)).collect();
+        let bound = |s: &Score| s.drop * if laws[s.trial] == "backlash" { settings.promise_series } else { settings.promise };
+        let picked: Vec<usize> = first(&best, &[], &[], bound, &trials, &settings).iter().map(|s| s.trial).collect();
+        assert_eq!(picked[..settings.refits], (0..settings.refits).collect::<Vec<_>>());
+        assert_eq!(picked[settings.refits..], [9, 8], "the play before the spring that scores higher");
+    }
+
+    #[test]
+    fn the_second_opinion_is_refitted_whatever_it_scores() {
+        let settings = Settings::default();
+        let trials: Vec<Trial> = (0..12).map(|k| trial("coulomb", k)).collect();
+        let best: Vec<Score> = (0..12).map(|k| score(k, if k == 11 { 1e-6 } else { 0.9 - 0.01 * k as f64 })).collect();
+        let picked = first(&best, &[], &[(11, 0.5), (10, 1e-6)], |s| s.drop, &trials, &settings);
+        assert!(picked.iter().any(|s| s.trial == 11));
+        assert_eq!(picked.len(), settings.refits + 1 + settings.race.of_bound, "10 carries nothing and is picked for its bound alone");
+    }
+}

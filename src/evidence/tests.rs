@@ -78,6 +78,22 @@ fn where_noise_rules_every_coefficient_is_a_fact() {
     assert!(error < 0.005 && facts > 0.85 * 405.0, "{error} {facts}");
 }
 
+/// A model that leaves ten times the noise, whose coefficients count as few: under these counts noise of twice the size is no way out.
+#[test]
+fn what_counts_as_few_is_no_noise() {
+    let e = evidence(3);
+    let seen: Vec<Seen> = (0..3).map(|t| Seen { r: noise(81, t as f64) * (1e-1 / 9.0), ..drawn(0, 3, 0.0).swap_remove(t) }).collect();
+    let start = Variances::start(&e, &seen);
+    assert!((0.08..0.12).contains(&start.model_error(&e)), "all that is left: {start:?}");
+    let counts = e.counts(&seen, &start);
+    assert!(counts.n < 25.0, "{}", counts.n);
+    let v = e.estimate(&seen, &counts, &start);
+    assert!((0.07..0.14).contains(&v.model_error(&e)) && v.kappa.abs() < 0.05, "{v:?}");
+    // The other summit: noise of twice the size and no error, which the coarsened square alone would allow.
+    let other = Variances { tau: (0.003f64).ln(), kappa: 2f64.ln(), own: vec![vec![0.0]; 3], ..v.clone() };
+    assert!(e.likelihood(&seen, &counts, &v) > e.likelihood(&seen, &counts, &other) + 30.0);
+}
+
 /// Errors of its own in every channel are worth less where they say no more than the common one.
 #[test]
 fn own_errors_are_integrated_out() {
