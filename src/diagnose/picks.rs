@@ -44,8 +44,9 @@ pub fn first(
     picked
 }
 
-/// By the refits, the cheapest first: other effects where the leader acts, which it may have crowded out of the list; and, unless the
-/// leader already explains everything, the effects of the leaders at other places. `unexplained`: the cost without a candidate.
+/// By the refits, the cheapest first: the next in the list for what could not be fitted; other effects where the leader acts, which it may have
+/// crowded out of the list; and, unless the leader already explains everything, the effects of the leaders at other places. `unexplained`: the cost
+/// without a candidate.
 pub fn second(
     best: &[Score],
     refits: &[Refit],
@@ -63,14 +64,17 @@ pub fn second(
     };
     let fall = |r: &Refit| r.result.as_ref().map_or(0.0, |p| unexplained - p.fitted.outcome.cost);
     let most = refits.iter().map(fall).fold(0.0, f64::max);
+    // Dry friction has no FRF of small motion: at every place it would take the turns of those that have.
+    let failed = refits.iter().filter(|r| r.result.is_err()).count();
+    let mut picked: BTreeMap<usize, Score> = best.iter().filter(|s| !done(s)).take(failed).map(|s| (candidate(s), *s)).collect();
     let lead = refits.iter().filter(|r| r.result.is_ok() && acts(r.candidate) && fall(r) >= race.leads * most);
     let leaders: Vec<usize> = lead.map(|r| r.candidate).take(race.leaders).collect();
-    let Some(leader) = leaders.first() else { return vec![] };
+    let Some(leader) = leaders.first() else { return picked.into_values().collect() };
     let promised = refits.iter().find(|r| r.candidate == *leader).map_or(0.0, |r| r.score.drop);
     let there = |c: usize| names[c].at == names[*leader].at;
-    let at_place = race.at_place.saturating_sub(refits.iter().filter(|r| there(r.candidate)).count());
+    let at_place = race.at_place.saturating_sub(refits.iter().filter(|r| r.result.is_ok() && there(r.candidate)).count());
     let rivals = best.iter().filter(|s| !done(s) && there(candidate(s)) && acts(candidate(s)) && s.drop >= race.rivals * promised);
-    let mut picked: BTreeMap<usize, Score> = rivals.take(at_place).map(|s| (candidate(s), *s)).collect();
+    picked.extend(rivals.take(at_place).map(|s| (candidate(s), *s)));
     if !explained {
         let same = |s: &&Score| leaders.iter().any(|l| names[*l].effect == names[candidate(s)].effect);
         picked.extend(best.iter().filter(|s| !done(s)).filter(same).take(race.elsewhere).map(|s| (candidate(s), *s)));
@@ -126,5 +130,20 @@ mod tests {
         let picked = first(&best, &[], &[(11, 0.5), (10, 1e-6)], |s| s.drop, &trials, &settings);
         assert!(picked.iter().any(|s| s.trial == 11));
         assert_eq!(picked.len(), settings.refits + 1 + settings.race.of_bound, "10 carries nothing and is picked for its bound alone");
+    }
+
+    #[test]
+    fn what_cannot_be_fitted_leaves_its_turn_to_the_next() {
+        let settings = Settings::default();
+        let trials: Vec<Trial> = (0..6).map(|k| trial("coulomb", k)).collect();
+        let name = |k: usize| Name { effect: "coulomb", at: format!("c{k}.x"), of: None };
+        let best: Vec<Score> = (0..6).map(|k| score(k, 0.9 - 0.1 * k as f64)).collect();
+        let failed = |k: usize| Refit { candidate: k, score: best[k], result: Err("no small-amplitude limit".into()) };
+        let refits: Vec<Refit> = [0, 1, 2].into_iter().map(failed).collect();
+        let names: Vec<Name> = (0..6).map(name).collect();
+        let next = second(&best, &refits, false, 1.0, &names, &trials, &settings.race);
+        assert_eq!(next.iter().map(|s| s.trial).collect::<Vec<_>>(), [3, 4, 5]);
+        let next = second(&best, &refits[..1], false, 1.0, &names, &trials, &settings.race);
+        assert_eq!(next.iter().map(|s| s.trial).collect::<Vec<_>>(), [1], "one for one");
     }
 }
