@@ -77,10 +77,14 @@ impl Element {
     /// An element without effects at a place.
     pub fn new(model: &Model, place: usize) -> Element {
         let at = &model.places[place];
+        Element::empty(place, at.from, at.to)
+    }
+
+    fn empty(place: usize, from: Option<usize>, to: Option<usize>) -> Element {
         Element {
             place,
-            from: at.from,
-            to: at.to,
+            from,
+            to,
             chains: vec![],
             p: vec![],
             active: vec![],

@@ -30,7 +30,7 @@ impl Element {
             return None;
         }
         let superposes = |f: &&ForcePiece| f.law.superposes();
-        let [mut linear, mut rest] = [self.bare(), self.bare()];
+        let [mut linear, mut rest] = [(); 2].map(|()| Element::empty(self.place, self.from, self.to));
         linear.linear_sum = self.linear_sum;
         for piece in &self.linear {
             let p = linear.push_params(self.p[piece.p.clone()].to_vec(), self.chains[piece.p.clone()].to_vec());
@@ -51,25 +51,5 @@ impl Element {
             of.followers.push(ForcePiece { p, s, ..piece.clone() });
         }
         (linear.n_params() > 0 && rest.n_params() > 0).then_some([linear, rest])
-    }
-
-    /// The same place without laws.
-    fn bare(&self) -> Element {
-        Element {
-            place: self.place,
-            from: self.from,
-            to: self.to,
-            chains: vec![],
-            p: vec![],
-            active: vec![],
-            forces: vec![],
-            linear: vec![],
-            linear_sum: [0.0; 3],
-            followers: vec![],
-            series: vec![],
-            n_states: 0,
-            n_follower_states: 0,
-            opening: false,
-        }
     }
 }
