@@ -152,8 +152,8 @@ impl Scale {
         Some(Weighed { fitted: fitted.clone(), seen, v, likelihood })
     }
 
-    /// The system weighed, the counts set by what its plain fit leaves and then by what it leaves itself. Counted as independent at first, a thousand
-    /// lines of an FRF would lead a good fit away from the loops before they are known to be few facts.
+    /// The system weighed, the counts set by what its plain fit leaves and then by what it leaves itself. All that the plain fit leaves counts as its error
+    /// at first: counted as independent, a thousand lines of an FRF would lead a good fit away from the loops before they are known to be few facts.
     pub fn begin(&mut self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
         let system = &self.plainly(system, monitor)?;
         parallel::watched(&monitor.watch(), || {

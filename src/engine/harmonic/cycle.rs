@@ -142,7 +142,9 @@ fn sampled(read: &[DMatrix<f64>], steps: usize, columns: usize) -> Cycle {
         // Entry k is the end of step k + 1; the start of the cycle is that of its last step.
         let from = |k: usize| (k + 1) % steps;
         values.push((0..steps).map(|k| over[(0, from(k))]).collect());
-        slopes.push((0..steps).flat_map(|k| over.column(from(k)).iter().skip(1).copied().collect::<Vec<f64>>()).collect());
+        let mut by = Vec::with_capacity(steps * columns);
+        (0..steps).for_each(|k| by.extend(over.column(from(k)).iter().skip(1)));
+        slopes.push(by);
     }
     Cycle { steps, columns, values, slopes, cycles: 0 }
 }
