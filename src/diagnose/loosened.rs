@@ -94,12 +94,14 @@ impl Climb<'_> {
         self.case.deviations = Slack::default();
         (self.base, self.slack, self.now) = (study, Slack::default(), small);
         self.forget();
-        let rungs = self.exchanged(searched);
-        let whole = Scale { case: loose, ..self.scale.again() }.weigh(&former.now.fitted.system, &former.now.v, self.monitor);
-        // Deviations have paid by their widths; what was looked for was paid for when it was found.
-        let found = self.added.len() as f64 - former.added.len() as f64;
-        let extra = 0.5 * former.slack.len() as f64 * self.scale.counts.n.ln() + found * self.tried.max(1.0).ln();
-        let gain = whole.map_or(f64::INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now));
+        let mut rungs = self.without_slack(searched, former.added.len());
+        let mut gain = self.slack_above(&former, &loose);
+        // The laws that were found one after another are exchanged once more where that may decide.
+        let found = self.added.len() > former.added.len();
+        if found && gain > self.settings.tie && gain <= self.settings.tie + self.settings.decisive {
+            rungs = rungs.and_then(|rungs| self.exchanged(rungs));
+            gain = self.slack_above(&former, &loose);
+        }
         // What is interrupted decides nothing.
         if gain > self.settings.tie || rungs.is_err() || trace::stopped(self.monitor) {
             (self.case, self.base, self.slack, self.added) = (former.case, former.base, former.slack, former.added);
@@ -110,20 +112,34 @@ impl Climb<'_> {
         rungs.ok()
     }
 
-    /// The effects exchanged for what does their work now, and what else is missing looked for.
-    fn exchanged(&mut self, searched: bool) -> Result<Vec<Rung>, DiagnoseError> {
-        let mut rungs = Vec::new();
-        loop {
-            let (added, removed) = if self.added.is_empty() { None } else { self.swap() }.unzip();
-            if added.is_some() || rungs.is_empty() {
-                rungs.push(self.rung(added, removed.into_iter().collect())?);
-            }
-            if !searched || self.effects() >= self.settings.max_added || rungs.len() > 2 * self.settings.max_added {
-                return Ok(rungs);
-            }
+    /// Nats by which the model with slack is above the present one, under the counts of that. Deviations have paid by their widths; what was looked for was
+    /// paid for when it was found.
+    fn slack_above(&self, former: &Former, loose: &Case) -> f64 {
+        let scale = Scale { case: loose.clone(), ..self.scale.again() };
+        let whole = scale.weigh(&former.now.fitted.system, &former.now.v, self.monitor);
+        let found = self.added.len() as f64 - former.added.len() as f64;
+        let extra = 0.5 * former.slack.len() as f64 * self.scale.counts.n.ln() + found * self.tried.max(1.0).ln();
+        whole.map_or(f64::INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now))
+    }
+
+    /// The effects exchanged for what does their work now.
+    fn exchanged(&mut self, mut rungs: Vec<Rung>) -> Result<Vec<Rung>, DiagnoseError> {
+        let (added, removed) = if self.added.is_empty() { None } else { self.swap() }.unzip();
+        if added.is_some() || rungs.is_empty() {
+            rungs.push(self.rung(added, removed.into_iter().collect())?);
+        }
+        Ok(rungs)
+    }
+
+    /// The same, and what else is missing looked for: as many effects as slack may stand for beside the `former` ones.
+    fn without_slack(&mut self, searched: bool, former: usize) -> Result<Vec<Rung>, DiagnoseError> {
+        let mut rungs = self.exchanged(vec![])?;
+        let most = (former + self.settings.slack_effects).min(self.settings.max_added);
+        while searched && self.effects() < most && rungs.len() <= 2 * self.settings.max_added {
             let step = self.step()?;
-            let Some(taken) = &step.taken else { return Ok(rungs) };
+            let Some(taken) = &step.taken else { break };
             rungs.push(self.taken(taken, &step)?);
         }
+        Ok(rungs)
     }
 }

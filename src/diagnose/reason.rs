@@ -16,6 +16,13 @@ pub enum Reason {
         /// Nats; below zero.
         nats: f64,
     },
+    /// Its gain is within a tie of nothing, and the fitted tests, each left out in its turn, had a say.
+    InTurn {
+        /// Nats beyond its price.
+        nats: f64,
+        /// Nats by which the tests that were left out are foretold better with it.
+        turns: f64,
+    },
     /// What it may gain at most is below the price, by its score or by its refit under the variances of the model without it.
     Hopeless {
         /// That bound, and the price [nats].
@@ -69,6 +76,9 @@ impl Reason {
         match self {
             Reason::Gains { nats } => format!("gains {nats:.1} nats beyond its price"),
             Reason::TooLittle { nats } => format!("falls {:.1} nats short of its price", -nats),
+            Reason::InTurn { nats, turns } => {
+                format!("{nats:+.1} nats beyond its price, which does not decide; tests left out in turn are foretold {turns:+.1} nats better")
+            }
             Reason::Hopeless { bound, price } => format!("can gain {bound:.1} nats at most, and its price is {price:.1}"),
             Reason::NotInRecord { fault } => format!("not seen in the record: {}", fault.describe()),
             Reason::InPair { nats } => format!("gains {nats:.1} nats beyond its price with the other of its pair"),
@@ -103,6 +113,7 @@ mod tests {
             Reason::Gains { nats: 3.0 },
             Reason::TooLittle { nats: -2.0 },
             Reason::Hopeless { bound: 1.0, price: 5.0 },
+            Reason::InTurn { nats: -0.4, turns: 3.0 },
             Reason::InPair { nats: 2.0 },
             Reason::Failed { why: "no steady cycle".into() },
             Reason::NotTried,

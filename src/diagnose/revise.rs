@@ -39,12 +39,13 @@ impl Climb<'_> {
         while self.added.len() > 1 && !trace::stopped(self.monitor) {
             let weigh = |k: usize| -> Option<(f64, Weighed)> {
                 let (scale, small, whole) = self.beside_smaller(k)?;
-                Some((scale.gain(&whole, &small, self.tried), small))
+                let gain = scale.gain(&whole, &small, self.tried);
+                let stays = gain > -self.settings.tie || scale.in_turn(gain, &whole, &small, self.monitor).yes;
+                (!stays).then_some((gain, small))
             };
             let found = parallel::over(self.added.len(), weigh);
             let worst = found.into_iter().enumerate().filter_map(|(k, f)| Some((k, f?)));
-            let worst = worst.filter(|(_, (gain, _))| *gain <= -self.settings.tie).min_by(|a, b| a.1.0.total_cmp(&b.1.0));
-            let Some((k, (gain, small))) = worst else { break };
+            let Some((k, (gain, small))) = worst.min_by(|a, b| a.1.0.total_cmp(&b.1.0)) else { break };
             let gone = self.added.remove(k);
             (self.watch)(&format!("removed {} at {}: it would gain {gain:.1} nats", gone.name.effect, gone.name.at));
             removed.push(EffectAt { effect: gone.name.effect.into(), at: gone.name.at });

@@ -3,11 +3,11 @@
 use crate::effect::{Role, find};
 use crate::evidence::Variances;
 use crate::identify::{Monitor, Termination};
-use crate::model::System;
 use crate::parallel;
 
 use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::Case;
+use super::pairs::in_pairs;
 use super::picks;
 use super::reason::Reason;
 use super::refit::{Bench, Leader, Refit, best_per_candidate};
@@ -104,11 +104,16 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
     let (stood, mut reasons) = weighed(a, &refits, &names, &price, cost, &loose);
-    let mut taken = stood.iter().filter(|s| s.admissible && s.gain > 0.0).max_by(|a, b| a.gain.total_cmp(&b.gain)).map(|s| Move {
-        names: vec![s.name.clone()],
-        weighed: s.weighed.clone(),
-        gain: s.gain,
-    });
+    let single = stood.iter().filter(|s| s.admissible && a.need.is_none()).max_by(|a, b| a.gain.total_cmp(&b.gain));
+    let mut taken = None;
+    if let Some(s) = single {
+        let better = scale.better(s.gain, &s.weighed, base, a.monitor);
+        if let Some(turns) = better.turns {
+            let of = |r: &Refit| names[r.candidate] == s.name;
+            refits.iter().zip(&mut reasons).filter(|(r, _)| of(r)).for_each(|(_, w)| *w = Reason::InTurn { nats: s.gain, turns });
+        }
+        taken = better.yes.then(|| Move { names: vec![s.name.clone()], weighed: s.weighed.clone(), gain: s.gain });
+    }
     if taken.is_none() && a.need.is_none() {
         taken = in_pairs(a, &stood, &bench, price.physics, picks::pair(&hopeful, &scores.selected, &names, &trials, bench.race()));
         if let Some(pair) = &taken {
@@ -246,7 +251,7 @@ pub(super) fn promised(q: f64, drop: f64) -> f64 {
     0.5 * q * drop.max(-(1.0 - drop).ln())
 }
 
-fn role(name: &Name) -> Option<Role> {
+pub(super) fn role(name: &Name) -> Option<Role> {
     find(name.effect).ok().map(|e| e.info().role)
 }
 
@@ -331,52 +336,6 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
     }
     stood.sort_by(|a, b| scale.worth(&b.weighed).total_cmp(&scale.worth(&a.weighed)));
     (stood, reasons.into_iter().map(|r| r.unwrap_or(Reason::NotTried)).collect())
-}
-
-/// The pair that gains most, of those that stood best alone and of those that a sparse combination needs together. `singles`: candidates of which it
-/// may be made.
-fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, singles: f64, sparse: Option<[Score; 2]>) -> Option<Move> {
-    let (scale, s) = (a.scale, &a.scale.settings);
-    if a.base.v.model_error(&scale.evidence) < s.pairs_from * s.evidence.model_error_least {
-        return None;
-    }
-    let acts = |n: &Name| matches!(role(n), Some(Role::Force | Role::Series)) && n.of.is_none();
-    let alone: Vec<&Stood> = stood.iter().filter(|q| acts(&q.name)).take(s.pair_of).collect();
-    let tried = (0.5 * singles * (singles - 1.0)).max(1.0);
-    let above = |q: &Stood| (q.weighed.likelihood - a.base.likelihood).max(0.0);
-    let price = |sizes: usize| 0.5 * (sizes as f64 - 2.0 * a.base.size() as f64) * scale.counts.n.ln() + tried.ln();
-    let mut pairs: Vec<([Name; 2], System)> = Vec::new();
-    for (k, first) in alone.iter().enumerate() {
-        for second in &alone[k + 1..] {
-            let promises = s.promise_pair * (above(first) + above(second)) >= price(first.weighed.size() + second.weighed.size()) - s.tie;
-            pairs.extend(together(first, second).filter(|_| promises).map(|system| ([first.name.clone(), second.name.clone()], system)));
-        }
-    }
-    let named = |s: &Score| bench.names[bench.trials[s.trial].candidate].clone();
-    if let Some(both) = sparse.filter(|both| both.iter().all(|s| acts(&named(s)))) {
-        let names = [named(&both[0]), named(&both[1])];
-        pairs.extend(bench.together(&both).ok().map(|secant| (names, secant.system)));
-    }
-    if pairs.is_empty() || trace::stopped(a.monitor) {
-        return None;
-    }
-    (a.watch)(&format!("weighing {} pairs", pairs.len()));
-    let weigh = |(names, system): &([Name; 2], System)| {
-        let weighed = scale.weigh(system, &a.base.v, a.monitor).ok()?;
-        let gain = scale.gain(&weighed, a.base, tried);
-        Some(Move { names: names.to_vec(), weighed, gain })
-    };
-    let found = parallel::map(&pairs, weigh);
-    found.into_iter().flatten().filter(|m| m.gain > 0.0).max_by(|a, b| a.gain.total_cmp(&b.gain))
-}
-
-/// The first as it was fitted with the second beside it, each at half its strength.
-fn together(first: &Stood, second: &Stood) -> Option<System> {
-    let mut system = first.weighed.fitted.system.clone();
-    system.instances.push(second.weighed.fitted.system.instances.last()?.clone());
-    let from = system.instances.len() - 2;
-    system.instances[from..].iter_mut().for_each(|i| i.params[0].value *= 0.5);
-    Some(system)
 }
 
 /// Pooled relative error of a model on the fitted tests.

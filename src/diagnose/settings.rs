@@ -38,8 +38,12 @@ pub struct Settings {
     pub pair_of: usize,
     /// Model error, in parts of the least, from which pairs are tried.
     pub pairs_from: f64,
-    /// Nats within which two laws cannot be told apart; what stands is taken out only below minus this.
+    /// Nats within which two laws cannot be told apart, and within which nothing is decided by a gain alone; what stands is taken out only below minus
+    /// this.
     pub tie: f64,
+    /// Parts at most into which the fitted tests are cut, each left out in its turn, where a gain lies within a tie of nothing: half a dozen refits of
+    /// two models say what a dozen would.
+    pub turns: usize,
     /// Nats by which an alternative must be better to take the place of what stands.
     pub swap: f64,
     /// Ties named at most.
@@ -67,6 +71,8 @@ pub struct Settings {
     pub slack_damper: f64,
     /// ...and of either at least.
     pub slack_least: f64,
+    /// Effects for which slack may have been taken: of two the first alone can gain less than slack does.
+    pub slack_effects: usize,
     /// Deviations that are given without being asked for, at most: each costs a column in every evaluation.
     pub slack_members: usize,
     /// Part of a value by which it may deviate at most: beyond it, it is not that part.
@@ -163,6 +169,7 @@ impl Default for Settings {
             pair_of: 4,
             pairs_from: 2.0,
             tie: 1.5,
+            turns: 6,
             swap: 0.5,
             ties: 5,
             held_out_nats: 1.0,
@@ -176,6 +183,7 @@ impl Default for Settings {
             slack_mass: 0.03,
             slack_damper: 0.05,
             slack_least: 0.002,
+            slack_effects: 2,
             slack_members: 40,
             slack_reach: 0.9,
             correction_least: 0.01,

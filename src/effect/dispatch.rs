@@ -98,6 +98,13 @@ pub trait ForceLaw: Send + Sync {
     fn tangent(&self, u: &Inputs<f64>, dt: f64, s: &mut [f64], p: &[f64], wanted: Wanted, out: &mut Tangent);
     /// [`Force::stiffness`] in plain numbers.
     fn stiffness(&self, s: Complex64, p: &[f64]) -> Result<Complex64, EffectError>;
+    /// The value of [`ForceLaw::stiffness_about`] alone.
+    fn stiffness_at(&self, s: Complex64, x: f64, p: &[f64]) -> Result<Complex64, EffectError> {
+        if self.linear() || self.info().states > 0 {
+            return self.stiffness(s, p);
+        }
+        Ok(dynamic(s, held(self, x, p)))
+    }
     /// Dynamic stiffness of small motion about a held displacement `x`, for a law without states; otherwise as
     /// [`ForceLaw::stiffness_tangent`]. Third: its derivative with respect to `x`.
     /// Here by differences of the exact tangent.
@@ -111,16 +118,10 @@ pub trait ForceLaw: Send + Sync {
         if self.linear() || self.info().states > 0 {
             return self.stiffness_tangent(s, p, dp).map(|(z, dz)| (z, dz, Complex64::new(0.0, 0.0)));
         }
-        let tangent = |x: f64, p: &[f64]| -> [f64; 3] {
-            let mut t = Tangent::default();
-            self.tangent(&Inputs { x, ..Inputs::default() }, 1.0, &mut [], p, Wanted::Inputs, &mut t);
-            let d = t.inputs(0);
-            [d[0], d[1], d[2]]
-        };
-        let sum = |[k, c, m]: [f64; 3]| s * s * m + s * c + k;
+        let tangent = |x: f64, p: &[f64]| held(self, x, p);
         let slope = |value: f64, at: &dyn Fn(f64) -> [f64; 3]| {
             let h = 1e-5 * value.abs().max(1e-9);
-            (sum(at(value + h)) - sum(at(value - h))) / (2.0 * h)
+            (dynamic(s, at(value + h)) - dynamic(s, at(value - h))) / (2.0 * h)
         };
         for (k, out) in dp.iter_mut().enumerate() {
             *out = slope(p[k], &|value| {
@@ -130,10 +131,23 @@ pub trait ForceLaw: Send + Sync {
             });
         }
         let [k, c, m] = tangent(x, p);
-        Ok((sum([k, c, m]), s * (2.0 * m) + c, slope(x, &|x| tangent(x, p))))
+        Ok((dynamic(s, [k, c, m]), s * (2.0 * m) + c, slope(x, &|x| tangent(x, p))))
     }
     /// Dynamic stiffness with its derivatives with respect to the complex frequency and to every parameter (`dp`, one per parameter).
     fn stiffness_tangent(&self, s: Complex64, p: &[f64], dp: &mut [Complex64]) -> Result<(Complex64, Complex64), EffectError>;
+}
+
+/// Slopes of a law without states about a held displacement: by displacement, velocity and acceleration.
+fn held<L: ForceLaw + ?Sized>(law: &L, x: f64, p: &[f64]) -> [f64; 3] {
+    let mut t = Tangent::default();
+    law.tangent(&Inputs { x, ..Inputs::default() }, 1.0, &mut [], p, Wanted::Inputs, &mut t);
+    let d = t.inputs(0);
+    [d[0], d[1], d[2]]
+}
+
+/// The dynamic stiffness that such slopes are at `s`.
+fn dynamic(s: Complex64, [k, c, m]: [f64; 3]) -> Complex64 {
+    s * s * m + s * c + k
 }
 
 /// The one implementation of [`ForceLaw`], for every law.

@@ -43,9 +43,8 @@ pub fn receptance(
         }
     }
     let coefficients = |w: f64, z: &mut [Complex64]| {
-        let mut dp = Vec::new();
         for (z, &g) in z.iter_mut().zip(&groups) {
-            *z = small.law(g, Complex64::new(0.0, w), &mut dp).map_or(Complex64::new(f64::NAN, 0.0), |s| s.0);
+            *z = small.value(g, Complex64::new(0.0, w)).unwrap_or(Complex64::new(f64::NAN, 0.0));
         }
     };
     let mut response = Response::default();

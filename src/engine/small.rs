@@ -166,6 +166,11 @@ impl<'a> Small<'a> {
         Ok(self.bound.elements[e].stiffness_about(s, point.x, point.f, dp)?)
     }
 
+    /// The value of that alone.
+    pub fn value(&self, e: usize, s: Complex64) -> Result<Complex64, EngineError> {
+        Ok(self.bound.elements[e].stiffness_at(s, self.points[e].x, self.points[e].f)?)
+    }
+
     /// Name of a degree of freedom.
     pub fn name(&self, dof: usize) -> String {
         self.names.get(dof).cloned().unwrap_or_default()

@@ -8,10 +8,8 @@
 //! A *follower* is a candidate of the score test: its strength is at the null value, its states follow the motion, and only the
 //! derivative with respect to the strength is formed.
 
-use num_complex::Complex64;
-
 use crate::effect::dispatch::{INPUTS, Wanted};
-use crate::effect::{EffectError, ForceLaw, Inputs, Series, Tangent};
+use crate::effect::{ForceLaw, Inputs, Series, Tangent};
 
 use super::Model;
 use super::bound::Chain;
@@ -20,6 +18,7 @@ use super::sensed::{Depth, Sensed};
 
 mod history;
 mod laws;
+mod stiffness;
 
 #[derive(Clone)]
 struct ForcePiece {
@@ -407,68 +406,6 @@ impl Element {
             }
         }
         e
-    }
-
-    /// Dynamic stiffness of small motion at the complex frequency `s`, its derivative with respect to `s`, and with respect to the
-    /// parameters (`dp`, sized here).
-    pub fn stiffness(&self, s: Complex64, dp: &mut Vec<Complex64>) -> Result<(Complex64, Complex64), EffectError> {
-        self.stiffness_about(s, 0.0, 0.0, dp).map(|(z, dz, _)| (z, dz))
-    }
-
-    /// The same about an operating point with the displacement `x` under the force `f`; third, the derivative with respect to `x`.
-    /// Friction is stuck there. The derivative takes openings as they are, not how they change along the way to the point.
-    pub fn stiffness_about(
-        &self,
-        s: Complex64,
-        x: f64,
-        f: f64,
-        dp: &mut Vec<Complex64>,
-    ) -> Result<(Complex64, Complex64, Complex64), EffectError> {
-        let zero = Complex64::new(0.0, 0.0);
-        dp.clear();
-        dp.resize(self.p.len(), zero);
-        let (mut z, mut dz, mut by_x) = (zero, zero, zero);
-        let (mut open, mut slope) = (0.0, 0.0);
-        for piece in self.series.iter().filter(|p| p.follower.is_none()) {
-            let (o, d) = piece.law.opening(f, &self.p[piece.p.clone()]);
-            open += o;
-            slope += d;
-        }
-        for piece in self.linear.iter().chain(&self.forces) {
-            let (p, dp) = (&self.p[piece.p.clone()], &mut dp[piece.p.clone()]);
-            let at_rest = x == 0.0 && f == 0.0;
-            let (value, by_s, along) = match at_rest {
-                true => piece.law.stiffness_tangent(s, p, dp).map(|(z, dz)| (z, dz, zero))?,
-                false => piece.law.stiffness_about(s, x - open, p, dp)?,
-            };
-            z += value;
-            dz += by_s;
-            by_x += along;
-        }
-        for piece in &self.followers {
-            // A candidate without a small-signal limit leaves no trace in this test.
-            let p = &self.p[piece.p.clone()];
-            let own = match x == 0.0 && f == 0.0 {
-                true => piece.law.stiffness(s, p),
-                false => piece.law.stiffness_about(s, x - open, p, &mut [zero; 16][..p.len()]).map(|z| z.0),
-            };
-            dp[piece.p.start] = own.unwrap_or(zero);
-        }
-        if self.series.is_empty() {
-            return Ok((z, dz, by_x));
-        }
-        let denominator = z * slope + 1.0;
-        let outer = (denominator * denominator).inv();
-        dp.iter_mut().for_each(|d| *d *= outer);
-        for piece in &self.series {
-            let np = piece.p.len();
-            let (mut value, mut slopes) = (vec![0.0; np], vec![0.0; np]);
-            piece.law.opening_params(f, &self.p[piece.p.clone()], &mut value, &mut slopes);
-            for (k, slope) in slopes.iter().enumerate() {
-                dp[piece.p.start + k] = -z * z * outer * *slope;
-            }
-        }
-        Ok((z / denominator, dz * outer, by_x * outer / (1.0 + slope * z.re)))
     }
 }
 

@@ -341,7 +341,7 @@ impl Plan {
         settling::transient(cycle, &system.model, &self.bind(system, &[])?, self, enough).map_err(named)
     }
 
-    /// The plan with as many steps as its noise asks for at the system's present values: they are doubled until the computed response
+    /// The plan with as many steps, or harmonics, as its noise asks for at the system's present values: they are doubled until the computed response
     /// moves by less than [`STEP_ERROR`] of sigma, that of a record by less than [`RECORD_ERROR`] along the whole of it. `None` where they
     /// are enough.
     pub fn refined(&self, system: &System) -> Option<Plan> {
@@ -352,7 +352,8 @@ impl Plan {
                 Work::Cycle(cycle) => cycle.finer().map(Work::Cycle),
                 Work::Transient(record) => record.finer().map(Work::Transient),
                 Work::Energy(table) => table.finer().map(Work::Energy),
-                _ => None,
+                Work::Frf(frf) => frf.finer().map(Work::Frf),
+                Work::Modal(_) => None,
             };
             let Some(finer) = finer else { return best };
             let finer = Plan { work: finer, ..now.clone() };
@@ -384,7 +385,8 @@ impl Plan {
             }
             Work::Transient(record) => record.coarser(4).map(Work::Transient),
             Work::Energy(table) => table.coarser(4).map(Work::Energy),
-            _ => None,
+            Work::Frf(frf) => frf.coarser().map(Work::Frf),
+            Work::Modal(_) => None,
         };
         work.map(|work| Plan { work, ..self.clone() })
     }

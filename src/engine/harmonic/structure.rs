@@ -76,7 +76,6 @@ pub(super) struct Structure<'a> {
     /// Number of the first element with the same law.
     same: Vec<usize>,
     z: Vec<Complex64>,
-    dp: Vec<Complex64>,
     /// Slope of each nonlinear element at rest where its law has no small-signal stiffness.
     rest_slope: Vec<f64>,
     /// Which degrees of freedom are moved: their rows say so instead of the equilibrium.
@@ -133,7 +132,6 @@ impl<'a> Structure<'a> {
             matrix: BlockTri::new(layout),
             same,
             z: vec![],
-            dp: vec![],
             held,
         })
     }
@@ -241,14 +239,12 @@ impl<'a> Structure<'a> {
             let z = if self.same[i] < i {
                 self.z[self.same[i]]
             } else if let Part::Nonlinear(a) = self.parts[i] {
-                let at = |s: Complex64, dp: &mut Vec<Complex64>| {
-                    element.stiffness(s, dp).map(|z| z.0).ok().filter(|z| z.is_finite() && z.norm() > 0.0)
-                };
+                let at = |s: Complex64| element.stiffness_at(s, 0.0, 0.0).ok().filter(|z| z.is_finite() && z.norm() > 0.0);
                 // Without a stiffness of its own at rest (a film under a constant load) the fundamental's stands in.
-                let z = at(s, &mut self.dp).or_else(|| at(Complex64::new(0.0, omega), &mut self.dp));
+                let z = at(s).or_else(|| at(Complex64::new(0.0, omega)));
                 z.map_or(Complex64::new(self.rest_slope[a], 0.0), |z| if s.im == 0.0 { Complex64::new(z.norm(), 0.0) } else { z })
             } else {
-                element.stiffness(s, &mut self.dp)?.0
+                element.stiffness_at(s, 0.0, 0.0)?
             };
             self.z.push(z);
         }
