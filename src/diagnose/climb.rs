@@ -119,15 +119,16 @@ impl<'a> Climb<'a> {
         }
         let (monitor, watch) = (self.monitor, self.watch);
         let near = in_step(&self.scale.case.at(&self.now.fitted.system), monitor)?;
+        let added = self.added.iter().map(|a| &a.name).collect();
+        // What slack gains is known before candidates are refitted: those that cannot come near it are not.
+        let loose = self.loosening();
+        let beside = loose.as_ref().map(|l| l.gain).filter(|gain| *gain > self.settings.tie).unwrap_or(0.0);
         let found = match near {
-            Some(near) => horizon::near(&self.scale, &near, &self.now, self.added.iter().map(|a| &a.name).collect(), monitor, watch)?,
-            None => {
-                let added = self.added.iter().map(|a| &a.name).collect();
-                step(&Against { scale: &self.scale, base: &self.now, need: None, added, monitor, watch })?
-            }
+            Some(near) => horizon::near(&self.scale, &near, &self.now, added, monitor, watch)?,
+            None => step(&Against { scale: &self.scale, base: &self.now, need: None, beside, added, monitor, watch })?,
         };
         self.tried = found.tried.max(1.0);
-        Ok(found)
+        Ok(Step { loose, ..found })
     }
 
     /// Takes what a step found, with what came close to it.

@@ -31,7 +31,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
     let step = parallel::watched(&monitor.watch(), || {
         let mut step = climb.step()?;
-        if climb.slacken(step.taken.as_ref().map_or(0.0, |t| t.gain)) {
+        if climb.slacken(step.loose.take(), step.taken.as_ref().map_or(0.0, |t| t.gain)) {
             step = climb.step()?;
         }
         if let Some(taken) = &step.taken {
@@ -160,7 +160,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             break End::Full;
         }
         watch(&format!("rung {}", rungs.len()));
-        let step = match parallel::watched(&monitor.watch(), || climb.step()) {
+        let mut step = match parallel::watched(&monitor.watch(), || climb.step()) {
             Err(_) if trace::stopped(monitor) => break End::Stopped,
             Err(why) if !climb.added.is_empty() => break End::Cannot(why.to_string()),
             found => found?,
@@ -169,7 +169,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             (last.candidates, last.second_opinion, last.effort) = (step.candidates.clone(), step.second_opinion.clone(), step.effort);
         }
         let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
-        if parallel::watched(&monitor.watch(), || climb.slacken(than)) {
+        if climb.slacken(step.loose.take(), than) {
             climb.refresh(&mut rungs)?;
             // What was added stands beside slack now: something else may do its work better, and its ties are others.
             if !climb.added.is_empty()

@@ -22,31 +22,43 @@ struct Former {
     scale: Scale,
 }
 
+/// A model with slack, as a move.
+pub struct Loose {
+    slack: Slack,
+    scale: Scale,
+    weighed: Weighed,
+    /// Nats beyond its price.
+    pub gain: f64,
+}
+
 impl Climb<'_> {
-    /// Gives slack to what the study ties or fixes where that gains more than what a step has found: a move like any other, whose price is that
-    /// of its widths. It has to gain more by a tie, since an effect is the smaller statement. It then stands in every model that follows. Whether it was given.
-    pub fn slacken(&mut self, than: f64) -> bool {
+    /// The model with slack in what the study ties or fixes, and what it gains at the price of its widths; none where slack is no move.
+    pub fn loosening(&self) -> Option<Loose> {
         let (s, e) = (&self.settings, &self.settings.evidence);
         let seen = self.now.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least;
         if !seen || self.loosened || !self.slack.is_empty() || self.case.search.slack == Some(false) || trace::stopped(self.monitor) {
-            return false;
+            return None;
         }
         let present = &self.now.fitted.system;
         let study = System { instances: present.instances[..self.base].to_vec(), ..present.clone() };
         let (given, slack) = slack::given(&self.case, &study, true, s);
         if slack.is_empty() {
-            return false;
+            return None;
         }
         (self.watch)(&format!("weighing {} deviations of what the study ties or fixes", slack.len()));
         let system = present.with(self.base, given.instances[self.base..].to_vec());
         let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
         let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
-        let Some(weighed) = self.loose(&scale, &loose) else { return false };
+        let weighed = self.loose(&scale, &loose)?;
         // Its parameters are paid for by their widths.
         let gain = weighed.likelihood - self.now.likelihood;
-        if gain <= than.max(0.0) + s.tie {
-            return false;
-        }
+        Some(Loose { slack, scale, weighed, gain })
+    }
+
+    /// Gives slack where that gains more than what a step has found: a move like any other. It has to gain more by a tie, since an effect is the smaller
+    /// statement. It then stands in every model that follows. Whether it was given.
+    pub fn slacken(&mut self, loose: Option<Loose>, than: f64) -> bool {
+        let Some(Loose { slack, scale, weighed, gain }) = loose.filter(|l| l.gain > than.max(0.0) + self.settings.tie) else { return false };
         (self.watch)(&format!("what the study ties or fixes has slack: {gain:.1} nats"));
         self.case.deviations = slack.clone();
         (self.base, self.scale, self.slack, self.now) = (self.base + slack.len(), scale, slack, weighed);
@@ -66,7 +78,7 @@ impl Climb<'_> {
     }
 
     /// Takes slack that a move has given back where the model without it, its effects exchanged once for what does their work there, is within a
-    /// tie of it: what slack took up before an effect was found may have bent the effect to a neighbour's law. `searched`: what is missing without
+    /// tie of it, or where a model with more effects is better by a tie: what slack took up before an effect was found may have bent the effect to a neighbour's law. `searched`: what is missing without
     /// slack is looked for as well, since slack may have been taken for two effects of which the first alone gained less than it. The rungs of the
     /// model without it.
     pub fn tighten(&mut self, searched: bool) -> Option<Vec<Rung>> {
@@ -96,14 +108,16 @@ impl Climb<'_> {
         self.forget();
         let mut rungs = self.without_slack(searched, former.added.len());
         let mut gain = self.slack_above(&former, &loose);
-        // The laws that were found one after another are exchanged once more where that may decide.
+        // Within a tie the smaller statement stands: with as many effects, the model without slack; with more, slack, which every structure has.
         let found = self.added.len() > former.added.len();
-        if found && gain > self.settings.tie && gain <= self.settings.tie + self.settings.decisive {
+        let most = if found { -self.settings.tie } else { self.settings.tie };
+        // The laws that were found one after another are exchanged once more where that may decide.
+        if found && gain > most && gain <= most + self.settings.decisive {
             rungs = rungs.and_then(|rungs| self.exchanged(rungs));
             gain = self.slack_above(&former, &loose);
         }
         // What is interrupted decides nothing.
-        if gain > self.settings.tie || rungs.is_err() || trace::stopped(self.monitor) {
+        if gain > most || rungs.is_err() || trace::stopped(self.monitor) {
             (self.case, self.base, self.slack, self.added) = (former.case, former.base, former.slack, former.added);
             (self.order, self.now, self.scale) = (former.order, former.now, former.scale);
             return None;
