@@ -141,6 +141,16 @@ impl End {
 
 /// Climbs. The held-out tests are computed once, at the end, for the first and the last model.
 pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderResult, System), DiagnoseError> {
+    ladder_keeping(case, monitor, watch, &|_| {})
+}
+
+/// The same; `keep` is given the model of every rung above the first as soon as it stands, so that a climb that is killed can be gone on with.
+pub fn ladder_keeping(
+    case: &Case,
+    monitor: &Monitor,
+    watch: Watch,
+    keep: &dyn Fn(&System),
+) -> Result<(LadderResult, System), DiagnoseError> {
     let started = std::time::Instant::now();
     watch("fitting the study as it stands");
     let (case, turned) = righted(case);
@@ -158,6 +168,9 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
         if climb.effects() >= climb.settings.max_added || rungs.len() > 2 * climb.settings.max_added {
             climb.exchange(&mut rungs)?;
             break End::Full;
+        }
+        if rungs.len() > 1 {
+            keep(&climb.slack.held(&climb.now.fitted.system));
         }
         watch(&format!("rung {}", rungs.len()));
         let step = match parallel::watched(&monitor.watch(), || climb.step()) {
