@@ -182,14 +182,7 @@ pub fn ladder_keeping(
             (last.candidates, last.second_opinion, last.effort) = (step.candidates.clone(), step.second_opinion.clone(), step.effort);
         }
         let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
-        if parallel::watched(&monitor.watch(), || climb.slacken(than)) {
-            climb.refresh(&mut rungs)?;
-            // What was added stands beside slack now: something else may do its work better, and its ties are others.
-            if !climb.added.is_empty()
-                && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap())
-            {
-                rungs.push(climb.rung(Some(added), vec![removed])?);
-            }
+        if climb.loosen(than, &mut rungs)? {
             continue;
         }
         let Some(taken) = &step.taken else {
@@ -253,7 +246,7 @@ impl Climb<'_> {
     }
 
     /// The last rung with the present model's values: what was added has been fitted on, or stands beside slack now.
-    fn refresh(&self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
+    pub(super) fn refresh(&self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
         let Some(last) = rungs.pop() else { return Ok(()) };
         let now = self.rung(last.added, last.removed)?;
         rungs.push(Rung { candidates: last.candidates, second_opinion: last.second_opinion, effort: last.effort, ..now });

@@ -109,7 +109,9 @@ fn profile(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Val
     let made = || -> Result<Value, Failure> {
         let (case, fitted, result) = fit_into(loaded, job, case, order, &folder)?;
         let all =
-            work::profiles(&case, &fitted, &folder, &[order.parameter.clone()], &job.monitor(fitted.system.clone()), &|l| job.say(l))?;
+            work::profiles(&case, &fitted, &folder, std::slice::from_ref(&order.parameter), &job.monitor(fitted.system.clone()), &|l| {
+                job.say(l)
+            })?;
         if all.is_empty() {
             return Err(Failure::new("identify", &order.parameter, "stopped before the profile was done", "more time"));
         }

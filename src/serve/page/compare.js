@@ -46,7 +46,7 @@ export const visibleTests = () => state.tests.filter(t => !t.sealed);
 /** A card of a test. */
 export function card(t, { click, large = false, old = state.before?.get(t.id), also } = {}) {
   if (t.sealed) {
-    return { node: el("div", { class: "card sealed" }, el("h3", {}, t.id), el("p", {}, "Sealed: held out. ", el("span", { class: "soft" }, t.about))), update() {} };
+    return { node: el("div", { class: "card sealed" }, el("h2", {}, t.id), el("p", {}, "Sealed: held out. ", el("span", { class: "soft" }, t.about))), update() {} };
   }
   const score = el("span", { class: "score" });
   const bar = el("span", { class: "bar" });
@@ -58,7 +58,7 @@ export function card(t, { click, large = false, old = state.before?.get(t.id), a
     bar.classList.toggle("good", ratio < 1.5);
   };
   told(t.error, t.floor);
-  const body = [el("h3", {}, t.id, " ", el("span", { class: "tag " + t.split }, splitWords[t.split])), bar, score,
+  const body = [el("h2", {}, t.id, " ", el("span", { class: "tag " + t.split }, splitWords[t.split])), bar, score,
     ...pictures.map(p => el("div", { class: "panel" }, p.node, el("span", { class: "soft" }, `${p.label} [${p.unit}]`)))];
   const node = click
     ? el("button", { type: "button", class: "card", onclick: click, title: "Enlarge" }, ...body)
@@ -100,7 +100,7 @@ function chooser() {
 
 /** Names and errors of the two models, over their columns. */
 function heads() {
-  return [node(), node(state.beside)].map(m => el("div", { class: "pair-head" }, el("h3", {}, modelName(m)),
+  return [node(), node(state.beside)].map(m => el("div", { class: "pair-head" }, el("h2", {}, modelName(m)),
     ...["fit", "select", "held_out"].filter(s => m.errors?.[s]).map(s => el("div", {}, `${splitWords[s]} ${percent(m.errors[s].error)}, ${digits(m.errors[s].error / m.errors[s].floor, 3)} × floor`)),
     m.cost ? el("div", { class: "soft" }, `cost of the fit ${digits(m.cost, 4)}`) : null));
 }

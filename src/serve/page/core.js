@@ -24,6 +24,7 @@ export function el(name, attributes = {}, ...children) {
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
     if (key.startsWith("on")) node.addEventListener(key.slice(2), value);
+    else if (key.startsWith("aria-") && typeof value === "boolean") node.setAttribute(key, String(value));
     else if (value === true) node.setAttribute(key, "");
     else if (value !== false && value !== null && value !== undefined) node.setAttribute(key, value);
   }
@@ -113,7 +114,7 @@ export function modelName(m) {
   if (!m) return "";
   if (m.id === "study") return "the study as it stands";
   if (m.verb === "add" && m.added) return `+ ${m.added.effect} at ${m.added.at}`;
-  if (m.verb === "ladder") return "ladder: " + ((m.missing || []).map(e => `${e.effect} at ${e.at}`).join(", ") || (m.verdict || "").replaceAll("_", " "));
+  if (m.verb === "ladder") return `ladder${m.stopped ? ", stopped" : ""}: ` + ((m.missing || []).map(e => `${e.effect} at ${e.at}`).join(", ") || (m.verdict || "").replaceAll("_", " "));
   return m.verb;
 }
 export const runTime = id => /^\d{8}-\d{6}/.test(id) ? `${id.slice(0, 4)}-${id.slice(4, 6)}-${id.slice(6, 8)} ${id.slice(9, 11)}:${id.slice(11, 13)}` : "";

@@ -112,7 +112,7 @@ on("go", async ({ model, from, verb }) => {
   const now = node();
   if (verb === "add" && from && now?.errors?.fit) {
     const before = now.before || from.errors?.fit;
-    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (floor ${percent(now.errors.fit.floor)}), on the select tests it is ${percent(now.errors.select?.error)}. Undo goes back.`);
+    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (floor ${percent(now.errors.fit.floor)})${now.errors.select ? `, on the select tests it is ${percent(now.errors.select.error)}` : ""}. Undo goes back.`);
   }
 });
 
@@ -123,10 +123,16 @@ function list(studies) {
   emit("studies");
 }
 
+/** What needs a study. */
+function able(yes) {
+  for (const id of ["study", "do-fit", "do-score"]) document.getElementById(id).disabled = !yes;
+  document.getElementById("study").parentElement.hidden = !yes;
+  for (const tab of tabs) tab.disabled = !yes && tab.dataset.view !== "new";
+}
+
 /** A folder without a study: the first one is made here. */
 function none() {
-  for (const id of ["study", "do-fit", "do-score"]) document.getElementById(id).disabled = true;
-  for (const tab of tabs) tab.disabled = tab.dataset.view !== "new";
+  able(false);
   show("new");
   say("There is no study in this folder yet: drop the files of a test bench to make one.");
 }
@@ -134,8 +140,7 @@ function none() {
 on("written", async ({ study, told }) => {
   await attempt(async () => {
     list(await api("studies"));
-    for (const id of ["study", "do-fit", "do-score"]) document.getElementById(id).disabled = false;
-    for (const tab of tabs) tab.disabled = false;
+    able(true);
     const old = document.getElementById("answer").textContent;
     state.beside = null;
     await openStudy(study, null, "compare");

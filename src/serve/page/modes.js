@@ -27,12 +27,13 @@ export function controls() {
   const label = (m, k) => `${k + 1}: ${digits(m.frequency, 4)} Hz, damping ${percent(m.damping)}${m.family ? `, ${m.family}` : ""}`;
   const choose = el("select", { id: "mode", onchange: e => { shown.mode = +e.target.value; emit("modes", "mode"); } },
     el("option", { value: -1 }, "none"), ...found.modes.map((m, k) => el("option", { value: k, selected: k === shown.mode }, label(m, k))));
+  if (!found.modes.length) return el("p", { class: "buttons" }, el("span", { class: "soft" }, "The model has no mode that oscillates: nothing with a mass is free to move."));
   const tests = state.about.study.tests;
   const at = tests.length > 1 ? el("label", {}, "under ", el("select", { id: "mode-test", onchange: e => { shown.test = e.target.value; load(); } },
     ...tests.map(t => el("option", { value: t.id, selected: t.id === found.test }, t.id)))) : null;
   button = el("button", { type: "button", id: "play", disabled: shown.mode < 0, onclick: () => { shown.plays = !shown.plays; emit("modes", "play"); } }, shown.plays ? "Pause" : "Play");
   return el("p", { class: "buttons" }, el("label", {}, "Mode ", choose), button, at,
-    el("span", { class: "soft" }, found.modes.length ? `${found.conditions ? `at ${found.conditions}; ` : ""}amplitudes are scaled to be seen` : "the model has no mode that oscillates"));
+    el("span", { class: "soft" }, `${found.conditions ? `at ${found.conditions}; ` : ""}amplitudes are scaled to be seen`));
 }
 
 /** A complex amplitude at a phase. */

@@ -85,15 +85,17 @@ function loop(plot, units) {
 
 const options = (words, chosen) => words.map(w => el("option", { value: w, selected: w === chosen }, w || "not used"));
 
-/** A field with a label of its own in a table. */
+const short = v => String(+digits(v, 5));
+
+/** A field with a label of its own in a table; empty, it has to be filled. */
 function field(id, label, value, change) {
-  return el("input", { type: "text", id, "aria-label": label, value: value ?? "", onchange: e => change(e.target.value.trim()) });
+  return el("input", { type: "text", id, "aria-label": label, "aria-invalid": value ? null : "true", placeholder: "missing", value: value ?? "", onchange: e => change(e.target.value.trim()) });
 }
 
 function channels(file, k, item, id, roles) {
   const row = (c, n) => el("tr", {}, el("th", { scope: "row" }, c.column),
     el("td", {}, roles ? el("select", { id: `${id}-role-${n}`, "aria-label": `Role of ${c.column}`, onchange: e => correct(file, k, { columns: { [c.column]: { ...corrections.get(`${file} ${k}`)?.columns?.[c.column], role: e.target.value } } }) }, ...options(["", ...ROLES], c.role || "")) : c.role),
-    el("td", {}, field(`${id}-unit-${n}`, `Unit of ${c.column}`, c.unit, unit => correct(file, k, { columns: { [c.column]: { ...corrections.get(`${file} ${k}`)?.columns?.[c.column], unit } } }))),
+    el("td", {}, c.role === "coherence" ? null : field(`${id}-unit-${n}`, `Unit of ${c.column}`, c.unit, unit => correct(file, k, { columns: { [c.column]: { ...corrections.get(`${file} ${k}`)?.columns?.[c.column], unit } } }))),
     el("td", { class: "n" }, c.min === undefined ? "" : `${digits(c.min, 4)} to ${digits(c.max, 4)}`));
   return el("table", {}, el("thead", {}, el("tr", {}, ...["Column", "Channel", "Unit", roles ? "Values" : ""].map(h => el("th", { scope: "col" }, h)))), el("tbody", {}, ...item.channels.map(row)));
 }
@@ -102,14 +104,14 @@ function history(file, k, item, id) {
   const units = Object.fromEntries(item.channels.filter(c => c.role).map(c => [c.role, c.unit]));
   const unit = column => item.channels.find(c => c.column === column)?.unit;
   const cycles = item.cycles ? el("p", { class: "buttons" },
-    el("span", {}, `${item.cycles} cycles of ${digits(item.frequency_hz, 5)} Hz`),
+    el("span", {}, `${item.cycles} cycles of ${short(item.frequency_hz)} Hz`),
     el("label", {}, "Start-up ", el("input", { type: "number", id: `${id}-start`, min: 0, max: item.cycles - 1, step: 1, value: item.start_up_cycles, onchange: e => correct(file, k, { start_up: Math.max(0, Math.round(+e.target.value) || 0) }) }), " cycles"),
-    el("label", {}, "Control ", el("select", { id: `${id}-control`, onchange: e => correct(file, k, { control: e.target.value }) }, ...options(["displacement", "force"], item.control))),
-    item.control_recognised ? null : el("span", { class: "warn" }, "the control could not be recognised")) : el("p", { class: "soft" }, "No cycles: a transient history.");
+    el("label", {}, "Control ", el("select", { id: `${id}-control`, onchange: e => e.target.value && correct(file, k, { control: e.target.value }) },
+      // What was not recognised is an assumption until the reader says so.
+      ...(item.control_recognised ? options(["displacement", "force"], item.control) : [el("option", { value: "" }, `${item.control}, assumed`), ...options(["displacement", "force"])])))) : el("p", { class: "soft" }, "No cycles: a transient history.");
   return el("div", { class: "found" },
-    el("div", { class: "looks" }, ...item.plot.curves.map(c => record(c, item, unit(c.column)))),
-    el("div", { class: "says" }, el("p", { class: "soft" }, `${item.samples} samples, ${digits(item.rate_hz, 5)} Hz, ${digits(item.seconds, 4)} s`), cycles, channels(file, k, item, id, true),
-      item.plot.loop ? loop(item.plot.loop, units) : null, ...item.findings.map(f => el("p", { class: "warn" }, f))));
+    el("div", { class: "looks" }, ...item.plot.curves.map(c => record(c, item, unit(c.column))), item.plot.loop ? loop(item.plot.loop, units) : null),
+    el("div", { class: "says" }, el("p", { class: "soft" }, `${item.samples} samples, ${short(item.rate_hz)} Hz, ${short(item.seconds)} s`), cycles, channels(file, k, item, id, true), ...item.findings.map(f => el("p", { class: "warn" }, f))));
 }
 
 function frf(file, k, item, id) {
@@ -120,7 +122,7 @@ function frf(file, k, item, id) {
   const unit = item.channels.find(c => c.role === "real" || c.role === "amplitude")?.unit;
   return el("div", { class: "found" },
     el("div", { class: "looks" }, el("figure", {}, svg("svg", { class: "thumb record", viewBox: `0 0 ${W} ${H}`, preserveAspectRatio: "none", role: "img", "aria-label": "magnitude over frequency" }, good.length ? line(x, y, frame(x, y, W, H), "measured") : null),
-      el("figcaption", {}, `Magnitude, logarithmic${unit ? ` [${unit}]` : ", unit not given"}, ${item.lines} lines from ${digits(item.from_hz, 4)} to ${digits(item.to_hz, 5)} Hz`))),
+      el("figcaption", {}, `Magnitude, logarithmic${unit ? ` [${unit}]` : ", unit not given"}, ${item.lines} lines from ${short(item.from_hz)} to ${short(item.to_hz)} Hz`))),
     el("div", { class: "says" }, el("p", { class: "buttons" }, el("label", {}, "Quantity ", el("select", { id: `${id}-quantity`, onchange: e => e.target.value && correct(file, k, { quantity: e.target.value }) }, ...(item.quantity ? [] : [el("option", { value: "" }, "not given")]), ...options(QUANTITIES, item.quantity))),
       el("label", {}, "Response at ", field(`${id}-respond`, "Place of the response, node.axis", place(item.respond), respond => correct(file, k, { respond }))), el("label", {}, "Force at ", field(`${id}-excite`, "Place of the force, node.axis", place(item.excite), excite => correct(file, k, { excite }))),
       item.channels.some(c => c.role === "coherence") ? el("label", {}, "Averages ", el("input", { type: "number", id: `${id}-averages`, min: 1, step: 1, value: corrections.get(`${file} ${k}`)?.averages ?? "", onchange: e => +e.target.value >= 1 && correct(file, k, { averages: Math.round(+e.target.value) }) })) : null),
@@ -129,7 +131,7 @@ function frf(file, k, item, id) {
 
 function thing(file, k, item, id) {
   if (item.what === "cycle" || item.what === "transient") return history(file, k, item, id);
-  if (item.what === "frf") return el("div", {}, item.record ? el("h4", {}, item.record) : null, frf(file, k, item, id));
+  if (item.what === "frf") return el("div", {}, item.record ? el("h3", {}, item.record) : null, frf(file, k, item, id));
   if (item.what === "modal") return el("p", {}, `Modes: ${item.modes.map(m => `${digits(m.frequency_hz, 5)} Hz`).join(", ")}`);
   return el("p", { class: "soft" }, item.text);
 }
@@ -137,7 +139,7 @@ function thing(file, k, item, id) {
 function fileCard(f, n) {
   const tests = f.items.filter(i => i.what !== "other").length;
   const box = el("input", { type: "checkbox", id: `new-${n}-ok`, checked: confirmed.has(f.name), onchange: e => { e.target.checked ? confirmed.add(f.name) : confirmed.delete(f.name); draw(); document.getElementById(`new-${n}-ok`)?.focus(); } });
-  return el("section", { class: "file" + (confirmed.has(f.name) ? " good" : "") }, el("div", { class: "large-head" }, el("h3", {}, f.name), tests ? el("label", {}, box, " as it should be") : el("span", { class: "warn" }, "no test in it")),
+  return el("section", { class: "file" + (confirmed.has(f.name) ? " good" : "") }, el("div", { class: "large-head" }, el("h2", {}, f.name), tests ? el("label", {}, box, " as it should be") : el("span", { class: "warn" }, "no test in it")),
     ...f.items.map((item, k) => thing(f.name, k, item, `new-${n}-${k}`)));
 }
 

@@ -41,14 +41,14 @@ function profile(p) {
   const W = 420, H = 120, top = Math.max(2 * RISE, Math.min(6 * RISE, ...[Math.max(...points.map(q => q[1]))]));
   const X = v => wide ? Math.log10(v) : v, x0 = X(points[0][0]), x1 = X(points[points.length - 1][0]);
   const sx = v => 8 + (W - 16) * (X(v) - x0) / ((x1 - x0) || 1), sy = c => H - 8 - (H - 16) * Math.min(c, 1.1 * top) / top;
-  const end = (v, bound, open) => v === null ? open : digits(v / k, 4) + (bound ? " (its bound)" : "");
+  const end = (v, bound, open) => v === null ? open : digits(v / k, 5) + (bound ? " (its bound)" : "");
   const told = `95 % interval by profile: ${end(f.interval[0], f.at_bound[0], "no lower end")} to ${end(f.interval[1], f.at_bound[1], "no upper end")} ${p.unit}`;
   return el("figure", { class: "profile" },
     svg("svg", { viewBox: `0 0 ${W} ${H}`, class: "thumb", role: "img", "aria-label": told },
       svg("line", { class: "level", x1: 0, x2: W, y1: sy(RISE), y2: sy(RISE) }), svg("text", { class: "level", x: 4, y: sy(RISE) - 3 }, "95 %"),
       svg("path", { class: "computed", d: points.map(([v, c], i) => `${i ? "L" : "M"}${sx(v).toFixed(1)} ${sy(c).toFixed(1)}`).join("") }),
       ...points.map(([v, c]) => svg("circle", { class: "dot", cx: sx(v).toFixed(1), cy: sy(c).toFixed(1), r: 2.5 }))),
-    el("figcaption", {}, `Rise of the cost over ${p.name}, ${digits(points[0][0], 3)} to ${digits(points[points.length - 1][0], 3)} ${p.unit}${wide ? ", logarithmic" : ""}. ${told}.`,
+    el("figcaption", {}, `Rise of the cost over ${p.name}, ${digits(points[0][0], 5)} to ${digits(points[points.length - 1][0], 5)} ${p.unit}${wide ? ", logarithmic" : ""}. ${told}.`,
       f.better !== null ? " A better fit was met on the way: fit again from these values." : ""));
 }
 
@@ -61,10 +61,10 @@ function row(p) {
   slider.addEventListener("input", () => { const v = s.to(+slider.value); number.value = inUnit(v); slider.setAttribute("aria-valuetext", `${inUnit(v)} ${p.unit}`); set(v); });
   number.addEventListener("change", () => { const v = parseFloat(number.value.replace(",", ".")) * k; if (Number.isFinite(v)) { slider.value = Math.round(s.from(v)); set(v); } });
   const [a, b] = p.interval || [];
-  const interval = p.identifiable ? `${inUnit(a)} to ${inUnit(b)}` : p.identifiable === false ? "the data do not say" : "-";
+  const interval = p.at_bound ? "-" : p.identifiable ? `${inUnit(a)} to ${inUnit(b)}` : p.identifiable === false ? "the data do not say" : "-";
   const range = el("span", { class: "interval" });
   // The interval as it lies on the slider.
-  if (p.identifiable && Number.isFinite(a) && Number.isFinite(b)) {
+  if (p.identifiable && !p.at_bound && Number.isFinite(a) && Number.isFinite(b)) {
     const clip = x => Math.min(100, Math.max(0, s.from(x) / 10));
     range.style.setProperty("--from", clip(a) + "%");
     range.style.setProperty("--to", clip(b) + "%");

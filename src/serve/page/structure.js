@@ -18,6 +18,9 @@ const most = () => Math.max(1e-9, ...(marks() || []).filter(m => m.promises && m
 
 function pick(place) { state.place = state.place === place ? null : place; open = null; draw(); }
 
+/** To a hundredth of a pixel. */
+const round = v => Math.round(100 * v) / 100;
+
 function shade(node, part) {
   node.style.setProperty("--heat", `${Math.round(100 * Math.min(1, part / most()))}%`);
 }
@@ -55,7 +58,7 @@ function picture(d) {
     const a = bodies[c.from], b = bodies[c.to];
     const heat = Math.max(0, ...c.places.map(drop));
     let [x1, y1, x2, y2] = [X(a.x), Y(a.y), X(b.x), Y(b.y)];
-    let mx = (x1 + x2) / 2, my = (y1 + y2) / 2, lines = [svg("line", { x1, y1, x2, y2, class: "link" })], named = true;
+    let mx = (x1 + x2) / 2, my = (y1 + y2) / 2, lines = [svg("line", { x1, y1, x2, y2, class: "link" })], named = true, bow = null;
     const hangs = d.spatial && (a.fixed || b.fixed);
     if (hangs) {
       // A connector to the ground hangs below its part.
@@ -64,19 +67,21 @@ function picture(d) {
       lines = [svg("path", { d: `M${x} ${y}V${y + 82}M${x - 14} ${y + 82}h28`, class: "link" })];
     } else if (d.spatial && Math.abs(c.from - c.to) > 1) {
       const deep = Math.max(y1, y2) + 90;
-      lines = [svg("path", { d: `M${x1} ${y1}Q${mx} ${deep} ${x2} ${y2}`, class: "link" })];
+      bow = (ax, ay, bx, by) => `M${x1 + ax} ${y1 + ay}Q${mx + 0.5 * (ax + bx)} ${deep + 0.5 * (ay + by)} ${x2 + bx} ${y2 + by}`;
+      lines = [svg("path", { d: bow(0, 0, 0, 0), class: "link" })];
       my = 0.25 * y1 + 0.5 * deep + 0.25 * y2;
     } else if (d.spatial) named = links.length <= 14 || places(c);
-    const link = lines[0], plain = !hangs && link.tagName === "line";
+    const link = lines[0];
     const spot = svg("circle", { cx: mx, cy: my, r: 11, class: "spot" });
     const whole = labelled(button(c.places, c.name, [...lines, spot], heat),
       svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name", "aria-hidden": "true" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count", "aria-hidden": "true" }, String(acts(c).length)));
     posers.push(all => {
       const [ax, ay] = shift(all, c.from), [bx, by] = shift(all, c.to);
       const [dx, dy] = hangs ? (a.fixed ? [bx, by] : [ax, ay]) : [0.5 * (ax + bx), 0.5 * (ay + by)];
-      if (plain) for (const [name, v] of [["x1", x1 + ax], ["y1", y1 + ay], ["x2", x2 + bx], ["y2", y2 + by]]) link.setAttribute(name, v);
       // A line follows its ends, all else of the connector the middle between them.
-      for (const part of plain ? [spot, ...[...whole.children].slice(1)] : [whole]) part.setAttribute("transform", `translate(${dx} ${dy})`);
+      if (bow) link.setAttribute("d", bow(ax, ay, bx, by));
+      else if (!hangs) for (const [name, v] of [["x1", x1 + ax], ["y1", y1 + ay], ["x2", x2 + bx], ["y2", y2 + by]]) link.setAttribute(name, v);
+      for (const part of !hangs ? [spot, ...[...whole.children].slice(1)] : [whole]) part.setAttribute("transform", `translate(${round(dx)} ${round(dy)})`);
     });
     return whole;
   });
@@ -87,13 +92,13 @@ function picture(d) {
     const heat = Math.max(0, ...places.map(drop));
     const shape = b.ends
       ? [svg("line", { x1: X(b.ends[0][0]), y1: Y(b.ends[0][1]), x2: X(b.ends[1][0]), y2: Y(b.ends[1][1]), class: "part" })]
-      : [svg("rect", { x: X(b.x) - 19, y: Y(b.y) - 13, width: 38, height: 26, rx: b.fixed ? 0 : 5, class: b.fixed ? "body fixed" : "body" })];
+      : [svg("rect", { x: X(b.x) - 22, y: Y(b.y) - 13, width: 44, height: 26, rx: b.fixed ? 0 : 5, class: b.fixed ? "body fixed" : "body" })];
     const name = svg("text", { x: X(b.x), y: Y(b.y) + (b.ends ? -9 : 4), class: "name", "aria-hidden": "true" }, b.ends ? "" : b.name.length > 7 ? b.name.slice(0, 6) + "…" : b.name);
     const whole = places.length && !b.fixed ? labelled(button(places, b.name, shape, heat), name) : svg("g", {}, svg("title", {}, b.name), ...shape, name);
     posers.push(all => {
       const d = all.get(k);
       if (d?.ends) for (const [e, n] of [[0, 1], [1, 2]]) { shape[0].setAttribute(`x${n}`, X(b.ends[e][0]) + d.ends[e][0]); shape[0].setAttribute(`y${n}`, Y(b.ends[e][1]) + d.ends[e][1]); }
-      else if (d) whole.setAttribute("transform", `translate(${d.dx} ${d.dy}) rotate(${d.turn} ${X(b.x)} ${Y(b.y)})`);
+      else if (d) whole.setAttribute("transform", `translate(${round(d.dx)} ${round(d.dy)}) rotate(${round(d.turn)} ${X(b.x)} ${Y(b.y)})`);
     });
     return whole;
   });
