@@ -137,7 +137,7 @@ function none() {
   say("There is no study in this folder yet: drop the files of a test bench to make one.");
 }
 
-on("written", async ({ study, told }) => {
+on("written", async ({ study, told, line }) => {
   await attempt(async () => {
     list(await api("studies"));
     able(true);
@@ -145,6 +145,7 @@ on("written", async ({ study, told }) => {
     state.beside = null;
     await openStudy(study, null, "compare");
     const now = document.getElementById("answer");
+    command(line);
     // What cannot be read yet has been said; what can is told first how it came about.
     if (now.textContent !== old) say(`${told} ${now.textContent}`, now.classList.contains("bad"));
   });

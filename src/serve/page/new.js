@@ -1,5 +1,5 @@
 // New: files that are dropped here, what is found in them, to be confirmed or corrected by eye, and the study that is made of them.
-import { state, el, svg, api, send, on, emit, attempt, ask, say, command, digits, failureText } from "./core.js";
+import { state, el, svg, api, send, on, emit, ask, say, digits, failureText } from "./core.js";
 
 const view = document.getElementById("view-new");
 const ROLES = ["time", "displacement", "velocity", "acceleration", "force"];
@@ -150,11 +150,10 @@ async function write(e) {
   try {
     const done = await api("new", { basket, corrections: said(), name });
     const told = `Written: ${state.folder}/${done.study}, with ${done.to_confirm.length ? `${done.to_confirm.length} lines to confirm in its dataset.toml and study.toml` : "nothing left to confirm"}.`;
-    command(done.command);
     basket = null; looked = null; name = ""; corrections = new Map(); confirmed = new Set();
     draw();
-    if (done.problem) say(`${told} It cannot be read yet: ${failureText({ ...done.problem, where: done.problem.where })}`, true);
-    emit("written", { study: done.study, told });
+    if (done.problem) say(`${told} It cannot be read yet: ${failureText(done.problem)}`, true);
+    emit("written", { study: done.study, told, line: done.command });
   } catch (error) { failed(error); }
 }
 

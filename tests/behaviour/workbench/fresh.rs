@@ -70,7 +70,7 @@ fn files_that_are_dropped_are_corrected_by_eye_and_become_a_study() {
     let fit = misfit(&["fit", &folder.path().join("mount-A").display().to_string(), "--json"]);
     assert_eq!(fit.code, 0, "{}", fit.stderr);
     assert_eq!(browser.eval("document.getElementById('study').value"), "mount-A");
-    assert_eq!(browser.eval("document.getElementById('command').textContent.startsWith('misfit ')"), true);
+    assert_eq!(browser.eval("document.getElementById('command').textContent.startsWith('misfit new ')"), true);
 }
 
 fn json_of(served: &Served, path: &str, body: &Value) -> (u16, Value) {
