@@ -26,6 +26,8 @@ pub(super) struct Args {
     bootstrap: Option<u32>,
 }
 
+use crate::work::{profiles, take_over};
+
 pub(super) use crate::work::{ALL, at_values, json, keep, plain};
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -44,7 +46,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if !args.profile.is_empty() {
         let every = || fitted.free.iter().map(|f| f.name.clone()).collect();
         let names = if args.profile.iter().any(|n| n == "all") { every() } else { args.profile.clone() };
-        let all = scatter::profiles(&session, &case, &fitted, &folder, &names)?;
+        let all = profiles(&case, &fitted, &folder, &names, &session.monitor(), &|step: &str| session.progress.say(step))?;
         text += &format!("\n{}", scatter::profile_table(&all));
         value["profiles"] = plain(&all)?;
     }
@@ -97,23 +99,4 @@ pub(super) fn fitted(
         result.notes.push("fit: went on from the best state of the earlier run; starts not tried there were not tried here".into());
     }
     Ok((finer, fitted, result))
-}
-
-/// Copies the checkpoint of an earlier run, so that its folder stays as it was.
-fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
-    let file = if old.is_file() { old.to_path_buf() } else { RunFolder { path: old.to_path_buf() }.checkpoint() };
-    let bytes = crate::limits::bytes(&file, crate::limits::CONFIG_BYTES).map_err(|e| {
-        let accepted = "the folder of a `fit` or `predict`, which keeps checkpoint.json";
-        Failure::new("identify", file.display().to_string(), format!("no best state to go on from: {e}"), accepted)
-    })?;
-    folder.write("checkpoint.json", &bytes)?;
-    for name in scatter::KEPT {
-        let kept = old.join(name);
-        if kept.is_file() {
-            let bytes = crate::limits::bytes(&kept, crate::limits::DATA_BYTES)
-                .map_err(|e| Failure::new("identify", kept.display().to_string(), e.to_string(), "a file that can be read"))?;
-            folder.write(name, &bytes)?;
-        }
-    }
-    Ok(())
 }

@@ -1,20 +1,17 @@
 //! `misfit new`: a study from files of a test bench. Says what it found and writes dataset.toml and study.toml, to be confirmed by eye.
 
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use crate::data::inspect::{Cyclic, FoundFile, FoundFrf, FoundHistory, FoundItem, inspect};
-use crate::data::modal_fit::{self, FrfSet, ModalFit};
-use crate::data::{Dataset, Estimate, Record, Role};
+use crate::data::Estimate;
+use crate::data::inspect::{FoundFile, FoundFrf, FoundHistory, FoundItem};
+use crate::data::modal_fit::{self, ModalFit};
+use crate::work::new::{self, Scaffold};
 
 use super::Outcome;
 use super::table::{percent, significant, table};
 use crate::work::Failure;
-
-mod scaffold;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -29,37 +26,10 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
-    free(&args.dir)?;
-    let mut names: Vec<String> = Vec::new();
-    for file in &args.from {
-        let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        if names.contains(&name) {
-            return Err(Failure::new(
-                "data",
-                file.display().to_string(),
-                format!("two files are named `{name}`"),
-                "files of different names",
-            ));
-        }
-        names.push(name);
-    }
+    new::free(&args.dir)?;
+    let names = new::names(&args.from)?;
     // Every file is read before anything is written.
-    let (mut found, mut files, mut left): (Vec<FoundFile>, Vec<PathBuf>, Vec<Failure>) = (vec![], vec![], vec![]);
-    for file in &args.from {
-        match inspect(file) {
-            Ok(one) => {
-                found.push(one);
-                files.push(file.clone());
-            }
-            Err(e) => left.push(Failure::from(e)),
-        }
-    }
-    if found.is_empty()
-        && let Some(first) = left.drain(..).next()
-    {
-        return Err(first);
-    }
-    let scaffold = scaffold::write(&found);
+    let new::Looked { found, files, left, scaffold } = new::look(&args.from, &[])?;
     let Some(scaffold) = scaffold else {
         let inside: String = found.iter().flat_map(|f| &f.items).take(20).map(described).collect();
         let message = format!(
@@ -72,9 +42,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             "files with histories of force and displacement, or with FRFs",
         ));
     };
-    let (problem, modes) = create(&args.dir, &files, &scaffold)?;
+    let (problem, modes) = new::create(&args.dir, &files, &scaffold)?;
     let shown = |name: &str| args.dir.join(name).display().to_string();
-    let items: Vec<Value> = found.iter().flat_map(|f| f.items.iter().map(|i| item(f, i))).collect();
+    let items: Vec<Value> = found.iter().flat_map(|f| f.items.iter().map(|i| new::item(&f.path.display().to_string(), i))).collect();
     let value = json!({
         "dataset": shown("data/dataset.toml"),
         "study": shown("study.toml"),
@@ -82,129 +52,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         "to_confirm": scaffold.to_confirm,
         "left_out": left.iter().map(Failure::problem).collect::<Vec<_>>(),
         "problem": problem.as_ref().map(Failure::problem),
-        "modes": modes.as_ref().map(modes_json),
+        "modes": modes.as_ref().map(new::modes_json),
     });
     Ok(Outcome { json: value, text: told(&found, &left, &scaffold, problem.as_ref(), modes.as_ref(), args), code: 0 })
-}
-
-fn free(dir: &Path) -> Result<(), Failure> {
-    let taken = match fs::read_dir(dir) {
-        Ok(mut entries) => entries.next().is_some(),
-        Err(e) => e.kind() != io::ErrorKind::NotFound,
-    };
-    if taken {
-        return Err(Failure::new(
-            "study",
-            dir.display().to_string(),
-            "something is there already, and nothing is written over",
-            "a new folder, or an empty one",
-        ));
-    }
-    Ok(())
-}
-
-/// Writes everything beside the target and moves it there in one step: whole, or not at all. Reads the new dataset once for what is still wrong with it.
-fn create(dir: &Path, files: &[PathBuf], scaffold: &scaffold::Scaffold) -> Result<(Option<Failure>, Option<ModalFit>), Failure> {
-    let fail = |e: io::Error| {
-        Failure::new("study", dir.display().to_string(), format!("the study cannot be written: {e}"), "a folder that can be written to")
-    };
-    let parent = dir.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    fs::create_dir_all(parent).map_err(fail)?;
-    let temporary = tempfile::Builder::new().prefix(".misfit-new-").tempdir_in(parent).map_err(fail)?;
-    let data = temporary.path().join("data");
-    fs::create_dir(&data).map_err(fail)?;
-    for file in files {
-        if let Some(name) = file.file_name() {
-            fs::copy(file, data.join(name)).map_err(fail)?;
-        }
-    }
-    fs::write(data.join("dataset.toml"), &scaffold.dataset).map_err(fail)?;
-    fs::write(temporary.path().join("study.toml"), &scaffold.study).map_err(fail)?;
-    let (problem, modes) = match Dataset::load(&data, None) {
-        Ok(dataset) => (None, modes(&dataset)),
-        Err(e) => {
-            let f = Failure::from(e);
-            let place = f.place().replace(&temporary.path().display().to_string(), &dir.display().to_string());
-            (Some(Failure::new("data", place, f.message(), f.accepted())), None)
-        }
-    };
-    if dir.is_dir() {
-        // Empty, as `free` has seen; if it is not any more, this fails and nothing is lost.
-        fs::remove_dir(dir).map_err(fail)?;
-    }
-    fs::rename(temporary.path(), dir).map_err(fail)?;
-    // What the guard would delete has moved.
-    let _ = temporary.keep();
-    Ok((problem, modes))
-}
-
-/// Values of FRFs up to which modes are looked for.
-const VALUES: usize = 200_000;
-
-/// Modal parameters of the FRFs, where they make one set.
-fn modes(dataset: &Dataset) -> Option<ModalFit> {
-    let frfs: Vec<_> = dataset.tests.iter().filter_map(|t| if let Record::Frf(f) = &t.record { Some(f.as_ref()) } else { None }).collect();
-    let set = FrfSet::from_frfs(&frfs).ok()?;
-    // A look, not a study: large sets would take minutes.
-    if set.h.len() * set.frequency.len() > VALUES {
-        return None;
-    }
-    modal_fit::fit(&set, &modal_fit::Settings::default()).ok()
-}
-
-fn modes_json(fit: &ModalFit) -> Value {
-    let mode = |m: &modal_fit::Mode| {
-        json!({ "frequency_hz": m.frequency, "frequency_std": m.frequency_sigma, "damping": m.damping, "damping_std": m.damping_sigma, "complexity": m.complexity,
-                "shape": m.shape.iter().map(|s| [s.re, s.im]).collect::<Vec<_>>() })
-    };
-    Value::from(fit.modes.iter().map(mode).collect::<Vec<_>>())
-}
-
-fn item(file: &FoundFile, item: &FoundItem) -> Value {
-    let path = file.path.display().to_string();
-    match item {
-        FoundItem::History(h) => {
-            let channel = |c: &crate::data::inspect::FoundColumn| {
-                let (low, high) = c.values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-                json!({ "column": c.column, "role": c.role.map(|r| r.word()), "unit": c.unit, "min": low, "max": high })
-            };
-            let cyclic = h.cyclic.as_ref();
-            json!({ "file": path, "what": if cyclic.is_some() { "cycle" } else { "transient" }, "channels": h.columns.iter().map(channel).collect::<Vec<_>>(),
-                    "samples": h.samples, "rate_hz": h.rate, "seconds": h.seconds, "frequency_hz": cyclic.map(|c| c.frequency), "cycles": cyclic.map(|c| c.cycles),
-                    "start_up_cycles": cyclic.map(|c| c.start_up), "control": cyclic.map(|c| c.control.role().word()),
-                    "control_recognised": cyclic.map(|c| c.recognised), "loop": cyclic.and_then(measured),
-                    "findings": h.findings.iter().map(|n| format!("{}: {}", n.about, n.text)).collect::<Vec<_>>() })
-        }
-        FoundItem::Frf(f) => {
-            let place = |p: Option<(i64, &str, bool)>| p.map(|(n, axis, against)| format!("{n}:{}{axis}", if against { "-" } else { "+" }));
-            json!({ "file": path, "what": "frf", "record": f.record, "respond": place(f.respond), "excite": place(f.excite), "quantity": f.quantity.map(|q| q.word()),
-                    "channels": f.columns.iter().map(|(r, c, u)| json!({ "column": c, "role": r.word(), "unit": u })).collect::<Vec<_>>(),
-                    "lines": f.lines, "from_hz": f.band.0, "to_hz": f.band.1, "findings": f.findings })
-        }
-        FoundItem::Modes(m) => {
-            let mode = |(f, z): &(f64, Option<f64>)| json!({ "frequency_hz": f, "damping": z });
-            json!({ "file": path, "what": "modal", "modes": m.modes.iter().map(mode).collect::<Vec<_>>() })
-        }
-        FoundItem::Other(text) => json!({ "file": path, "what": "other", "text": text }),
-    }
-}
-
-/// The settled loop in SI: amplitudes, energies with their deviations.
-fn measured(c: &Cyclic) -> Option<Value> {
-    let e = c.settled.energy(None)?;
-    let pair = |e: Estimate| json!({ "value": e.value, "std": e.sigma });
-    let noise = |role: Role| c.settled.channels.iter().find(|c| c.role == role).map(|c| c.sigma_sample);
-    Some(
-        json!({ "cycles_averaged": c.settled.cycles, "points": c.settled.n, "displacement_amplitude": 0.5 * e.travel.value, "force_amplitude": 0.5 * e.force_range.value,
-                 "displacement_noise": noise(Role::Displacement), "force_noise": noise(Role::Force), "W_D": pair(e.dissipated),
-                 "W_s_slope": e.stored_slope.map(pair), "W_s_product": pair(e.stored_product), "D": pair(e.loss_ratio) }),
-    )
 }
 
 fn told(
     found: &[FoundFile],
     left: &[Failure],
-    scaffold: &scaffold::Scaffold,
+    scaffold: &Scaffold,
     problem: Option<&Failure>,
     modes: Option<&ModalFit>,
     args: &Args,

@@ -3,97 +3,20 @@
 //! What is done is kept as it comes in the folder of the run, `profiles.jsonl` and `bootstrap.jsonl`, a line each; `--resume` goes on from
 //! them.
 
-use std::fs::OpenOptions;
-use std::io::Write;
-use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use crate::parallel;
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::diagnose::results::SplitName;
 use crate::diagnose::{Case, Fitted, unit_of};
-use crate::identify::{IdentifyError, Replicate, bootstrap, profile, quantile};
+use crate::identify::{Replicate, bootstrap, quantile};
 use crate::residual::Problem;
 use crate::study::run::RunFolder;
 
 use super::session::Session;
 use super::table::{significant, table};
-use crate::work::Failure;
-
-/// Files of a run that a resumed one takes over.
-pub(super) const KEPT: [&str; 2] = [BOOTSTRAP, PROFILES];
-const BOOTSTRAP: &str = "bootstrap.jsonl";
-const PROFILES: &str = "profiles.jsonl";
-/// Relative difference up to which a fit has come back to the answer that replicates and profiles are about.
-const SAME: f64 = 1e-6;
-
-/// Lines of JSON that are appended as they come; the first says what they are about.
-struct Lines {
-    path: PathBuf,
-    file: Mutex<std::fs::File>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Head {
-    names: Vec<String>,
-    p: Vec<f64>,
-    seed: u64,
-}
-
-impl Lines {
-    /// Opens the file of a run and reads what it holds; a last line that was cut short is taken away.
-    fn open<T: for<'a> Deserialize<'a>>(folder: &RunFolder, name: &str, head: &Head) -> Result<(Lines, Vec<T>), Failure> {
-        let path = folder.path.join(name);
-        let shown = path.display().to_string();
-        let fail = |e: std::io::Error| Failure::new("identify", shown.clone(), e.to_string(), "a file that can be written");
-        let other = |message: String| {
-            Failure::new(
-                "identify",
-                shown.clone(),
-                message,
-                "the folder of a run of the same study, fit and seed, or a new run without --resume",
-            )
-        };
-        let text = if path.exists() { std::fs::read_to_string(&path).map_err(fail)? } else { String::new() };
-        let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
-        let mut lines = whole.lines();
-        let mut done = Vec::new();
-        match lines.next() {
-            Some(first) => {
-                let old: Head = serde_json::from_str(first).map_err(|e| other(format!("line 1: {e}")))?;
-                let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * a.abs().max(b.abs());
-                if old.names != head.names || old.seed != head.seed || !old.p.iter().zip(&head.p).all(near) {
-                    return Err(other("it is about another fit".into()));
-                }
-                for (k, line) in lines.enumerate() {
-                    done.push(serde_json::from_str(line).map_err(|e| other(format!("line {}: {e}", k + 2)))?);
-                }
-            }
-            None => {
-                let first = serde_json::to_string(head).map_err(|e| other(e.to_string()))? + "\n";
-                std::fs::write(&path, first).map_err(fail)?;
-            }
-        }
-        let file = OpenOptions::new().append(true).open(&path).map_err(fail)?;
-        if !whole.is_empty() {
-            file.set_len(whole.len() as u64).map_err(fail)?;
-        }
-        Ok((Lines { path, file: Mutex::new(file) }, done))
-    }
-
-    fn add(&self, value: &impl Serialize) -> Result<(), Failure> {
-        let fail = |reason: String| Failure::new("identify", self.path.display().to_string(), reason, "a file that can be written");
-        let text = serde_json::to_string(value).map_err(|e| fail(e.to_string()))? + "\n";
-        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        file.write_all(text.as_bytes()).map_err(|e| fail(e.to_string()))
-    }
-}
-
-fn head(fitted: &Fitted, seed: u64) -> Head {
-    Head { names: fitted.options.names.clone(), p: fitted.outcome.p.clone(), seed }
-}
+use crate::work::lines::{BOOTSTRAP, Lines, head};
+use crate::work::{Failure, Profiled};
 
 /// The first `n` replicates of a fit, those of an earlier run not again.
 pub(super) fn replicates(session: &Session, case: &Case, fitted: &Fitted, folder: &RunFolder, n: usize) -> Result<Vec<Replicate>, Failure> {
@@ -117,17 +40,13 @@ pub(super) fn replicates(session: &Session, case: &Case, fitted: &Fitted, folder
         }
     };
     let fresh = bootstrap(&problem, &fitted.outcome, &fitted.options, &tests, (&left, case.seed), &session.monitor(), &each);
-    done.extend(fresh.map_err(failure)?);
+    done.extend(fresh.map_err(crate::diagnose::DiagnoseError::from)?);
     if let Some(e) = trouble.into_inner().unwrap_or_else(PoisonError::into_inner).1 {
         return Err(e);
     }
     done.retain(|r| r.index < n);
     done.sort_by_key(|r| r.index);
     Ok(done)
-}
-
-fn failure(e: IdentifyError) -> Failure {
-    crate::diagnose::DiagnoseError::from(e).into()
 }
 
 /// Mean, deviation and 95 % interval of values.
@@ -176,78 +95,14 @@ pub(super) fn told(fitted: &Fitted, all: &[Replicate], asked: usize) -> (Value, 
     (value, text)
 }
 
-/// A profile as it is kept.
-#[derive(Serialize, Deserialize, Clone)]
-pub(super) struct Kept {
-    name: String,
-    unit: String,
-    value: f64,
-    /// 95 %; an open end is null.
-    interval: (Option<f64>, Option<f64>),
-    at_bound: (bool, bool),
-    /// Value and cost.
-    points: Vec<(f64, f64)>,
-    /// Cost of a better answer met on the way.
-    better: Option<f64>,
-}
-
-/// Profiles the named parameters, in parallel; those of an earlier run not again.
-pub(super) fn profiles(
-    session: &Session,
-    case: &Case,
-    fitted: &Fitted,
-    folder: &RunFolder,
-    names: &[String],
-) -> Result<Vec<Kept>, Failure> {
-    let wanted: Vec<usize> = names
-        .iter()
-        .map(|n| {
-            fitted.free.iter().position(|f| f.name == *n).ok_or_else(|| {
-                let all: Vec<&str> = fitted.free.iter().map(|f| f.name.as_str()).collect();
-                Failure::new("cli", "--profile", format!("there is no free parameter `{n}`"), all.join(", "))
-            })
-        })
-        .collect::<Result<_, _>>()?;
-    let (lines, mut done) = Lines::open::<Kept>(folder, PROFILES, &head(fitted, case.seed))?;
-    let problem = Problem::new(case.plans_of(SplitName::Fit), fitted.system.clone());
-    let spread = crate::identify::uncertainty(&fitted.outcome, &fitted.options, &Default::default()).map_err(failure)?;
-    let left: Vec<usize> = wanted.into_iter().filter(|k| !done.iter().any(|d| d.name == fitted.free[*k].name)).collect();
-    let one = |k: &usize| -> Result<Option<Kept>, Failure> {
-        let f = &fitted.free[*k];
-        session.progress.say(&format!("profile of {}", f.name));
-        let found = profile(&problem, &fitted.outcome, *k, spread.parameters[*k].std, &fitted.options, &session.monitor());
-        // What was stopped half way is no profile.
-        if session.interrupted() {
-            return Ok(None);
-        }
-        let found = found.map_err(failure)?;
-        let value = |v: f64| if f.log { v.exp() } else { v };
-        let kept = Kept {
-            name: f.name.clone(),
-            unit: unit_of(&fitted.system, f),
-            value: value(found.value),
-            interval: (found.interval.0.map(value), found.interval.1.map(value)),
-            at_bound: found.at_bound,
-            points: found.points.iter().map(|(v, c)| (value(*v), *c)).collect(),
-            better: found.better.map(|b| b.1),
-        };
-        lines.add(&kept)?;
-        Ok(Some(kept))
-    };
-    let fresh: Vec<Option<Kept>> = parallel::map(&left, one).into_iter().collect::<Result<_, Failure>>()?;
-    done.extend(fresh.into_iter().flatten());
-    done.retain(|d| names.contains(&d.name));
-    Ok(done)
-}
-
 /// Profiles as a table.
-pub(super) fn profile_table(all: &[Kept]) -> String {
+pub(super) fn profile_table(all: &[Profiled]) -> String {
     let end = |v: Option<f64>, bound: bool, open: &str| match (v, bound) {
         (Some(v), true) => format!("{} (bound)", significant(v, 5)),
         (Some(v), false) => significant(v, 5),
         (None, _) => open.into(),
     };
-    let row = |k: &Kept| {
+    let row = |k: &Profiled| {
         vec![
             k.name.clone(),
             significant(k.value, 5),

@@ -2,12 +2,15 @@
 
 use crate::identify::Monitor;
 use crate::model::Instance;
+use crate::parallel;
 
 use super::approach::in_step;
 use super::candidates::Name;
 use super::case::{Case, Fitted, begin};
 use super::fault::of_channel;
 use super::horizon;
+use super::loosened::Loose;
+use super::results::Rung;
 use super::search::{Against, Move, Step, Stood, step};
 use super::settings::Settings;
 use super::slack::{self, Slack};
@@ -105,6 +108,22 @@ impl<'a> Climb<'a> {
             tried: 1.0,
             turned: vec![],
         })
+    }
+
+    /// Gives slack to what the study ties or fixes where that gains more than `than`. Whether it did.
+    pub fn loosen(&mut self, loose: Option<Loose>, than: f64, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
+        let watch = self.monitor.watch();
+        if !self.slacken(loose, than) {
+            return Ok(false);
+        }
+        self.refresh(rungs)?;
+        // What was added stands beside slack now: something else may do its work better, and its ties are others.
+        if !self.added.is_empty()
+            && let Some((added, removed)) = parallel::watched(&watch, || self.swap())
+        {
+            rungs.push(self.rung(Some(added), vec![removed])?);
+        }
+        Ok(true)
     }
 
     /// Scores and weighs what may be missing from the present model, under its own counts.

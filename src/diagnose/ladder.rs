@@ -141,6 +141,16 @@ impl End {
 
 /// Climbs. The held-out tests are computed once, at the end, for the first and the last model.
 pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderResult, System), DiagnoseError> {
+    ladder_keeping(case, monitor, watch, &|_| {})
+}
+
+/// The same; `keep` is given the model of every rung above the first as soon as it stands, so that a climb that is killed can be gone on with.
+pub fn ladder_keeping(
+    case: &Case,
+    monitor: &Monitor,
+    watch: Watch,
+    keep: &dyn Fn(&System),
+) -> Result<(LadderResult, System), DiagnoseError> {
     let started = std::time::Instant::now();
     watch("fitting the study as it stands");
     let (case, turned) = righted(case);
@@ -159,6 +169,9 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             climb.exchange(&mut rungs)?;
             break End::Full;
         }
+        if rungs.len() > 1 {
+            keep(&climb.slack.held(&climb.now.fitted.system));
+        }
         watch(&format!("rung {}", rungs.len()));
         let mut step = match parallel::watched(&monitor.watch(), || climb.step()) {
             Err(_) if trace::stopped(monitor) => break End::Stopped,
@@ -169,14 +182,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             (last.candidates, last.second_opinion, last.effort) = (step.candidates.clone(), step.second_opinion.clone(), step.effort);
         }
         let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
-        if climb.slacken(step.loose.take(), than) {
-            climb.refresh(&mut rungs)?;
-            // What was added stands beside slack now: something else may do its work better, and its ties are others.
-            if !climb.added.is_empty()
-                && let Some((added, removed)) = parallel::watched(&monitor.watch(), || climb.swap())
-            {
-                rungs.push(climb.rung(Some(added), vec![removed])?);
-            }
+        if climb.loosen(step.loose.take(), than, &mut rungs)? {
             continue;
         }
         let Some(taken) = &step.taken else {
@@ -240,7 +246,7 @@ impl Climb<'_> {
     }
 
     /// The last rung with the present model's values: what was added has been fitted on, or stands beside slack now.
-    fn refresh(&self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
+    pub(super) fn refresh(&self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
         let Some(last) = rungs.pop() else { return Ok(()) };
         let now = self.rung(last.added, last.removed)?;
         rungs.push(Rung { candidates: last.candidates, second_opinion: last.second_opinion, effort: last.effort, ..now });

@@ -44,7 +44,7 @@ mod weigh;
 pub use approach::approached;
 pub use case::{Case, Fitted, Search, compare, fit, glance, unit_of};
 pub use error::DiagnoseError;
-pub use ladder::{diagnose, ladder};
+pub use ladder::{diagnose, ladder, ladder_keeping};
 pub use map::{Mark, map};
 pub use method::{Fitting, Scoring, Telling};
 pub use proposals::Proposals;

@@ -39,7 +39,7 @@ pub use curves::{Units, driven};
 pub use error::ReportError;
 pub use page::PLOTLY;
 pub use population::population;
-pub use shapes::outline;
+pub use shapes::{outline, swings};
 pub use sweeps::Sweep;
 pub use text::esc as escaped;
 

@@ -99,16 +99,68 @@ fn bars(model: &Model, space: &Space) -> Vec<Bar> {
     (0..space.parts.len()).filter_map(|part| Some(Bar { part, ends: of(part)? })).collect()
 }
 
+/// A spatial model as it lies on a page.
+struct Sketch {
+    bars: Vec<Bar>,
+    view: View,
+    /// Length of the chain [m].
+    length: f64,
+}
+
+impl Sketch {
+    /// None of other models.
+    fn of(model: &Model) -> Option<Sketch> {
+        let bars = bars(model, model.space.as_ref()?);
+        let (start, end) = (bars.first()?.ends[0], bars.last()?.ends[1]);
+        let reach = sub(end, start);
+        let length = dot(reach, reach).sqrt().max(1e-9);
+        let along = [reach[0] / length, reach[1] / length, 0.0];
+        let view = View { along, across: [-along[1], along[0], 0.0], from: start };
+        Some(Sketch { bars, view, length })
+    }
+
+    /// Upper and lower side of the parts, from the chain.
+    fn sides(&self) -> [V3<f64>; 2] {
+        [[0.0, 0.0, -HALF * self.length], [0.0, 0.0, HALF * self.length]]
+    }
+
+    /// Factor with which the largest displacement of a corner is drawn as [`SWING`]; `size` is that of one corner.
+    fn scale(&self, size: impl Fn(usize, V3<f64>) -> f64) -> f64 {
+        let sides = self.sides();
+        let corners = self.bars.iter().flat_map(|b| b.ends.iter().flat_map(move |e| sides.map(|s| (b.part, add(*e, s)))));
+        let largest = corners.fold(0.0f64, |m, (part, p)| m.max(size(part, p)));
+        if largest > 0.0 { SWING * self.length / largest } else { 0.0 }
+    }
+}
+
+/// Displacement of a point that is fixed to a part.
+fn moved(space: &Space, shape: &[f64], part: usize, p: V3<f64>) -> V3<f64> {
+    let q = space.coordinates(part, shape);
+    let turn = cross([q[3], q[4], q[5]], sub(p, space.parts[part].origin));
+    std::array::from_fn(|i| q[i] + turn[i])
+}
+
 /// Where the parts of a spatial model lie on a page [mm]: the index of each with its two ends on the chain; empty for other models.
 pub fn outline(model: &Model) -> Vec<(usize, [(f64, f64); 2])> {
-    let Some(space) = &model.space else { return vec![] };
-    let bars = bars(model, space);
-    let (Some(first), Some(last)) = (bars.first(), bars.last()) else { return vec![] };
-    let reach = sub(last.ends[1], first.ends[0]);
-    let length = dot(reach, reach).sqrt().max(1e-9);
-    let along = [reach[0] / length, reach[1] / length, 0.0];
-    let view = View { along, across: [-along[1], along[0], 0.0], from: first.ends[0] };
-    bars.iter().map(|b| (b.part, b.ends.map(|e| view.show(e)))).collect()
+    let Some(sketch) = Sketch::of(model) else { return vec![] };
+    sketch.bars.iter().map(|b| (b.part, b.ends.map(|e| sketch.view.show(e)))).collect()
+}
+
+/// A displacement on a page [mm]; the motion is the real part of it times `exp(i phase)`.
+pub type Swing = [Complex64; 2];
+
+/// How far the ends of the parts of [`outline`] move in a mode; empty for models that are not spatial.
+pub fn swings(model: &Model, shape: &[Complex64]) -> Vec<(usize, [Swing; 2])> {
+    let (Some(sketch), Some(space)) = (Sketch::of(model), &model.space) else { return vec![] };
+    let parts = [shape.iter().map(|x| x.re).collect::<Vec<f64>>(), shape.iter().map(|x| x.im).collect()];
+    let norm = |u: V3<f64>| dot(u, u);
+    let scale = sketch.scale(|part, p| parts.iter().map(|s| norm(moved(space, s, part, p))).sum::<f64>().sqrt());
+    let swing = |part: usize, p: V3<f64>| -> Swing {
+        let rest = sketch.view.show(p);
+        let [a, b] = [0, 1].map(|k| sketch.view.show(add(p, moved(space, &parts[k], part, p).map(|u| u * scale))));
+        [Complex64::new(a.0 - rest.0, b.0 - rest.0), Complex64::new(a.1 - rest.1, b.1 - rest.1)]
+    };
+    sketch.bars.iter().map(|b| (b.part, b.ends.map(|e| swing(b.part, e)))).collect()
 }
 
 fn spatial(model: &Model, space: &Space, shape: &[f64]) -> Chart {
@@ -116,31 +168,16 @@ fn spatial(model: &Model, space: &Space, shape: &[f64]) -> Chart {
     // One scale in both directions.
     let scaled = chart::axis(&across).set("scaleanchor", "x");
     let mut plot = Chart::new(&chart::linear("along the chain [mm]"), &across).with("yaxis", scaled);
-    let bars = bars(model, space);
-    let (Some(first), Some(last)) = (bars.first(), bars.last()) else { return plot };
-    let (start, end) = (first.ends[0], last.ends[1]);
-    let reach = sub(end, start);
-    let length = dot(reach, reach).sqrt().max(1e-9);
-    let along = [reach[0] / length, reach[1] / length, 0.0];
-    let view = View { along, across: [-along[1], along[0], 0.0], from: start };
-    // Displacement of a point that is fixed to a part.
-    let moved = |part: usize, p: V3<f64>| -> V3<f64> {
-        let q = space.coordinates(part, shape);
-        let turn = cross([q[3], q[4], q[5]], sub(p, space.parts[part].origin));
-        std::array::from_fn(|i| q[i] + turn[i])
-    };
-    let sides = [[0.0, 0.0, -HALF * length], [0.0, 0.0, HALF * length]];
-    let sides = &sides;
-    let corners = bars.iter().flat_map(|b| b.ends.iter().flat_map(move |e| sides.iter().map(move |s| (b.part, add(*e, *s)))));
-    let size = corners.fold(0.0f64, |m, (part, p)| {
-        let u = moved(part, p);
-        m.max(dot(u, u).sqrt())
+    let Some(sketch) = Sketch::of(model) else { return plot };
+    let sides = sketch.sides();
+    let scale = sketch.scale(|part, p| {
+        let u = moved(space, shape, part, p);
+        dot(u, u).sqrt()
     });
-    let scale = if size > 0.0 { SWING * length / size } else { 0.0 };
     let outline = |scale: f64| -> (Vec<f64>, Vec<f64>) {
-        let at = |part: usize, p: V3<f64>| view.show(add(p, moved(part, p).map(|u| u * scale)));
+        let at = |part: usize, p: V3<f64>| sketch.view.show(add(p, moved(space, shape, part, p).map(|u| u * scale)));
         let mut points = vec![];
-        for b in &bars {
+        for b in &sketch.bars {
             let [a, c] = b.ends;
             let corner = |e: V3<f64>, s: usize| at(b.part, add(e, sides[s]));
             points.extend([corner(a, 0), corner(a, 1), corner(c, 1), corner(c, 0), corner(a, 0), (f64::NAN, f64::NAN)]);

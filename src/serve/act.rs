@@ -1,93 +1,24 @@
 //! What a page can set going: the verbs, on a model of the tree. Each writes its run as the verb does.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::diagnose::results::{EffectAt, LadderResult, SplitName};
+use crate::diagnose::results::{EffectAt, FitResult, LadderResult, SplitName};
 use crate::diagnose::{self, Case, Fitted, Mark, map};
 use crate::model::System;
 use crate::study::run::RunFolder;
 use crate::study::unit_of;
 use crate::work::{self, Failure, Wish, keep, plain};
 
-use super::bench::{Bench, Loaded, Model, ROOT};
+use super::bench::{Bench, Loaded, Model};
 use super::job::Job;
+use super::order::{ORDER, Order, VERBS, quoted};
 use super::picture::{places, printed};
 
-/// What is to be done.
-#[derive(Deserialize, Debug, Clone, Default)]
-#[serde(deny_unknown_fields)]
-pub struct Order {
-    /// One of [`VERBS`].
-    pub verb: String,
-    /// Model of the tree to begin from.
-    pub model: String,
-    /// Of `add`: the effect...
-    #[serde(default)]
-    pub effect: String,
-    /// ...and its place.
-    #[serde(default)]
-    pub at: String,
-    /// Of `export`: the formats.
-    #[serde(default)]
-    pub to: Vec<String>,
-    /// Starts with unit.
-    #[serde(default)]
-    pub set: Vec<(String, String)>,
-    /// Of a coefficient: the parameter it scales.
-    pub of: Option<String>,
-    /// Of a coefficient: the condition.
-    pub condition: Option<String>,
-    /// Of a coefficient: its reference.
-    pub reference: Option<String>,
-    /// Values to begin from, `instance.parameter` [SI].
-    #[serde(default)]
-    pub values: std::collections::BTreeMap<String, f64>,
-}
-
-/// What can be set going.
-pub const VERBS: [&str; 5] = ["fit", "add", "score", "ladder", "export"];
-
-/// The command line that does the same.
-pub fn command(bench: &Bench, order: &Order) -> String {
-    let study = match order.model.as_str() {
-        ROOT => bench.path.clone(),
-        run => (if bench.path.is_dir() { bench.path.clone() } else { bench.path.parent().map(PathBuf::from).unwrap_or_default() })
-            .join("runs")
-            .join(run),
-    };
-    let study = quoted(&study.display().to_string());
-    let verb = if order.verb == "score" { "diagnose" } else { &order.verb };
-    let mut line = format!("misfit {verb} {study}");
-    if order.verb == "add" {
-        line += &format!(" {} --at {}", quoted(&order.effect), quoted(&order.at));
-        for (name, value) in &order.set {
-            line += &format!(" --set {}", quoted(&format!("{name}={value}")));
-        }
-        for (option, value) in [("--of", &order.of), ("--condition", &order.condition), ("--reference", &order.reference)] {
-            line += &value.as_ref().map_or(String::new(), |v| format!(" {option} {}", quoted(v)));
-        }
-    }
-    if order.verb == "export" {
-        line += &format!(" --to {}", order.to.join(","));
-    }
-    if bench.seed != 1 {
-        line += &format!(" --seed {}", bench.seed);
-    }
-    line + &bench.data.as_ref().map_or(String::new(), |d| format!(" --data {}", quoted(&d.display().to_string())))
-}
-
-/// A word as a shell takes it.
-pub fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=+,@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) { word.into() } else { format!("'{}'", word.replace('\'', "'\\''")) }
-}
-
 /// The system of a model with other values.
-pub fn with_values(system: &System, values: &std::collections::BTreeMap<String, f64>) -> Result<System, Failure> {
+pub fn with_values(system: &System, values: &BTreeMap<String, f64>) -> Result<System, Failure> {
     let mut system = system.clone();
     for (key, value) in values {
         let place = key.split_once('.').and_then(|(i, p)| Some((i.parse::<usize>().ok()?, p.parse::<usize>().ok()?)));
@@ -112,28 +43,91 @@ pub fn act(bench: &Bench, loaded: &Loaded, job: &Job, order: &Order) -> Result<V
         "score" => score(loaded, job, &model, order),
         "ladder" => ladder(loaded, job, &case, order),
         "export" => export(loaded, job, &case, order),
+        "profile" => profile(loaded, job, &case, order),
         other => Err(Failure::new("serve", other, format!("`{other}` is no verb of the workbench"), VERBS.join(", "))),
     };
     bench.changed();
     done
 }
 
-/// What a run says of the workbench it was made in.
-fn mark(loaded: &Loaded, job: &Job, opens: Option<Value>) -> Value {
-    json!({ "parent": job.model, "command": job.command, "held_out_opened": opens, "held_out_opened_before": loaded.opened().len() })
+/// The folder of a run with the order in it, so that a run that is killed can be gone on with.
+fn begin(loaded: &Loaded, job: &Job, order: &Order) -> Result<RunFolder, Failure> {
+    let folder = RunFolder::create(&loaded.study, &order.verb, None)?;
+    job.writes(&folder.path);
+    folder.write(ORDER, plain(order)?.to_string().as_bytes())?;
+    Ok(folder)
+}
+
+/// Removes the folder of a run that came to nothing.
+fn discard(folder: &RunFolder) {
+    // Where the order cannot be removed the folder stays, and is shown as a run without a result.
+    let _ = std::fs::remove_file(folder.path.join(ORDER));
+    folder.discard();
+}
+
+/// Writes the result of a run: the work, and what it says of the workbench it was made in.
+fn finish(loaded: &Loaded, job: &Job, order: &Order, folder: &RunFolder, mut value: Value, opens: Option<Value>) -> Result<Value, Failure> {
+    value["workbench"] = json!({
+        "parent": job.model, "command": job.command, "resumed": order.resume, "held_out_opened": opens,
+        "held_out_opened_before": loaded.opened().len(),
+    });
+    folder.result(&value)?;
+    // The result says the same.
+    let _ = std::fs::remove_file(folder.path.join(ORDER));
+    Ok(value)
+}
+
+/// The best state of the run that is gone on with, where it kept one.
+fn resumed(loaded: &Loaded, order: &Order, folder: &RunFolder) -> Result<bool, Failure> {
+    let Some(old) = order.resume.as_ref().map(|r| RunFolder { path: loaded.runs().join(r) }).filter(|f| f.checkpoint().is_file()) else {
+        return Ok(false);
+    };
+    work::take_over(&old.path, folder)?;
+    Ok(true)
 }
 
 fn fit(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {
-    let study = &loaded.study;
-    let folder = RunFolder::create(study, "fit", None)?;
-    job.say("fit");
-    let monitor = job.monitor(case.system.clone()).checkpoint(folder.checkpoint(), false);
-    let (case, fitted, result) = diagnose::fit(case, &loaded.splits(), &monitor).inspect_err(|_| folder.discard())?;
-    keep(study, &fitted.system, &folder, &result)?;
-    let mut value = work::json(&result, &folder)?;
-    value["workbench"] = mark(loaded, job, None);
-    folder.result(&value)?;
+    let folder = begin(loaded, job, order)?;
+    let (case, fitted, result) = fit_into(loaded, job, case, order, &folder).inspect_err(|_| discard(&folder))?;
+    let value = finish(loaded, job, order, &folder, work::json(&result, &folder)?, None)?;
     Ok(entered(loaded, &folder, "fit", value, case, fitted, &order.model))
+}
+
+/// A fit into the folder of a run.
+fn fit_into(loaded: &Loaded, job: &Job, case: &Case, order: &Order, folder: &RunFolder) -> Result<(Case, Fitted, FitResult), Failure> {
+    let goes_on = resumed(loaded, order, folder)?;
+    job.say(if goes_on { "fit, from the best state of the earlier run" } else { "fit" });
+    let monitor = job.monitor(case.system.clone()).checkpoint(folder.checkpoint(), goes_on);
+    let (case, fitted, result) = diagnose::fit(case, &loaded.splits(), &monitor)?;
+    keep(&loaded.study, &fitted.system, folder, &result)?;
+    Ok((case, fitted, result))
+}
+
+/// A fit with the profile of one parameter; no model of the tree, but known to its own.
+fn profile(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {
+    let folder = begin(loaded, job, order)?;
+    let made = || -> Result<Value, Failure> {
+        let (case, fitted, result) = fit_into(loaded, job, case, order, &folder)?;
+        let all =
+            work::profiles(&case, &fitted, &folder, std::slice::from_ref(&order.parameter), &job.monitor(fitted.system.clone()), &|l| {
+                job.say(l)
+            })?;
+        if all.is_empty() {
+            return Err(Failure::new("identify", &order.parameter, "stopped before the profile was done", "more time"));
+        }
+        let mut value = work::json(&result, &folder)?;
+        value["profiles"] = plain(&all)?;
+        Ok(value)
+    };
+    let value = made().inspect_err(|_| {
+        // It holds the fit alone, which is no answer to what was asked.
+        let _ = std::fs::remove_dir_all(&folder.path);
+    })?;
+    let value = finish(loaded, job, order, &folder, value, None)?;
+    let profiles = value["profiles"].clone();
+    let model = loaded.model(&order.model)?;
+    loaded.enter(&folder.path, "profile", value, (*model).clone());
+    Ok(json!({ "profiles": profiles, "parent": order.model }))
 }
 
 fn entered(loaded: &Loaded, folder: &RunFolder, verb: &str, value: Value, case: Case, fitted: Fitted, parent: &str) -> Value {
@@ -146,8 +140,24 @@ fn case_of(case: &Case, system: &System) -> Case {
     Case { system: system.clone(), ..case.clone() }
 }
 
+/// Adds an effect; another one is added to the same model and becomes a branch beside it.
 fn add(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {
+    job.say("fit before");
+    let before = diagnose::fit(case, &loaded.splits(), &job.monitor(case.system.clone()))?;
+    let mut done = add_to(loaded, job, &before, order)?;
+    let Some(other) = &order.other else { return Ok(done) };
+    let other = Order { verb: order.verb.clone(), model: order.model.clone(), ..(**other).clone() };
+    match add_to(loaded, job, &before, &other) {
+        Ok(second) => done["beside"] = second["model"].clone(),
+        // The first stands in the tree already.
+        Err(why) => done["beside_failed"] = why.json()["error"].clone(),
+    }
+    Ok(done)
+}
+
+fn add_to(loaded: &Loaded, job: &Job, before: &(Case, Fitted, FitResult), order: &Order) -> Result<Value, Failure> {
     let study = &loaded.study;
+    let (case, before_fit, before) = before;
     let wish = Wish {
         effect: order.effect.clone(),
         at: order.at.clone(),
@@ -156,24 +166,19 @@ fn add(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, 
         condition: order.condition.clone(),
         reference: order.reference.clone(),
     };
-    job.say("fit before");
-    let splits = loaded.splits();
-    let (case, before_fit, before) = diagnose::fit(case, &splits, &job.monitor(case.system.clone()))?;
     let mut grown = before_fit.system.clone();
     grown.instances.push(work::wished(&wish, study)?);
+    let folder = begin(loaded, job, order)?;
     let monitor = job.monitor(grown);
-    let done = work::refit(study, &case, &before_fit.system, &wish, &splits, &monitor, &|step| job.say(step))?;
-    let Some(done) = done else {
-        return Err(Failure::new("identify", "", "stopped before the refit was done; the model is as it was", "more time"));
-    };
-    let folder = RunFolder::create(study, "add", None)?;
+    let done = work::refit(study, case, &before_fit.system, &wish, &loaded.splits(), &monitor, &|step| job.say(step));
+    let stopped = || Failure::new("identify", "", "stopped before the refit was done; the model is as it was", "more time");
+    let done = done.and_then(|d| d.ok_or_else(stopped)).inspect_err(|_| discard(&folder))?;
     folder.study(study, &done.fitted.system)?;
     folder.residuals(&done.result.tests)?;
     work::report(&folder, study, &done.fitted.system, Some(&done.result), None, None)?;
     let added = EffectAt { effect: done.instance.name().into(), at: done.instance.at.clone() };
-    let mut value = work::json(&json!({ "before": plain(&before)?, "after": plain(&done.result)?, "added": plain(&added)? }), &folder)?;
-    value["workbench"] = mark(loaded, job, None);
-    folder.result(&value)?;
+    let value = work::json(&json!({ "before": plain(before)?, "after": plain(&done.result)?, "added": plain(&added)? }), &folder)?;
+    let value = finish(loaded, job, order, &folder, value, None)?;
     Ok(entered(loaded, &folder, "add", value, done.case, done.fitted, &order.model))
 }
 
@@ -234,10 +239,24 @@ fn candidate(loaded: &Loaded, system: &System, m: &Mark, all: &[Mark]) -> Value 
 
 fn ladder(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {
     let study = &loaded.study;
-    let folder = RunFolder::create(study, "ladder", None)?;
+    // A ladder that was killed has left the model of its last rung.
+    let left = order.resume.as_ref().map(|r| loaded.runs().join(r).join("study.toml")).filter(|f| f.is_file());
+    let case = left.map(|f| loaded.read(&f)).transpose()?.map_or(case.clone(), |system| case_of(case, &system));
+    let began = case.system.instances.iter().skip(study.system.instances.len());
+    let began: Vec<Value> = began.map(|i| json!({ "effect": i.name(), "at": i.at })).collect();
+    let folder = begin(loaded, job, order)?;
     job.say("first fit");
     let monitor = job.monitor(case.system.clone());
-    let (mut result, system) = diagnose::ladder(case, &monitor, &|step: &str| job.say(step)).inspect_err(|_| folder.discard())?;
+    let keep_rung = |system: &System| {
+        if let Err(e) = folder.study(study, system) {
+            job.say(&format!("the model of this rung cannot be kept: {e}"));
+        }
+    };
+    if !began.is_empty() {
+        keep_rung(&case.system);
+    }
+    let done = diagnose::ladder_keeping(&case, &monitor, &|step: &str| job.say(step), &keep_rung);
+    let (mut result, system) = done.inspect_err(|_| discard(&folder))?;
     folder.study(study, &system)?;
     result.result_study = Some(folder.path.display().to_string());
     if let Some(last) = result.rungs.last() {
@@ -245,9 +264,10 @@ fn ladder(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Valu
     }
     work::report(&folder, study, &system, None, None, Some(&result))?;
     let mut value = work::json(&result, &folder)?;
+    value["began_with"] = began.into();
     // A ladder reads the held-out tests at its end.
-    value["workbench"] = mark(loaded, job, read(study, &result).then(|| json!({ "by": "ladder", "model": order.model, "when": now() })));
-    folder.result(&value)?;
+    let opens = read(study, &result).then(|| json!({ "by": "ladder", "model": order.model, "when": now() }));
+    let value = finish(loaded, job, order, &folder, value, opens)?;
     let model = Model { case: case_of(&loaded.case, &system), system, fitted: None, marks: None };
     let id = loaded.enter(&folder.path, "ladder", value, model);
     Ok(json!({ "model": id, "parent": order.model, "verdict": plain(&result.verdict)?, "missing": plain(&result.missing)? }))
@@ -261,13 +281,12 @@ fn export(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Valu
     job.say("fit");
     let at = work::Stand::of(&loaded.study, None)?;
     let (_, fitted, result) = diagnose::fit(case, &loaded.splits(), &job.monitor(case.system.clone()))?;
-    let folder = RunFolder::create(&loaded.study, "export", None)?;
+    let folder = begin(loaded, job, order)?;
     let formats: Vec<&str> = order.to.iter().map(String::as_str).collect();
-    let (files, notes) = work::export(&loaded.study, &fitted, &result, &at, &formats, &folder)?;
+    let written = work::export(&loaded.study, &fitted, &result, &at, &formats, &folder);
+    let (files, notes) = written.inspect_err(|_| discard(&folder))?;
     let json = json!({ "files": files, "notes": notes, "test": at.test, "termination": result.termination });
-    let mut value = work::json(&json, &folder)?;
-    value["workbench"] = mark(loaded, job, None);
-    folder.result(&value)?;
+    finish(loaded, job, order, &folder, work::json(&json, &folder)?, None)?;
     Ok(json!({ "files": files, "notes": notes, "run": folder.path.file_name().map(|n| n.to_string_lossy()) }))
 }
 
@@ -314,27 +333,4 @@ pub fn save(loaded: &Loaded, model_id: &str, name: &str) -> Result<Value, Failur
     Ok(
         json!({ "file": file.display().to_string(), "added": effects, "command": format!("misfit fit {}", quoted(&file.display().to_string())) }),
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn commands_are_words_of_a_shell() {
-        assert_eq!(quoted("studies/01"), "studies/01");
-        assert_eq!(quoted("a b"), "'a b'");
-        assert_eq!(quoted("it's $HOME"), "'it'\\''s $HOME'");
-        let bench = Bench::new("a".into(), PathBuf::from("my study/study.toml"), None, 2);
-        let set = vec![("d".to_string(), "0.07 mm".to_string())];
-        let order = Order {
-            verb: "add".into(),
-            model: "20261124-112100-fit".into(),
-            effect: "coulomb".into(),
-            at: "c1.x".into(),
-            set,
-            ..Order::default()
-        };
-        assert_eq!(command(&bench, &order), "misfit add 'my study/runs/20261124-112100-fit' coulomb --at c1.x --set 'd=0.07 mm' --seed 2");
-    }
 }

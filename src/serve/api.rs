@@ -9,6 +9,12 @@
 //! | `GET /api/studies/S/events` | server-sent events: lines, costs and ends of jobs |
 //! | `GET /api/studies/S/models/M` | structure, effects and parameters of a model |
 //! | `GET /api/studies/S/runs/R/FILE` | a file of a run |
+//! | `POST /api/baskets` | a place for files that are dropped on the page |
+//! | `POST /api/baskets/B` | `{name, bytes}`: a file that comes next |
+//! | `POST /api/files/B/F` | its bytes |
+//! | `POST /api/look` | `{basket, corrections}`: what is found in the files |
+//! | `POST /api/new` | `{basket, corrections, name}`: a study in the folder that is served |
+//! | `POST /api/studies/S/modes` | `{model, values, test}`: natural modes |
 //! | `POST /api/studies/S/compare` | `{model, values, tests, whole}`: curves |
 //! | `POST /api/studies/S/run` | [`Order`]: a job |
 //! | `POST /api/studies/S/stop` | `{job}` |
@@ -22,7 +28,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use axum::body::{Body, to_bytes};
+use axum::body::{Body, Bytes, to_bytes};
 use axum::extract::Request;
 use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -37,10 +43,11 @@ use crate::effect::{LIBRARY, find};
 use crate::report::chart;
 use crate::work::{Failure, curves_json, demonstrate, effect_json};
 
-use super::act::{self, Order};
+use super::act;
 use super::bench::{Bench, is_run};
 use super::curves::{Asked, compare};
-use super::{App, assets, picture};
+use super::order::{Order, VERBS, command};
+use super::{App, arrive, assets, motion, picture, resume};
 
 /// Bytes of a request's body at most: an order has a few hundred, the values of a thousand sliders 30 kB.
 const BODY: usize = 256 << 10;
@@ -54,7 +61,7 @@ const REPORT_POLICY: &str = "sandbox allow-scripts allow-popups; default-src 'no
                              img-src data:; frame-ancestors 'none'";
 
 /// What cannot be answered.
-struct Refused(StatusCode, Failure);
+pub(super) struct Refused(StatusCode, Failure);
 
 impl From<Failure> for Refused {
     fn from(failure: Failure) -> Refused {
@@ -62,15 +69,15 @@ impl From<Failure> for Refused {
     }
 }
 
-fn refused(status: StatusCode, message: &str, accepted: &str) -> Refused {
+pub(super) fn refused(status: StatusCode, message: &str, accepted: &str) -> Refused {
     Refused(status, Failure::new("serve", "", message, accepted))
 }
 
-fn unknown() -> Refused {
+pub(super) fn unknown() -> Refused {
     refused(StatusCode::NOT_FOUND, "there is nothing at this address", "an address of the page")
 }
 
-type Answer = Result<Response, Refused>;
+pub(super) type Answer = Result<Response, Refused>;
 
 /// Answers a request.
 pub async fn answer(app: Arc<App>, request: Request) -> Response {
@@ -111,16 +118,19 @@ fn failed(Refused(status, failure): Refused) -> Response {
     (status, [(header::CONTENT_TYPE, "application/json")], failure.json().to_string()).into_response()
 }
 
-fn told(value: &Value) -> Answer {
+pub(super) fn told(value: &Value) -> Answer {
     Ok(([(header::CONTENT_TYPE, "application/json")], value.to_string()).into_response())
 }
 
-fn bench<'a>(app: &'a App, id: &str) -> Result<&'a Arc<Bench>, Refused> {
-    app.benches.iter().find(|b| b.id == id).ok_or_else(unknown)
+fn bench(app: &App, id: &str) -> Result<Arc<Bench>, Refused> {
+    app.benches().into_iter().find(|b| b.id == id).ok_or_else(unknown)
 }
 
 /// Work on a thread of its own, its threads those of the quick pool: what a page waits for does not stand behind a job.
-async fn quick<T: Send + 'static>(app: &Arc<App>, work: impl FnOnce() -> Result<T, Refused> + Send + 'static) -> Result<T, Refused> {
+pub(super) async fn quick<T: Send + 'static>(
+    app: &Arc<App>,
+    work: impl FnOnce() -> Result<T, Refused> + Send + 'static,
+) -> Result<T, Refused> {
     let busy = || refused(StatusCode::SERVICE_UNAVAILABLE, "the server is being closed", "to start it again");
     let _permit = app.slots.acquire().await.map_err(|_| busy())?;
     let pool = app.pool.clone();
@@ -136,8 +146,9 @@ async fn get(app: &Arc<App>, path: &[&str]) -> Answer {
         ["favicon.ico"] => page("icon.svg"),
         ["page", name] => page(name),
         ["api", "studies"] => {
-            let all: Vec<Value> = app.benches.iter().map(|b| json!({ "id": b.id, "path": b.path.display().to_string() })).collect();
-            told(&json!({ "studies": all, "version": env!("CARGO_PKG_VERSION") }))
+            let all: Vec<Value> = app.benches().iter().map(|b| json!({ "id": b.id, "path": b.path.display().to_string() })).collect();
+            let folder = app.folder.as_ref().map(|f| f.display().to_string());
+            told(&json!({ "studies": all, "folder": folder, "version": env!("CARGO_PKG_VERSION") }))
         }
         ["api", "style"] => told(&chart::style()),
         ["api", "effects"] => told(&json!({ "effects": LIBRARY.iter().map(|e| effect_json(e.info())).collect::<Vec<_>>() })),
@@ -153,16 +164,16 @@ async fn get(app: &Arc<App>, path: &[&str]) -> Answer {
             told(&value.await?)
         }
         ["api", "studies", id] => {
-            let bench = bench(app, id)?.clone();
+            let bench = bench(app, id)?;
             told(&quick(app, move || state(&bench)).await?)
         }
-        ["api", "studies", id, "events"] => Ok(events(bench(app, id)?)),
+        ["api", "studies", id, "events"] => Ok(events(&*bench(app, id)?)),
         ["api", "studies", id, "models", model] => {
-            let (bench, model) = (bench(app, id)?.clone(), model.to_string());
+            let (bench, model) = (bench(app, id)?, model.to_string());
             told(&quick(app, move || described(&bench, &model)).await?)
         }
         ["api", "studies", id, "runs", run, file] => {
-            let (bench, run, file) = (bench(app, id)?.clone(), run.to_string(), file.to_string());
+            let (bench, run, file) = (bench(app, id)?, run.to_string(), file.to_string());
             quick(app, move || run_file(&bench, &run, &file)).await
         }
         _ => Err(unknown()),
@@ -184,6 +195,10 @@ fn state(bench: &Bench) -> Result<Value, Refused> {
         "id": bench.id, "title": study.title, "file": study.file.display().to_string(), "folder": study.folder.display().to_string(),
         "tests": tests, "notes": loaded.case.notes(), "assumptions": study.assumptions,
     });
+    // A run under way has no result either.
+    if let (Some(run), Some(open)) = (bench.running().and_then(|j| j.run()), value["unfinished"].as_array_mut()) {
+        open.retain(|o| o["id"] != *run);
+    }
     value["jobs"] = bench.jobs().into();
     Ok(value)
 }
@@ -195,6 +210,8 @@ fn described(bench: &Bench, id: &str) -> Result<Value, Refused> {
     let system = &model.system;
     let names: BTreeMap<(usize, usize), String> = system.free().into_iter().map(|f| ((f.instance, f.param), f.name)).collect();
     let results = loaded.parameters(id);
+    let profiles = loaded.profiles(id);
+    let profile = |name: &str| profiles.iter().find(|p| p["name"] == name).cloned();
     let result = |name: &str| results.as_array().and_then(|all| all.iter().find(|p| p["name"] == name)).cloned().unwrap_or(Value::Null);
     let mut parameters = vec![];
     for (i, instance) in system.instances.iter().enumerate() {
@@ -207,7 +224,7 @@ fn described(bench: &Bench, id: &str) -> Result<Value, Refused> {
                 "key": format!("{i}.{p}"), "name": name, "effect": instance.name(), "at": instance.at, "doc": info.doc, "value": value.value, "free": value.free,
                 "min": end(value.min), "max": end(value.max), "positive": info.sign == crate::effect::Sign::Positive,
                 "unit": unit.symbol, "factor": unit.difference_to_si(1.0), "std": r["std"], "interval": r["interval"],
-                "identifiable": r["identifiable"], "at_bound": r["at_bound"], "note": r["note"], "printed": r["printed"],
+                "profile": profile(&name), "identifiable": r["identifiable"], "at_bound": r["at_bound"], "note": r["note"], "printed": r["printed"],
             }));
         }
     }
@@ -289,21 +306,43 @@ struct Opened {
     model: String,
 }
 
-fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refused> {
+pub(super) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Refused> {
     serde_json::from_slice(bytes)
         .map_err(|e| refused(StatusCode::BAD_REQUEST, &format!("the body is no such request: {e}"), "the JSON that the page sends"))
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Moving {
+    model: String,
+    #[serde(default)]
+    values: BTreeMap<String, f64>,
+    test: Option<String>,
+}
+
+/// The whole of a short body.
+pub(super) async fn short(body: Body) -> Result<Bytes, Refused> {
+    let long = |_| refused(StatusCode::PAYLOAD_TOO_LARGE, "the body is cut off, or longer than 256 kB", "a shorter body");
+    to_bytes(body, BODY).await.map_err(long)
+}
+
 async fn post(app: &Arc<App>, path: &[&str], body: Body) -> Answer {
-    let ["api", "studies", id, what] = path else { return Err(unknown()) };
-    let bench = bench(app, id)?.clone();
-    let bytes = to_bytes(body, BODY).await;
-    let bytes =
-        bytes.map_err(|_| refused(StatusCode::PAYLOAD_TOO_LARGE, "the body is cut off, or longer than 256 kB", "a shorter body"))?;
+    let ["api", "studies", id, what] = path else { return arrive::post(app, path, body).await };
+    let bench = bench(app, id)?;
+    let bytes = short(body).await?;
     match *what {
         "compare" => {
             let asked: Compared = read(&bytes)?;
             told(&quick(app, move || compared(&bench, &asked)).await?)
+        }
+        "modes" => {
+            let asked: Moving = read(&bytes)?;
+            let done = quick(app, move || {
+                let loaded = bench.loaded()?;
+                let system = act::with_values(&loaded.model(&asked.model)?.system, &asked.values)?;
+                Ok(motion::lowest(&loaded.study, &system, asked.test.as_deref())?)
+            });
+            told(&done.await?)
         }
         "run" => {
             let order: Order = read(&bytes)?;
@@ -356,16 +395,20 @@ fn compared(bench: &Bench, asked: &Compared) -> Result<Value, Refused> {
 }
 
 /// Begins a job on a thread of its own.
-fn begun(app: &Arc<App>, bench: &Arc<Bench>, order: Order) -> Result<Value, Refused> {
-    if !act::VERBS.contains(&order.verb.as_str()) {
-        return Err(
-            Failure::new("serve", &order.verb, format!("`{}` is no verb of the workbench", order.verb), act::VERBS.join(", ")).into()
-        );
+fn begun(app: &Arc<App>, bench: &Arc<Bench>, mut order: Order) -> Result<Value, Refused> {
+    if !VERBS.contains(&order.verb.as_str()) {
+        return Err(Failure::new("serve", &order.verb, format!("`{}` is no verb of the workbench", order.verb), VERBS.join(", ")).into());
     }
     let loaded = bench.loaded()?;
+    // Which run may be gone on with is not the page's to say.
+    let resume = order.resume.take();
+    if order.verb == "resume" {
+        loaded.refresh();
+        order = resume::goes_on(&loaded, &resume.unwrap_or_default())?;
+    }
     loaded.model(&order.model)?;
-    let job = bench.enter(&order.verb, &order.model, act::command(bench, &order)).map_err(|f| Refused(StatusCode::CONFLICT, f))?;
-    let told = json!({ "job": job.id, "command": job.command });
+    let job = bench.enter(&order.verb, &order.model, command(bench, &order)).map_err(|f| Refused(StatusCode::CONFLICT, f))?;
+    let told = json!({ "job": job.id, "command": job.command, "verb": job.verb, "model": job.model });
     let (app, bench) = (app.clone(), bench.clone());
     let thread = std::thread::Builder::new().name(format!("misfit-{}", order.verb));
     let of = job.clone();

@@ -15,6 +15,8 @@ pub fn file(name: &str) -> Option<(&'static str, &'static str)> {
         "structure.js" => (JS, include_str!("page/structure.js")),
         "parameters.js" => (JS, include_str!("page/parameters.js")),
         "models.js" => (JS, include_str!("page/models.js")),
+        "modes.js" => (JS, include_str!("page/modes.js")),
+        "new.js" => (JS, include_str!("page/new.js")),
         "plotly.js" => (JS, PLOTLY),
         "icon.svg" => ("image/svg+xml", include_str!("page/icon.svg")),
         _ => return None,

@@ -1,6 +1,6 @@
 //! A study that is served: its case, and the tree of its models. A model is a run; the study as it stands is the root.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -18,6 +18,7 @@ use crate::work::Failure;
 
 use super::curves::pooled;
 use super::job::{Events, Job};
+use super::order::{ORDER, ORDER_BYTES, Order};
 
 /// Name of the root of the tree.
 pub const ROOT: &str = "study";
@@ -56,8 +57,28 @@ pub struct Loaded {
 struct Tree {
     nodes: BTreeMap<String, Node>,
     /// Runs without a result.
-    open: Vec<String>,
+    open: Vec<Unfinished>,
+    /// Profiles by the model they are of.
+    profiles: BTreeMap<String, Vec<Value>>,
     held_out_opened: Vec<Value>,
+    /// Runs whose result is known.
+    read: BTreeSet<String>,
+    /// Runs that another went on with.
+    taken_up: BTreeSet<String>,
+}
+
+/// A run without a result: it was killed, or is under way elsewhere.
+#[derive(Clone, serde::Serialize)]
+pub struct Unfinished {
+    /// Name of its folder.
+    pub id: String,
+    /// Its verb.
+    pub verb: String,
+    /// Whether something in it lets it be gone on with: the order, or the best state of a fit.
+    pub goes_on: bool,
+    /// The run that it went on with itself.
+    #[serde(skip)]
+    resumes: Option<String>,
 }
 
 /// A model of the tree.
@@ -167,7 +188,8 @@ impl Loaded {
         let names = run_names(&self.runs());
         let mut tree = lock(&self.tree);
         tree.nodes.retain(|id, _| id == ROOT || names.contains(id));
-        let fresh: Vec<&String> = names.iter().filter(|n| !tree.nodes.contains_key(*n)).collect();
+        tree.read.retain(|id| names.contains(id));
+        let fresh: Vec<&String> = names.iter().filter(|n| !tree.read.contains(*n)).collect();
         let mut open = vec![];
         let mut found = vec![];
         for name in fresh {
@@ -176,7 +198,12 @@ impl Loaded {
             let bytes = crate::limits::bytes(&folder.join("result.json"), RESULT_BYTES).ok();
             let result: Option<Value> = bytes.and_then(|b| serde_json::from_slice(&b).ok());
             match result {
-                None => open.push(name.clone()),
+                None => {
+                    let order = crate::limits::bytes(&folder.join(ORDER), ORDER_BYTES).ok();
+                    let order: Option<Order> = order.and_then(|b| serde_json::from_slice(&b).ok());
+                    let goes_on = order.is_some() || folder.join("checkpoint.json").is_file();
+                    open.push(Unfinished { id: name.clone(), verb, goes_on, resumes: order.and_then(|o| o.resume) });
+                }
                 Some(result) => found.push((name.clone(), verb, result)),
             }
         }
@@ -200,12 +227,34 @@ impl Loaded {
         if let Some(model) = node.model {
             return Ok(model);
         }
-        let file = self.runs().join(id).join("study.toml");
-        let study = Study::from_toml(&TomlFile::read(&file, "study").map_err(crate::study::StudyError::from)?, self.study.dataset.clone())?;
-        let case = Case { system: study.system.clone(), ..self.case.clone() };
-        let model = Arc::new(Model { system: study.system, case, fitted: None, marks: None });
+        let system = self.read(&self.runs().join(id).join("study.toml"))?;
+        let case = Case { system: system.clone(), ..self.case.clone() };
+        let model = Arc::new(Model { system, case, fitted: None, marks: None });
         self.keep(id, model.clone());
         Ok(model)
+    }
+
+    /// The model of a study.toml over the dataset of this study.
+    pub fn read(&self, file: &Path) -> Result<System, Failure> {
+        let file = TomlFile::read(file, "study").map_err(crate::study::StudyError::from)?;
+        Ok(Study::from_toml(&file, self.study.dataset.clone())?.system)
+    }
+
+    /// Runs without a result.
+    pub fn unfinished(&self) -> Vec<Unfinished> {
+        lock(&self.tree).open.clone()
+    }
+
+    /// Verb of a model whose run was stopped before its end.
+    pub fn stopped(&self, id: &str) -> Option<String> {
+        let tree = lock(&self.tree);
+        let node = tree.nodes.get(id)?;
+        interrupted(&node.result).then(|| node.verb.clone())
+    }
+
+    /// Profiles of the parameters of a model, the latest of each.
+    pub fn profiles(&self, id: &str) -> Vec<Value> {
+        lock(&self.tree).profiles.get(id).cloned().unwrap_or_default()
     }
 
     /// Keeps what has become known of a model.
@@ -248,6 +297,7 @@ impl Loaded {
             }
             let mut said = json!({
                 "id": id, "parent": n.parent, "verb": n.verb, "errors": errors, "effects": last(r, "effects"), "added": r["added"],
+                "stopped": interrupted(r), "resumed": r["workbench"]["resumed"], "began_with": r["began_with"],
                 "termination": last(r, "termination"), "cost": last(r, "cost"), "command": r["workbench"]["command"],
             });
             if let Some(before) = r["before"]["tests"].as_array() {
@@ -280,14 +330,26 @@ impl Loaded {
             }
             said
         };
-        json!({ "models": tree.nodes.iter().map(node).collect::<Vec<_>>(), "unfinished": tree.open, "held_out_opened": tree.held_out_opened })
+        let taken_up =
+            |o: &&Unfinished| tree.taken_up.contains(&o.id) || tree.open.iter().any(|other| other.resumes.as_ref() == Some(&o.id));
+        let open: Vec<&Unfinished> = tree.open.iter().filter(|o| !taken_up(o)).collect();
+        json!({ "models": tree.nodes.iter().map(node).collect::<Vec<_>>(), "unfinished": open, "held_out_opened": tree.held_out_opened })
     }
 }
 
 impl Tree {
     fn enter(&mut self, name: String, verb: String, mut result: Value, model: Option<Arc<Model>>) {
+        self.read.insert(name.clone());
+        self.taken_up.extend(result["workbench"]["resumed"].as_str().map(String::from));
         if let Some(opened) = result["workbench"].get("held_out_opened").filter(|o| o.is_object()) {
             self.held_out_opened.push(opened.clone());
+        }
+        let parent = result["workbench"]["parent"].as_str().filter(|p| self.nodes.contains_key(*p)).unwrap_or(ROOT).to_string();
+        if let ("profile", Some(fresh)) = (verb.as_str(), result["profiles"].as_array()) {
+            let known = self.profiles.entry(parent).or_default();
+            known.retain(|k| !fresh.iter().any(|f| f["name"] == k["name"]));
+            known.extend(fresh.iter().cloned());
+            return;
         }
         if !["fit", "add", "ladder"].contains(&verb.as_str()) {
             return;
@@ -298,9 +360,13 @@ impl Tree {
                 rung.remove("candidates");
             }
         }
-        let parent = result["workbench"]["parent"].as_str().filter(|p| self.nodes.contains_key(*p)).unwrap_or(ROOT).to_string();
         self.nodes.insert(name, Node { parent: Some(parent), verb, result: Arc::new(result), model });
     }
+}
+
+/// Whether a run was stopped before its end.
+fn interrupted(result: &Value) -> bool {
+    result["interrupted"] == true || last(result, "termination").is_some_and(|t| t == "interrupted")
 }
 
 /// What the last state of a run says: of an `add` that after it, of a ladder that of its last rung.

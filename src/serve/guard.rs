@@ -12,6 +12,9 @@ use rand::RngCore;
 /// Header in which a program may send the token.
 pub const HEADER: &str = "x-misfit-token";
 
+/// Addresses whose bodies are files.
+const FILES: &str = "/api/files/";
+
 /// What is checked of every request.
 pub struct Guard {
     token: String,
@@ -72,8 +75,13 @@ impl Guard {
             if !(sent || headers.contains_key(header::ORIGIN)) {
                 return Some((StatusCode::FORBIDDEN, "the request says neither its page nor the token in a header"));
             }
-            if one(headers, "content-type").is_none_or(|t| t != "application/json") {
-                return Some((StatusCode::UNSUPPORTED_MEDIA_TYPE, "the body is no application/json"));
+            // Both are types that no form of another page can send without asking first.
+            let kind = if parts.uri.path().starts_with(FILES) { "application/octet-stream" } else { "application/json" };
+            if one(headers, "content-type").is_none_or(|t| t != kind) {
+                return Some((
+                    StatusCode::UNSUPPORTED_MEDIA_TYPE,
+                    "the body is neither application/json nor, of a file, application/octet-stream",
+                ));
             }
         }
         None
@@ -156,6 +164,11 @@ mod tests {
         assert_eq!(asked(&guard, "POST", "/api", &[host, ("cookie", &cookie), json]), Some(403), "a form of another page");
         assert_eq!(asked(&guard, "POST", "/api", &[host, ("cookie", &cookie), json, own]), None);
         assert_eq!(asked(&guard, "POST", "/api", &[host, known, ("content-type", "text/plain")]), Some(415));
+        let file = ("content-type", "application/octet-stream");
+        assert_eq!(asked(&guard, "POST", "/api/files/1/0", &[host, known, file]), None);
+        assert_eq!(asked(&guard, "POST", "/api/files/1/0", &[host, ("cookie", &cookie), file]), Some(403), "a form of another page");
+        assert_eq!(asked(&guard, "POST", "/api/files/1/0", &[host, known, json]), Some(415));
+        assert_eq!(asked(&guard, "POST", "/api", &[host, known, file]), Some(415), "an order is JSON");
         assert_eq!(asked(&guard, "GET", "/api", &[host, known, ("sec-fetch-site", "cross-site")]), Some(403));
     }
 

@@ -1,5 +1,6 @@
 //! Long work: one thread a job, its progress for everybody who listens, stopped by a flag.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -42,6 +43,8 @@ struct State {
     ended: Option<Value>,
     told: Option<Instant>,
     trial: Option<System>,
+    /// Name of the folder of its run.
+    run: Option<String>,
 }
 
 impl Job {
@@ -70,6 +73,16 @@ impl Job {
         if state.lines.len() < LINES {
             state.lines.push(line);
         }
+    }
+
+    /// The folder it writes into.
+    pub fn writes(&self, folder: &Path) {
+        self.state().run = folder.file_name().map(|n| n.to_string_lossy().into_owned());
+    }
+
+    /// Name of that folder.
+    pub fn run(&self) -> Option<String> {
+        self.state().run.clone()
     }
 
     /// Stops it with the best state.

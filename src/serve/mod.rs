@@ -5,18 +5,24 @@
 
 mod act;
 mod api;
+mod arrive;
 mod assets;
 mod bench;
 mod curves;
 mod door;
 mod guard;
+mod found;
+mod fresh;
 mod job;
+mod motion;
+mod order;
 mod picture;
+mod resume;
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
 use axum::Router;
@@ -27,6 +33,7 @@ use crate::work::Failure;
 
 use bench::Bench;
 use door::Door;
+use fresh::Baskets;
 use guard::Guard;
 
 /// Studies of a folder at most.
@@ -62,10 +69,30 @@ pub struct Address {
 
 struct App {
     guard: Guard,
-    benches: Vec<Arc<Bench>>,
+    benches: RwLock<Vec<Arc<Bench>>>,
+    /// Folder that new studies are written into; none where one study is served.
+    folder: Option<PathBuf>,
+    baskets: Baskets,
+    options: Options,
     pool: Arc<rayon::ThreadPool>,
     slots: Semaphore,
     working: AtomicUsize,
+}
+
+impl App {
+    /// The studies that are served.
+    fn benches(&self) -> Vec<Arc<Bench>> {
+        // Studies are only ever appended, each as a whole.
+        self.benches.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Serves a study that was written just now; its name in addresses.
+    fn serves(&self, path: PathBuf) -> String {
+        let mut all = self.benches.write().unwrap_or_else(PoisonError::into_inner);
+        let bench = one(path, &all, &self.options);
+        all.push(bench.clone());
+        bench.id.clone()
+    }
 }
 
 /// Serves until `stop` is set; `ready` is told the address first. Whether a job was interrupted.
@@ -73,7 +100,7 @@ struct App {
 /// # Errors
 /// Where there is no study, and where nothing can be listened at.
 pub fn serve(options: &Options, stop: &AtomicBool, ready: &dyn Fn(&Address)) -> Result<bool, Failure> {
-    let benches: Vec<Arc<Bench>> = studies(options)?.into_iter().map(Arc::new).collect();
+    let benches: Vec<Arc<Bench>> = studies(options)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().max_blocking_threads(2 * AT_ONCE).build();
     let cannot = |place: &str, e: std::io::Error| Failure::new("serve", place, e.to_string(), "a port that is free; --port 0 takes any");
     let runtime = runtime.map_err(|e| cannot("runtime", e))?;
@@ -87,7 +114,10 @@ pub fn serve(options: &Options, stop: &AtomicBool, ready: &dyn Fn(&Address)) -> 
         let port = listener.local_addr().map_err(|e| cannot(&place, e))?.port();
         let guard = Guard::new(ip, port);
         ready(&Address { url: guard.url(), port });
-        let app = Arc::new(App { guard, benches, pool, slots: Semaphore::new(AT_ONCE), working: AtomicUsize::new(0) });
+        let folder = Some(options.path.clone()).filter(|p| p.is_dir() && !is_study(p));
+        let (slots, working) = (Semaphore::new(AT_ONCE), AtomicUsize::new(0));
+        let (benches, options) = (RwLock::new(benches), options.clone());
+        let app = Arc::new(App { guard, benches, folder, baskets: Baskets::default(), options, pool, slots, working });
         begin_reading(&app);
         let served = app.clone();
         let router = Router::new().fallback(move |request| api::answer(served.clone(), request));
@@ -107,7 +137,7 @@ pub fn serve(options: &Options, stop: &AtomicBool, ready: &dyn Fn(&Address)) -> 
 
 /// Stops the jobs and waits for them to keep what they have.
 async fn ended(app: &App) -> bool {
-    let running: Vec<_> = app.benches.iter().filter_map(|b| b.running()).collect();
+    let running: Vec<_> = app.benches().iter().filter_map(|b| b.running()).collect();
     running.iter().for_each(|j| j.stop());
     let until = tokio::time::Instant::now() + ENDING;
     while app.working.load(Ordering::SeqCst) > 0 && tokio::time::Instant::now() < until {
@@ -118,7 +148,7 @@ async fn ended(app: &App) -> bool {
 
 /// A single study is read while the browser still opens.
 fn begin_reading(app: &Arc<App>) {
-    if let [only] = app.benches.as_slice() {
+    if let [only] = app.benches().as_slice() {
         let only = only.clone();
         // What cannot be read is said when the page asks for it.
         let _ = std::thread::Builder::new().spawn(move || only.loaded().map(|_| ()));
@@ -126,9 +156,8 @@ fn begin_reading(app: &Arc<App>) {
 }
 
 /// The studies that are served: the one that is named, or those in a folder and in its folders.
-fn studies(options: &Options) -> Result<Vec<Bench>, Failure> {
+fn studies(options: &Options) -> Result<Vec<Arc<Bench>>, Failure> {
     let path = &options.path;
-    let is_study = |p: &Path| p.is_file() || p.join("study.toml").is_file();
     let mut found: Vec<PathBuf> = vec![];
     if is_study(path) {
         found.push(path.clone());
@@ -137,38 +166,42 @@ fn studies(options: &Options) -> Result<Vec<Bench>, Failure> {
             if is_study(&first) {
                 found.push(first);
             } else {
-                found.extend(folders(&first).into_iter().filter(|p| is_study(p)));
+                found.extend(folders(&first).into_iter().filter(|p| is_study(p.as_path())));
             }
         }
     }
     found.truncate(STUDIES);
-    if found.is_empty() {
-        let message = if path.exists() { "there is no study in it" } else { "there is no such folder or file" };
+    // A folder without a study is served too: the first study can be made on the page.
+    if found.is_empty() && !path.is_dir() {
         return Err(Failure::new(
             "serve",
             path.display().to_string(),
-            message,
+            "there is no such folder or file",
             "a folder with study.toml, that file, or a folder of such folders",
         ));
     }
-    let mut ids: Vec<String> = vec![];
-    let one = |p: PathBuf| {
-        let whole = p.canonicalize().unwrap_or_else(|_| p.clone());
-        let name = if whole.file_name().is_some_and(|n| n == "study.toml") {
-            whole.parent().map(Path::to_path_buf).unwrap_or(whole)
-        } else {
-            whole
-        };
-        let name = name.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let mut id: String =
-            name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '-' }).take(60).collect();
-        while id.is_empty() || ids.contains(&id) {
-            id += "-2";
-        }
-        ids.push(id.clone());
-        Bench::new(id, p, options.data.clone(), options.seed)
-    };
-    Ok(found.into_iter().map(one).collect())
+    let mut all: Vec<Arc<Bench>> = vec![];
+    for p in found {
+        all.push(one(p, &all, options));
+    }
+    Ok(all)
+}
+
+fn is_study(path: &Path) -> bool {
+    path.is_file() || path.join("study.toml").is_file()
+}
+
+/// A study under a name of its own in addresses.
+fn one(path: PathBuf, others: &[Arc<Bench>], options: &Options) -> Arc<Bench> {
+    let whole = path.canonicalize().unwrap_or_else(|_| path.clone());
+    let folder = whole.file_name().is_some_and(|n| n == "study.toml").then(|| whole.parent().map(Path::to_path_buf)).flatten();
+    let name = folder.unwrap_or(whole).file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '-' };
+    let mut id: String = name.chars().map(plain).take(60).collect();
+    while id.is_empty() || others.iter().any(|o| o.id == id) {
+        id += "-2";
+    }
+    Arc::new(Bench::new(id, path, options.data.clone(), options.seed))
 }
 
 fn folders(path: &Path) -> Vec<PathBuf> {

@@ -1,6 +1,6 @@
 //! The folder of a run as every verb writes it: study, residuals, report, result.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
@@ -12,6 +12,7 @@ use crate::study::Study;
 use crate::study::run::RunFolder;
 
 use super::Failure;
+use super::lines::{BOOTSTRAP, PROFILES};
 
 /// Every split.
 pub const ALL: [SplitName; 3] = [SplitName::Fit, SplitName::Select, SplitName::HeldOut];
@@ -85,4 +86,26 @@ pub fn json(result: &impl serde::Serialize, folder: &RunFolder) -> Result<Value,
 /// A result as JSON.
 pub fn plain(result: &impl serde::Serialize) -> Result<Value, Failure> {
     serde_json::to_value(result).map_err(|e| Failure::new("cli", "result", e.to_string(), "a result that is valid JSON"))
+}
+
+/// Copies the checkpoint of an earlier run, so that its folder stays as it was.
+///
+/// # Errors
+/// Where there is none.
+pub fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
+    let file = if old.is_file() { old.to_path_buf() } else { RunFolder { path: old.to_path_buf() }.checkpoint() };
+    let bytes = crate::limits::bytes(&file, crate::limits::CONFIG_BYTES).map_err(|e| {
+        let accepted = "the folder of a `fit` or `predict`, which keeps checkpoint.json";
+        Failure::new("identify", file.display().to_string(), format!("no best state to go on from: {e}"), accepted)
+    })?;
+    folder.write("checkpoint.json", &bytes)?;
+    for name in [BOOTSTRAP, PROFILES] {
+        let kept = old.join(name);
+        if kept.is_file() {
+            let bytes = crate::limits::bytes(&kept, crate::limits::DATA_BYTES)
+                .map_err(|e| Failure::new("identify", kept.display().to_string(), e.to_string(), "a file that can be read"))?;
+            folder.write(name, &bytes)?;
+        }
+    }
+    Ok(())
 }

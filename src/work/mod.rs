@@ -1,5 +1,5 @@
 //! What the verbs of the command line and the workbench do alike: an error on its way to a person, an effect added with its refits, the
-//! folder of a run, the library as JSON.
+//! folder of a run, profiles, a new study from files, the library as JSON.
 
 mod add;
 mod demonstration;
@@ -7,10 +7,14 @@ mod export;
 mod failure;
 mod keep;
 mod library;
+pub mod lines;
+pub mod new;
+mod profiles;
 
 pub use add::{Refitted, Wish, refit, wished};
 pub use demonstration::{Demonstration, demonstrate};
 pub use export::{Stand, export};
 pub use failure::Failure;
-pub use keep::{ALL, REPORT, as_it_stands, at_values, json, keep, plain, report};
+pub use keep::{ALL, REPORT, as_it_stands, at_values, json, keep, plain, report, take_over};
 pub use library::{curves_json, effect_json, parameter_kind, parameter_unit};
+pub use profiles::{Profiled, profiles};

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::rig::misfit;
 
 /// Spring and damper, started from rest; German text with decimal commas.
-fn loop_text(frequency: f64) -> String {
+pub fn loop_text(frequency: f64) -> String {
     let mut text = "Prüfstand 4\n\nZeit [s];Weg [mm];Kraft [N]\n".to_string();
     for i in 0..2000 {
         let t = f64::from(i) / 200.0;

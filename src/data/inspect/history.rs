@@ -37,6 +37,15 @@ pub struct Cyclic {
     pub settled: SettledLoop,
 }
 
+/// What an engineer has said of a history after looking at it; what is not said is found in the record.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Corrected {
+    /// Cycles of the start-up.
+    pub start_up: Option<u32>,
+    /// The controlled channel.
+    pub control: Option<Control>,
+}
+
 const ROLES: [Role; 4] = [Role::Displacement, Role::Velocity, Role::Acceleration, Role::Force];
 
 /// A column as a channel; a unit that is not given is taken as SI for the look only.
@@ -48,7 +57,8 @@ fn channel(c: &FoundColumn) -> Option<Channel> {
     Some(Channel { role, at: "c1.x".into(), unit, sigma: None, input: false, values })
 }
 
-pub(super) fn found(mut columns: Vec<FoundColumn>) -> FoundHistory {
+/// Sampling, cycles and start-up of these columns by their roles and units, but for what was said of them.
+pub fn found(mut columns: Vec<FoundColumn>, said: &Corrected) -> FoundHistory {
     let position = columns.iter().position(|c| c.role == Some(Role::Time)).unwrap_or(0);
     let unit = columns.get(position).and_then(|c| c.unit.as_deref()).and_then(|u| parse_unit(u, Dimension::TIME).ok());
     let scale = unit.map_or(1.0, |u| u.factor);
@@ -78,11 +88,11 @@ pub(super) fn found(mut columns: Vec<FoundColumn>) -> FoundHistory {
     }
     let rate = if seconds > 0.0 { (samples.max(1) - 1) as f64 / seconds } else { 0.0 };
     let channels: Vec<Channel> = columns.iter().filter_map(channel).collect();
-    let cyclic = cyclic(&time, &channels, &mut findings);
+    let cyclic = cyclic(&time, &channels, said, &mut findings);
     FoundHistory { columns, samples, rate, seconds, cyclic, findings }
 }
 
-fn cyclic(time: &[f64], channels: &[Channel], findings: &mut Vec<Note>) -> Option<Cyclic> {
+fn cyclic(time: &[f64], channels: &[Channel], said: &Corrected, findings: &mut Vec<Note>) -> Option<Cyclic> {
     let of = |role: Role| channels.iter().position(|c| c.role == role);
     let (x, f) = (of(Role::Displacement)?, of(Role::Force)?);
     let drive = &channels[x].values;
@@ -99,6 +109,9 @@ fn cyclic(time: &[f64], channels: &[Channel], findings: &mut Vec<Note>) -> Optio
         return None;
     }
     let (start_up, end) = steady(time, drive, inner.frequency, cycles);
+    // One cycle has to be left.
+    let start_up = said.start_up.map_or(start_up, |s| s.min(cycles as u32 - 1));
+    let end = end.max(start_up as usize + 1);
     let at = |c: usize| time.partition_point(|t| (t - time[0]) * inner.frequency < c as f64 - 1e-6);
     let (from, to) = (at(start_up as usize), at(end));
     let fitted = estimate_frequency(&time[from..to], &drive[from..to]).filter(|_| end >= start_up as usize + 2);
@@ -119,7 +132,7 @@ fn cyclic(time: &[f64], channels: &[Channel], findings: &mut Vec<Note>) -> Optio
             return None;
         }
     };
-    let found = recognised_control(&settled, "c1.x");
+    let found = said.control.or_else(|| recognised_control(&settled, "c1.x"));
     let control = found.unwrap_or(Control::Displacement);
     let record = record(control);
     let settled = if control == Control::Force { record.settled().ok()? } else { settled };
@@ -154,7 +167,7 @@ mod tests {
             unit: None,
             values: (0..n).map(|k| (0.1 * k as f64).sin() + if role == Role::Time { k as f64 } else { 0.0 }).collect(),
         };
-        let found = found(vec![of("t", Role::Time, 240), of("x", Role::Displacement, 240), of("F", Role::Force, 4)]);
+        let found = found(vec![of("t", Role::Time, 240), of("x", Role::Displacement, 240), of("F", Role::Force, 4)], &Corrected::default());
         assert!(found.cyclic.is_none() && found.columns[1].role.is_some() && found.columns[2].role.is_none());
         assert!(found.findings.iter().any(|f| f.text.contains("4 values") && f.about == "F"), "{:?}", found.findings);
     }

@@ -7,7 +7,7 @@ mod history;
 mod universal;
 
 pub use guess::guess_role;
-pub use history::{Cyclic, FoundHistory};
+pub use history::{Corrected, Cyclic, FoundHistory, found as history};
 
 use super::readers::{self, Column, FileKind, Wanted};
 use super::uff::UffFile;
@@ -57,6 +57,10 @@ pub struct FoundFrf {
     pub lines: usize,
     /// Hz
     pub band: (f64, f64),
+    /// Frequency [Hz] and magnitude in the unit of the file, line by line.
+    pub magnitude: Vec<(f64, f64)>,
+    /// Number of averages behind the coherence; no file gives it.
+    pub averages: Option<u32>,
     pub findings: Vec<String>,
 }
 
@@ -120,7 +124,7 @@ fn with_units(read: readers::Columns) -> Vec<Option<Read>> {
 fn tabular(path: &Path, columns: Vec<FoundColumn>) -> Result<Vec<FoundItem>, DataError> {
     let has = |role: Role| columns.iter().find(|c| c.role == Some(role));
     if has(Role::Time).is_some() {
-        return Ok(vec![FoundItem::History(Box::new(history::found(columns)))]);
+        return Ok(vec![FoundItem::History(Box::new(history::found(columns, &Corrected::default())))]);
     }
     let parts = [[Role::Real, Role::Imag], [Role::Amplitude, Role::Phase]].into_iter().find(|p| p.iter().all(|r| has(*r).is_some()));
     if let (Some(f), Some(parts)) = (has(Role::Frequency), parts) {
@@ -128,8 +132,23 @@ fn tabular(path: &Path, columns: Vec<FoundColumn>) -> Result<Vec<FoundItem>, Dat
         let roles = [Role::Frequency].into_iter().chain(parts).chain(has(Role::Coherence).map(|_| Role::Coherence));
         let named = roles.filter_map(|r| has(r).map(|c| (r, c.column.clone(), c.unit.clone()))).collect();
         let quantity = columns.iter().find(|c| c.role == Some(parts[0])).and_then(|c| guess::quantity(c.unit.as_deref()));
-        let frf =
-            FoundFrf { record: None, respond: None, excite: None, quantity, columns: named, lines: f.values.len(), band, findings: vec![] };
+        let values = parts.map(|p| has(p).map_or(&[][..], |c| &c.values));
+        // Of real and imaginary part, or of amplitude and phase.
+        let size = |k: usize| if parts[0] == Role::Real { values[0][k].hypot(values[1][k]) } else { values[0][k] };
+        let lines = f.values.len().min(values[0].len()).min(values[1].len());
+        let magnitude = (0..lines).map(|k| (f.values[k], size(k))).collect();
+        let frf = FoundFrf {
+            record: None,
+            respond: None,
+            excite: None,
+            quantity,
+            columns: named,
+            lines: f.values.len(),
+            band,
+            magnitude,
+            averages: None,
+            findings: vec![],
+        };
         return Ok(vec![FoundItem::Frf(frf)]);
     }
     let names: Vec<&str> = columns.iter().map(|c| c.column.as_str()).collect();

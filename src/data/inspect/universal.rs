@@ -105,7 +105,7 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
     for g in groups {
         let mut columns = vec![FoundColumn { column: "time".into(), role: Some(Role::Time), unit: g.unit, values: g.abscissa }];
         columns.extend(g.columns);
-        items.push(FoundItem::History(Box::new(history::found(columns))));
+        items.push(FoundItem::History(Box::new(history::found(columns, &history::Corrected::default()))));
     }
     if !modes.is_empty() {
         modes.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -136,5 +136,10 @@ fn frf(
         columns.push((Role::Coherence, "coherence".to_string(), None));
     }
     let band = f.abscissa.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
-    FoundFrf { record: Some(format!("#{}", i + 1)), respond, excite, quantity, columns, lines: f.abscissa.len(), band, findings }
+    let magnitude = match &f.values {
+        Values::Complex(h) => f.abscissa.iter().zip(h).map(|(x, h)| (*x, h.norm())).collect(),
+        Values::Real(_) => vec![],
+    };
+    let record = Some(format!("#{}", i + 1));
+    FoundFrf { record, respond, excite, quantity, columns, lines: f.abscissa.len(), band, magnitude, averages: None, findings }
 }

@@ -1,5 +1,5 @@
 // Compare: every test measured and computed, small; one of them large.
-import { state, el, of, api, on, emit, attempt, ask, percent, digits, splitWords, say, remember } from "./core.js";
+import { state, el, of, api, on, emit, attempt, ask, percent, digits, splitWords, say, remember, node, modelName, runTime } from "./core.js";
 import { thumb, drawLarge } from "./plots.js";
 
 const view = document.getElementById("view-compare");
@@ -15,7 +15,12 @@ export async function load() {
     const old = await api(of("compare"), { model: parent });
     before = new Map(old.tests.map(t => [t.id, (t.curves || []).map(c => c.computed)]));
   }
+  // The model beside it, where one was chosen and is still there.
+  const beside = state.about?.models.some(m => m.id === state.beside) && state.beside !== model ? state.beside : null;
+  const other = beside ? await api(of("compare"), { model: beside }) : null;
   if (model !== state.model) return;
+  state.beside = beside;
+  state.besideTests = other && new Map(other.tests.map(t => [t.id, t]));
   state.tests = found.tests; state.before = before; state.values = {};
   emit("tests");
 }
@@ -39,13 +44,13 @@ export async function move(model, values, shown, begun = performance.now()) {
 export const visibleTests = () => state.tests.filter(t => !t.sealed);
 
 /** A card of a test. */
-export function card(t, { click, large = false } = {}) {
+export function card(t, { click, large = false, old = state.before?.get(t.id), also } = {}) {
   if (t.sealed) {
-    return { node: el("div", { class: "card sealed" }, el("h3", {}, t.id), el("p", {}, "Sealed: held out. ", el("span", { class: "soft" }, t.about))), update() {} };
+    return { node: el("div", { class: "card sealed" }, el("h2", {}, t.id), el("p", {}, "Sealed: held out. ", el("span", { class: "soft" }, t.about))), update() {} };
   }
   const score = el("span", { class: "score" });
   const bar = el("span", { class: "bar" });
-  const pictures = t.curves.slice(0, large ? 9 : 2).map((c, k) => ({ ...thumb(c, state.before?.get(t.id)?.[k]), label: c.label, unit: c.unit }));
+  const pictures = t.curves.slice(0, large ? 9 : 2).map((c, k) => ({ ...thumb(c, old?.[k], also?.[k]), label: c.label, unit: c.unit }));
   const told = (error, floor) => {
     const ratio = error / floor;
     score.textContent = `${percent(error)}, ${digits(ratio, 3)} × floor`;
@@ -53,7 +58,7 @@ export function card(t, { click, large = false } = {}) {
     bar.classList.toggle("good", ratio < 1.5);
   };
   told(t.error, t.floor);
-  const body = [el("h3", {}, t.id, " ", el("span", { class: "tag " + t.split }, splitWords[t.split])), bar, score,
+  const body = [el("h2", {}, t.id, " ", el("span", { class: "tag " + t.split }, splitWords[t.split])), bar, score,
     ...pictures.map(p => el("div", { class: "panel" }, p.node, el("span", { class: "soft" }, `${p.label} [${p.unit}]`)))];
   const node = click
     ? el("button", { type: "button", class: "card", onclick: click, title: "Enlarge" }, ...body)
@@ -64,11 +69,14 @@ export function card(t, { click, large = false } = {}) {
 function draw() {
   cards = new Map();
   const large = el("div", { id: "large" });
-  const grid = el("div", { class: "grid" });
+  const grid = el("div", { class: state.beside ? "grid pairs" : "grid" });
+  if (state.beside) grid.append(...heads());
   for (const t of state.tests) {
-    const c = card(t, { click: () => enlarge(state.detail === t.id ? null : t.id) });
+    const other = state.besideTests?.get(t.id);
+    const c = card(t, { click: () => enlarge(state.detail === t.id ? null : t.id), also: other?.curves?.map(c => c.computed) });
     cards.set(t.id, c);
     grid.append(c.node);
+    if (other) grid.append(besides(t, other));
   }
   const sealed = state.tests.filter(t => t.sealed).length;
   const open = sealed ? el("p", { class: "note" }, `${sealed} held-out tests are sealed: they are for the last word on a model. `,
@@ -77,8 +85,31 @@ function draw() {
     ? el("p", { class: "note" }, `The held-out tests were opened (${state.about.held_out_opened.map(o => o.by === "ladder" ? "by a ladder" : "by the reader").join(", ")}); that stands in the results from then on.`) : null;
   const legend = el("p", { class: "legend" }, el("span", { class: "key measured" }, "measured"), el("span", { class: "key computed" }, "computed"),
     state.before ? el("span", { class: "key old" }, "before") : null, el("span", { class: "soft" }, "error: rms(measured − computed) / rms(measured − mean); floor: the noise alone would give this"));
-  view.replaceChildren(legend, ...[open, opened].filter(Boolean), large, grid);
+  view.replaceChildren(legend, chooser(), ...[open, opened].filter(Boolean), large, grid);
   enlarge(state.detail, false);
+}
+
+/** Which model stands beside the one that is shown. */
+function chooser() {
+  const others = state.about.models.filter(m => m.id !== state.model);
+  if (!others.length) return "";
+  const select = el("select", { "aria-label": "Model beside this one", onchange: e => attempt(async () => { state.beside = e.target.value || null; remember(); await load(); }) },
+    el("option", { value: "" }, "none"), ...others.map(m => el("option", { value: m.id, selected: m.id === state.beside }, `${modelName(m)}${runTime(m.id) ? `, ${runTime(m.id)}` : ""}`)));
+  return el("p", { class: "buttons" }, el("label", {}, "Beside it ", select));
+}
+
+/** Names and errors of the two models, over their columns. */
+function heads() {
+  return [node(), node(state.beside)].map(m => el("div", { class: "pair-head" }, el("h2", {}, modelName(m)),
+    ...["fit", "select", "held_out"].filter(s => m.errors?.[s]).map(s => el("div", {}, `${splitWords[s]} ${percent(m.errors[s].error)}, ${digits(m.errors[s].error / m.errors[s].floor, 3)} × floor`)),
+    m.cost ? el("div", { class: "soft" }, `cost of the fit ${digits(m.cost, 4)}`) : null));
+}
+
+/** The card of a test with the curves of the other model. */
+function besides(t, other) {
+  if (t.sealed) return card(t).node;
+  const theirs = { ...t, error: other.error, floor: other.floor, curves: t.curves.map((c, k) => ({ ...c, computed: other.curves[k].computed })) };
+  return card(theirs, { old: null, also: t.curves.map(c => c.computed) }).node;
 }
 
 async function openHeldOut() {

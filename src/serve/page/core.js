@@ -2,6 +2,9 @@
 
 export const state = {
   studies: [], study: null, about: null, model: "study", view: "compare",
+  folder: null,     // where new studies are written
+  beside: null,     // model whose curves stand beside those of the one shown
+  besideTests: null, // its tests by id
   tests: [],        // curves of the model, whole
   before: null,     // computed values of the model it was made from, by test and curve
   detail: null,     // test that is enlarged
@@ -21,6 +24,7 @@ export function el(name, attributes = {}, ...children) {
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
     if (key.startsWith("on")) node.addEventListener(key.slice(2), value);
+    else if (key.startsWith("aria-") && typeof value === "boolean") node.setAttribute(key, String(value));
     else if (value === true) node.setAttribute(key, "");
     else if (value !== false && value !== null && value !== undefined) node.setAttribute(key, value);
   }
@@ -39,11 +43,17 @@ export function svg(name, attributes = {}, ...children) {
   return node;
 }
 
-export class Failure extends Error {}
+export class Failure extends Error {
+  constructor(message, where = "") { super(message); this.where = where; }
+}
 
 /** A request; an error says what, where, and what would be accepted. */
-export async function api(path, body) {
-  const options = body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) };
+export const api = (path, body) => request(path, body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
+
+/** A file on its way to the server. */
+export const send = (path, file) => request(path, { method: "POST", headers: { "content-type": "application/octet-stream" }, body: file });
+
+async function request(path, options) {
   let response;
   try { response = await fetch("/api/" + path, options); } catch { throw new Failure("the server does not answer: is `misfit serve` still running?"); }
   const text = await response.text();
@@ -51,10 +61,13 @@ export async function api(path, body) {
   try { value = JSON.parse(text); } catch { throw new Failure(`the server answered ${response.status}`); }
   if (value.error) {
     const e = value.error;
-    throw new Failure(e.message + (e.where ? ` (${e.where})` : "") + (e.accepted ? `; accepted: ${e.accepted}` : ""));
+    throw new Failure(failureText(e), e.where);
   }
   return value;
 }
+
+/** An error in one line. */
+export const failureText = e => e.message + (e.where ? ` (${e.where})` : "") + (e.accepted ? `; accepted: ${e.accepted}` : "");
 
 export const of = what => `studies/${state.study}${what ? "/" + what : ""}`;
 
@@ -101,7 +114,7 @@ export function modelName(m) {
   if (!m) return "";
   if (m.id === "study") return "the study as it stands";
   if (m.verb === "add" && m.added) return `+ ${m.added.effect} at ${m.added.at}`;
-  if (m.verb === "ladder") return "ladder: " + ((m.missing || []).map(e => `${e.effect} at ${e.at}`).join(", ") || (m.verdict || "").replaceAll("_", " "));
+  if (m.verb === "ladder") return `ladder${m.stopped ? ", stopped" : ""}: ` + ((m.missing || []).map(e => `${e.effect} at ${e.at}`).join(", ") || (m.verdict || "").replaceAll("_", " "));
   return m.verb;
 }
 export const runTime = id => /^\d{8}-\d{6}/.test(id) ? `${id.slice(0, 4)}-${id.slice(4, 6)}-${id.slice(6, 8)} ${id.slice(9, 11)}:${id.slice(11, 13)}` : "";
@@ -110,5 +123,6 @@ export const runTime = id => /^\d{8}-\d{6}/.test(id) ? `${id.slice(0, 4)}-${id.s
 export function remember() {
   const hash = new URLSearchParams({ study: state.study, model: state.model, view: state.view });
   if (state.detail) hash.set("test", state.detail);
+  if (state.beside) hash.set("beside", state.beside);
   history.replaceState(null, "", "/#" + hash);
 }

@@ -4,16 +4,17 @@ import { load } from "./compare.js";
 import "./structure.js";
 import "./parameters.js";
 import { run, event } from "./models.js";
+import "./new.js";
 
 // The token is in the cookie now; in the address it would be seen and kept.
 const hash = new URLSearchParams(location.hash.slice(1));
 if (location.search) history.replaceState(null, "", "/" + location.hash);
 
-const views = ["compare", "structure", "parameters", "ladder", "models"];
+const views = ["compare", "structure", "parameters", "ladder", "models", "new"];
 const tabs = views.map(v => document.getElementById("tab-" + v));
 
 function show(view) {
-  state.view = views.includes(view) ? view : "compare";
+  state.view = !state.study ? "new" : views.includes(view) ? view : "compare";
   for (const v of views) {
     const chosen = v === state.view, tab = document.getElementById("tab-" + v);
     document.getElementById("view-" + v).hidden = !chosen;
@@ -35,7 +36,7 @@ tabs.forEach((tab, k) => {
 
 /** The command line of what is shown, as long as nothing was set going. */
 function suggest() {
-  if (!state.about || (state.job && !state.job.ended)) return;
+  if (!state.about || state.view === "new" || (state.job && !state.job.ended)) return;
   const folder = state.about.study.folder, path = state.model === "study" ? folder : `${folder}/runs/${state.model}`;
   command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${/^[\w\-./]+$/.test(path) ? path : `'${path}'`}`);
 }
@@ -101,6 +102,8 @@ async function showModel() {
 
 on("reload", () => refresh().then(showModel));
 on("reload-tree", () => refresh());
+/** What is known of the model that is shown, its curves as they are. */
+on("reload-model", () => attempt(async () => { state.described = await api(of(`models/${state.model}`)); emit("described"); }));
 on("view", show);
 on("go", async ({ model, from, verb }) => {
   if (!state.about.models.some(m => m.id === model)) await refresh();
@@ -109,11 +112,46 @@ on("go", async ({ model, from, verb }) => {
   const now = node();
   if (verb === "add" && from && now?.errors?.fit) {
     const before = now.before || from.errors?.fit;
-    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (floor ${percent(now.errors.fit.floor)}), on the select tests it is ${percent(now.errors.select?.error)}. Undo goes back.`);
+    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (floor ${percent(now.errors.fit.floor)})${now.errors.select ? `, on the select tests it is ${percent(now.errors.select.error)}` : ""}. Undo goes back.`);
   }
 });
 
-document.getElementById("study").addEventListener("change", e => openStudy(e.target.value, null, state.view));
+/** The studies that can be opened, and whether new ones can be made. */
+function list(studies) {
+  state.studies = studies.studies; state.folder = studies.folder;
+  document.getElementById("study").replaceChildren(...state.studies.map(s => el("option", { value: s.id }, s.id)));
+  emit("studies");
+}
+
+/** What needs a study. */
+function able(yes) {
+  for (const id of ["study", "do-fit", "do-score"]) document.getElementById(id).disabled = !yes;
+  document.getElementById("study").parentElement.hidden = !yes;
+  for (const tab of tabs) tab.disabled = !yes && tab.dataset.view !== "new";
+}
+
+/** A folder without a study: the first one is made here. */
+function none() {
+  able(false);
+  show("new");
+  say("There is no study in this folder yet: drop the files of a test bench to make one.");
+}
+
+on("written", async ({ study, told, line }) => {
+  await attempt(async () => {
+    list(await api("studies"));
+    able(true);
+    const old = document.getElementById("answer").textContent;
+    state.beside = null;
+    await openStudy(study, null, "compare");
+    const now = document.getElementById("answer");
+    command(line);
+    // What cannot be read yet has been said; what can is told first how it came about.
+    if (now.textContent !== old) say(`${told} ${now.textContent}`, now.classList.contains("bad"));
+  });
+});
+
+document.getElementById("study").addEventListener("change", e => { state.beside = null; openStudy(e.target.value, null, state.view === "new" ? "compare" : state.view); });
 document.getElementById("undo").addEventListener("click", () => { const parent = node()?.parent; if (parent) emit("go", { model: parent }); });
 document.getElementById("do-fit").addEventListener("click", () => run({ verb: "fit", values: state.values }));
 document.getElementById("do-score").addEventListener("click", () => { show("structure"); run({ verb: "score" }); });
@@ -122,10 +160,10 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => emit
 
 await attempt(async () => {
   const [studies, style] = await Promise.all([api("studies"), api("style")]);
-  state.studies = studies.studies; state.style = style; state.detail = hash.get("test");
-  const select = document.getElementById("study");
-  select.replaceChildren(...state.studies.map(s => el("option", { value: s.id }, s.id)));
+  state.style = style; state.detail = hash.get("test"); state.beside = hash.get("beside");
+  list(studies);
   const wanted = hash.get("study");
-  await openStudy(state.studies.some(s => s.id === wanted) ? wanted : state.studies[0].id, hash.get("model"), hash.get("view") || "compare");
+  if (state.studies.length) await openStudy(state.studies.some(s => s.id === wanted) ? wanted : state.studies[0].id, hash.get("model"), hash.get("view") || "compare");
+  else none();
 });
 document.documentElement.dataset.ready = "true";

@@ -1,5 +1,5 @@
 // Models: the tree, work under way, the ladder, saving.
-import { state, el, svg, of, api, on, emit, attempt, percent, digits, say, command, node, modelName, runTime, remember, splitWords } from "./core.js";
+import { state, el, svg, of, api, on, emit, attempt, percent, digits, say, command, node, modelName, runTime, failureText, splitWords } from "./core.js";
 import { move, visibleTests } from "./compare.js";
 import { thumb } from "./plots.js";
 
@@ -11,7 +11,7 @@ export async function run(order) {
   await attempt(async () => {
     const begun = await api(of("run"), { model: state.model, ...order });
     command(begun.command);
-    state.job = { id: begun.job, verb: order.verb, model: state.model, lines: [], cost: [], ended: null, order };
+    state.job = { id: begun.job, verb: begun.verb, model: begun.model, lines: [], cost: [], ended: null, order };
     drawJob();
     if (order.verb === "ladder") drawLadder();
   });
@@ -44,6 +44,9 @@ async function ended(job) {
   const end = job.ended;
   if (end.status === "failed") { say(`${job.verb}: ${end.error.message}${end.error.accepted ? "; accepted: " + end.error.accepted : ""}`, true); return; }
   if (job.verb === "score") { if (end.result?.candidates && state.described && job.model === state.model) { state.described.scored = end.result.candidates; emit("described"); emit("view", "structure"); } return; }
+  if (job.verb === "profile" && end.result) { emit("reload-model"); return; }
+  if (end.result?.beside_failed) say(`The second effect: ${failureText(end.result.beside_failed)}`, true);
+  if (end.result?.beside) { state.beside = end.result.beside; emit("view", "compare"); }
   if (job.verb === "export" && end.result) { state.exported = end.result; drawModels(); return; }
   if (end.result?.model) { const old = node(job.model); emit("go", { model: end.result.model, from: old, verb: job.verb }); }
 }
@@ -66,9 +69,12 @@ function drawJob() {
   jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status}`),
     el("p", { class: "line", "aria-live": "polite" }, last), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
     test ? el("div", { class: "panel" }, picture.node, el("span", { class: "soft" }, test.id)) : null,
-    running ? el("button", { type: "button", onclick: stop }, "Stop") : null));
+    running ? el("button", { type: "button", onclick: stop }, "Stop") : null, job.ended?.status === "stopped" && job.ended.result?.model ? goOn(job.ended.result.model) : null));
 }
 on("moved", t => { if (picture?.id === t.id) picture.update(t.curves[0].computed); });
+
+/** Goes on with a run that was stopped or killed. */
+const goOn = id => el("button", { type: "button", onclick: () => run({ verb: "resume", model: "study", resume: id }) }, "Go on");
 
 const ratio = e => e ? `${percent(e.error)} (${digits(e.error / e.floor, 2)} × floor)` : "-";
 
@@ -88,7 +94,7 @@ function drawModels() {
   const row = m => el("tr", { class: m.id === state.model ? "chosen" : null },
     el("th", { scope: "row" }, el("button", { type: "button", class: "link", onclick: () => emit("go", { model: m.id }) }, modelName(m)), el("div", { class: "soft" }, m.id)),
     ...["fit", "select", "held_out"].map(s => el("td", {}, ratio(m.errors?.[s]))),
-    el("td", {}, m.termination || "", m.verb === "ladder" && m.verdict ? ` ${m.verdict.replaceAll("_", " ")}` : ""),
+    el("td", {}, m.termination || "", m.verb === "ladder" && m.verdict ? ` ${m.verdict.replaceAll("_", " ")}` : "", m.stopped ? [" ", goOn(m.id)] : ""),
     el("td", {}, m.id === "study" ? "" : ["report.html", "study.toml", "result.json", "residuals.parquet"].flatMap(f => [el("a", { href: `/api/${of("runs")}/${m.id}/${f}`, target: "_blank", rel: "noopener" }, f), " "])));
   const name = el("input", { type: "text", id: "save-name", pattern: "[A-Za-z0-9_\\-]{1,64}", maxlength: 64, placeholder: "with-friction", "aria-label": "Name of the study" });
   const save = async e => {
@@ -102,7 +108,15 @@ function drawModels() {
     el("h2", {}, "Export this model"), el("p", { class: "buttons" }, ...["json", "csv", "parquet", "adams", "exudyn"].map(f => el("label", {}, el("input", { type: "checkbox", class: "format", value: f, checked: f === "json" || f === "csv" }), " " + f)),
       el("button", { type: "button", onclick: () => { const to = [...models.querySelectorAll("input.format:checked")].map(i => i.value); to.length ? run({ verb: "export", to }) : say("Choose a format.", true); } }, "Export")),
     state.exported ? el("p", {}, "Written: ", ...state.exported.files.flatMap(f => { const name = f.split(/[\\/]/).pop(); return [el("a", { href: `/api/${of("runs")}/${state.exported.run}/${name}`, target: "_blank", rel: "noopener" }, name), " "]; }), ...state.exported.notes.map(n => el("span", { class: "soft" }, n + "; "))) : "",
-    state.about.unfinished.length ? el("p", { class: "soft" }, "Runs without a result (stopped from outside): " + state.about.unfinished.join(", ") + ". A fit among them is gone on with by misfit fit --resume.") : "");
+    ...unfinished());
+}
+
+/** Runs that were killed, each with what can be done. */
+function unfinished() {
+  const all = state.about.unfinished;
+  if (!all.length) return [];
+  return [el("h2", {}, "Runs without a result"), el("p", { class: "soft" }, "They were killed, or another program is at work on them. A fit goes on from its best state, a ladder from its last rung; the others begin again."),
+    el("ul", { class: "unfinished" }, ...all.map(u => el("li", {}, u.id, " ", u.goes_on ? goOn(u.id) : el("span", { class: "soft" }, "nothing of it was kept"))))];
 }
 
 function drawLadder() {
@@ -124,6 +138,7 @@ function drawLadder() {
     parts.push(el("h2", {}, `${shown.interrupted ? "So far" : "Found"}: ${(shown.missing || []).map(words).join(", ") || (shown.verdict || "").replaceAll("_", " ")}`),
       el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Rung", "Added", "Removed", "Cost", "Fit", "Select", "Held out"].map(t => el("th", { scope: "col" }, t)))),
         el("tbody", {}, ...shown.rungs.map((r, k) => el("tr", {}, el("td", {}, String(k)), el("td", {}, words(r.added)), el("td", {}, (r.removed || []).map(words).join(", ") || "-"), el("td", { class: "n" }, digits(r.cost, 4)), ...["fit", "select", "held_out"].map(s => el("td", {}, ratio(r.errors?.[s])))))))),
+      shown.began_with?.length ? el("p", {}, `It went on from a model that had ${shown.began_with.map(words).join(", ")} already.`) : "",
       shown.why ? el("p", {}, `${shown.proven ? "Proven" : "Not proven"}: ${shown.why}.`) : "", h?.after ? el("p", {}, `Held-out error: ${percent(h.before)} before, ${percent(h.after)} after, floor ${percent(h.floor)}.`) : "",
       ...(shown.missing || []).filter(m => m.tied_with?.length).map(m => el("p", {}, `${words(m)} cannot be told from ${m.tied_with.join(", ")} by these tests.`)),
       shown.next_test ? el("div", { class: "next-test" }, el("h3", {}, "The next test"), el("p", {}, shown.next_test.describe), el("button", { type: "button", onclick: () => window.print() }, "Print")) : "",

@@ -29,12 +29,12 @@ function frame(curve) {
 
 const range = values => values.reduce(([a, b], v) => Number.isFinite(v) ? [Math.min(a, v), Math.max(b, v)] : [a, b], [Infinity, -Infinity]);
 
-/** A small plot of one curve; `update(computed)` redraws the model. */
-export function thumb(curve, before) {
+/** A small plot of one curve; `update(computed)` redraws the model. The frame holds the values of `also` too: plots beside each other have one scale. */
+export function thumb(curve, before, also) {
   const f = frame(curve);
   const [x0, x1] = range(f.x), m = f.y(curve.measured), c = f.y(curve.computed);
   let [y0, y1] = range(m);
-  const [c0, c1] = range(c), span = (y1 - y0) || 1;
+  const [c0, c1] = range(also ? [...c, ...f.y(also)] : c), span = (y1 - y0) || 1;
   // The model is seen as far as the measurement is high once more.
   y0 = Math.min(y0, Math.max(c0, y0 - 0.5 * span)); y1 = Math.max(y1, Math.min(c1, y1 + 0.5 * span));
   const sx = (W - 2 * PAD) / ((x1 - x0) || 1), sy = (H - 2 * PAD) / ((y1 - y0) || 1);

@@ -1,9 +1,12 @@
 // Structure: bodies and connectors, coloured by what each place carries of the misfit; the candidates of a place, and adding one.
 import { state, el, svg, of, api, on, emit, attempt, percent, digits } from "./core.js";
 import { run } from "./models.js";
+import { controls, move, moving } from "./modes.js";
 
 const view = document.getElementById("view-structure");
 let open = null;
+/** The candidate that another is to be set beside. */
+let pair = null;
 const demonstrations = new Map();
 
 const marks = () => state.described?.scored || null;
@@ -14,6 +17,9 @@ const drop = place => Math.max(0, ...(marks() || []).filter(m => m.places.includ
 const most = () => Math.max(1e-9, ...(marks() || []).filter(m => m.promises && m.places.length).map(m => m.predicted_drop));
 
 function pick(place) { state.place = state.place === place ? null : place; open = null; draw(); }
+
+/** To a hundredth of a pixel. */
+const round = v => Math.round(100 * v) / 100;
 
 function shade(node, part) {
   node.style.setProperty("--heat", `${Math.round(100 * Math.min(1, part / most()))}%`);
@@ -45,11 +51,14 @@ function picture(d) {
   /** In a long chain every third connector is named, above it; the others say their name when they are pointed at. */
   const places = c => links.indexOf(c) % 3 === 0 ? "above" : "";
   const acts = c => d.effects.filter(e => e.places.some(p => c.places.includes(p)));
+  // What moves with a mode: each is told where the bodies are.
+  const posers = [];
+  const shift = (all, body) => { const d = all.get(body); return !d ? [0, 0] : d.ends ? [0.5 * (d.ends[0][0] + d.ends[1][0]), 0.5 * (d.ends[0][1] + d.ends[1][1])] : [d.dx, d.dy]; };
   const nodes = links.map(c => {
     const a = bodies[c.from], b = bodies[c.to];
     const heat = Math.max(0, ...c.places.map(drop));
     let [x1, y1, x2, y2] = [X(a.x), Y(a.y), X(b.x), Y(b.y)];
-    let mx = (x1 + x2) / 2, my = (y1 + y2) / 2, lines = [svg("line", { x1, y1, x2, y2, class: "link" })], named = true;
+    let mx = (x1 + x2) / 2, my = (y1 + y2) / 2, lines = [svg("line", { x1, y1, x2, y2, class: "link" })], named = true, bow = null;
     const hangs = d.spatial && (a.fixed || b.fixed);
     if (hangs) {
       // A connector to the ground hangs below its part.
@@ -58,11 +67,23 @@ function picture(d) {
       lines = [svg("path", { d: `M${x} ${y}V${y + 82}M${x - 14} ${y + 82}h28`, class: "link" })];
     } else if (d.spatial && Math.abs(c.from - c.to) > 1) {
       const deep = Math.max(y1, y2) + 90;
-      lines = [svg("path", { d: `M${x1} ${y1}Q${mx} ${deep} ${x2} ${y2}`, class: "link" })];
+      bow = (ax, ay, bx, by) => `M${x1 + ax} ${y1 + ay}Q${mx + 0.5 * (ax + bx)} ${deep + 0.5 * (ay + by)} ${x2 + bx} ${y2 + by}`;
+      lines = [svg("path", { d: bow(0, 0, 0, 0), class: "link" })];
       my = 0.25 * y1 + 0.5 * deep + 0.25 * y2;
     } else if (d.spatial) named = links.length <= 14 || places(c);
-    return labelled(button(c.places, c.name, [...lines, svg("circle", { cx: mx, cy: my, r: 11, class: "spot" })], heat),
+    const link = lines[0];
+    const spot = svg("circle", { cx: mx, cy: my, r: 11, class: "spot" });
+    const whole = labelled(button(c.places, c.name, [...lines, spot], heat),
       svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name", "aria-hidden": "true" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count", "aria-hidden": "true" }, String(acts(c).length)));
+    posers.push(all => {
+      const [ax, ay] = shift(all, c.from), [bx, by] = shift(all, c.to);
+      const [dx, dy] = hangs ? (a.fixed ? [bx, by] : [ax, ay]) : [0.5 * (ax + bx), 0.5 * (ay + by)];
+      // A line follows its ends, all else of the connector the middle between them.
+      if (bow) link.setAttribute("d", bow(ax, ay, bx, by));
+      else if (!hangs) for (const [name, v] of [["x1", x1 + ax], ["y1", y1 + ay], ["x2", x2 + bx], ["y2", y2 + by]]) link.setAttribute(name, v);
+      for (const part of !hangs ? [spot, ...[...whole.children].slice(1)] : [whole]) part.setAttribute("transform", `translate(${round(dx)} ${round(dy)})`);
+    });
+    return whole;
   });
   const boxes = bodies.map((b, k) => {
     if (d.spatial && b.fixed) return null;
@@ -71,13 +92,23 @@ function picture(d) {
     const heat = Math.max(0, ...places.map(drop));
     const shape = b.ends
       ? [svg("line", { x1: X(b.ends[0][0]), y1: Y(b.ends[0][1]), x2: X(b.ends[1][0]), y2: Y(b.ends[1][1]), class: "part" })]
-      : [svg("rect", { x: X(b.x) - 19, y: Y(b.y) - 13, width: 38, height: 26, rx: b.fixed ? 0 : 5, class: b.fixed ? "body fixed" : "body" })];
+      : [svg("rect", { x: X(b.x) - 22, y: Y(b.y) - 13, width: 44, height: 26, rx: b.fixed ? 0 : 5, class: b.fixed ? "body fixed" : "body" })];
     const name = svg("text", { x: X(b.x), y: Y(b.y) + (b.ends ? -9 : 4), class: "name", "aria-hidden": "true" }, b.ends ? "" : b.name.length > 7 ? b.name.slice(0, 6) + "…" : b.name);
-    return places.length && !b.fixed ? labelled(button(places, b.name, shape, heat), name) : svg("g", {}, svg("title", {}, b.name), ...shape, name);
+    const whole = places.length && !b.fixed ? labelled(button(places, b.name, shape, heat), name) : svg("g", {}, svg("title", {}, b.name), ...shape, name);
+    posers.push(all => {
+      const d = all.get(k);
+      if (d?.ends) for (const [e, n] of [[0, 1], [1, 2]]) { shape[0].setAttribute(`x${n}`, X(b.ends[e][0]) + d.ends[e][0]); shape[0].setAttribute(`y${n}`, Y(b.ends[e][1]) + d.ends[e][1]); }
+      else if (d) whole.setAttribute("transform", `translate(${round(d.dx)} ${round(d.dy)}) rotate(${round(d.turn)} ${X(b.x)} ${Y(b.y)})`);
+    });
+    return whole;
   });
   // It shrinks with the window as far as names can be read, and scrolls beyond.
   const fits = width < 1400;
-  return el("div", { class: "scroll" }, svg("svg", { class: fits ? "structure fits" : "structure", viewBox: `0 0 ${width} ${height}`, width, height: fits ? null : height, role: "group", "aria-label": "Structure" }, ...(d.spatial ? [...boxes.filter(Boolean), ...nodes] : [...nodes, ...boxes])));
+  const drawn = d.spatial ? [...boxes.filter(Boolean), ...nodes] : [...nodes, ...boxes];
+  // Where everything lies at rest stands behind what moves.
+  const rest = moving() ? svg("g", { class: "rest", "aria-hidden": "true" }, ...drawn.flatMap(n => [...n.querySelectorAll("line, rect, path")]).map(n => n.cloneNode())) : null;
+  move(all => posers.forEach(p => p(all)), flat ? 1 : 0.5 * step);
+  return el("div", { class: "scroll" }, svg("svg", { class: fits ? "structure fits" : "structure", viewBox: `0 0 ${width} ${height}`, width, height: fits ? null : height, role: "group", "aria-label": "Structure" }, rest, ...drawn));
 }
 
 function list() {
@@ -110,7 +141,15 @@ function row(m) {
     el("p", {}, `Expected ${m.parameter} = ${m.strength}${m.set.length ? `, at ${m.set.map(s => s.join(" = ")).join(", ")}` : ""}. Gain at most ${digits(m.nats, 3)} nats, price ${digits(m.price, 3)} nats.`),
     m.tied_with.length ? el("p", {}, "By its score alone not to be told from: ", m.tied_with.join("; "), ".") : null,
     pictures,
-    el("p", {}, el("button", { type: "button", class: "main", onclick: () => run(order) }, `Add ${m.effect} at ${m.at} and refit`))));
+    el("p", { class: "buttons" }, el("button", { type: "button", class: "main", onclick: () => run(order) }, `Add ${m.effect} at ${m.at} and refit`), beside(m, key, order))));
+}
+
+/** Two candidates refitted from the same model, their curves beside each other. */
+function beside(m, key, order) {
+  if (pair && pair.key !== key) {
+    return el("button", { type: "button", onclick: () => { const first = pair.order; pair = null; run({ ...first, other: { ...order, model: state.model } }); } }, `Refit ${pair.order.effect} and ${m.effect}, and see them beside each other`);
+  }
+  return el("button", { type: "button", "aria-pressed": pair !== null, onclick: () => { pair = pair ? null : { key, order }; draw(); } }, pair ? "Set beside another: open the other" : "Set beside another");
 }
 
 const bar = part => { const b = el("span", { class: "bar" }); b.style.setProperty("--part", Math.min(1, part)); return b; };
@@ -141,7 +180,8 @@ export function draw() {
   const d = state.described;
   if (!d) return;
   const scale = el("p", { class: "legend" }, marks() ? el("span", {}, "0 %") : null, el("span", { class: "ramp" }), marks() ? el("span", {}, percent(most())) : null, el("span", { class: "soft" }, marks() ? "part of the cost that one effect at the place is expected to take away; the number counts the effects that act there" : "not scored yet; the number counts the effects that act there"));
-  view.replaceChildren(scale, picture(d), list());
+  view.replaceChildren(scale, controls(), picture(d), list());
 }
 
 on("described", draw);
+on("modes", part => { const id = { mode: "mode", play: "play" }[part] || (document.activeElement?.id === "show-modes" ? "mode" : document.activeElement?.id); draw(); if (id) document.getElementById(id)?.focus(); });

@@ -6,15 +6,15 @@ use super::client::Served;
 use super::devtools::Browser;
 use crate::rig::Rig;
 
-const ANSWER: &str = "document.getElementById('answer')?.textContent";
+pub const ANSWER: &str = "document.getElementById('answer')?.textContent";
 
-fn click(browser: &mut Browser, selector: &str) {
+pub fn click(browser: &mut Browser, selector: &str) {
     browser.until(&format!("document.querySelector({selector:?})"), 20);
     browser.eval(&format!("document.querySelector({selector:?}).click()"));
 }
 
 /// A button by its words.
-fn press(browser: &mut Browser, words: &str) {
+pub fn press(browser: &mut Browser, words: &str) {
     let find = format!("[...document.querySelectorAll('button')].find(b => b.textContent.startsWith({words:?}) && b.offsetParent)");
     browser.until(&find, 20);
     browser.eval(&format!("{find}.click()"));

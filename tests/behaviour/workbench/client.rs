@@ -52,7 +52,8 @@ impl Served {
         let token = url.split("token=").nth(1).unwrap().to_string();
         let port = u16::try_from(said["port"].as_u64().unwrap()).unwrap();
         let mut served = Served { child, port, url, token, study: String::new() };
-        served.study = served.get("/api/studies").json()["studies"][0]["id"].as_str().unwrap().to_string();
+        // A folder without a study is served too.
+        served.study = served.get("/api/studies").json()["studies"][0]["id"].as_str().unwrap_or_default().to_string();
         served
     }
 
@@ -92,8 +93,12 @@ impl Served {
     }
 
     pub fn post(&self, what: &str, body: &Value) -> Answer {
-        let headers = [("host", &*self.host()), ("x-misfit-token", &self.token), ("content-type", "application/json")];
-        self.request("POST", &format!("/api/studies/{}/{what}", self.study), &headers, &body.to_string())
+        self.send(&format!("/api/studies/{}/{what}", self.study), "application/json", &body.to_string())
+    }
+
+    /// A body of this type to an address.
+    pub fn send(&self, path: &str, kind: &str, body: &str) -> Answer {
+        self.request("POST", path, &[("host", &*self.host()), ("x-misfit-token", &self.token), ("content-type", kind)], body)
     }
 
     pub fn state(&self) -> Value {

@@ -191,9 +191,9 @@ fn a_folder_of_studies_is_served_and_what_cannot_be_read_is_said() {
     assert_eq!(served.state()["study"]["tests"].as_array().unwrap().len(), 3);
     let broken = served.get("/api/studies/second");
     assert_eq!((broken.status, broken.json()["error"]["stage"].as_str()), (400, Some("study")));
-    let empty = tempfile::tempdir().unwrap();
-    let ran = misfit(&["serve", &empty.path().display().to_string(), "--json"]);
-    assert!(ran.error()[1].contains(&empty.path().display().to_string()));
+    let nowhere = folder.path().join("no-such-folder").display().to_string();
+    let ran = misfit(&["serve", &nowhere, "--json"]);
+    assert!(ran.error()[1].contains(&nowhere));
 }
 
 /// Pages ask while a ladder runs: every one is answered.

@@ -8,7 +8,7 @@ use crate::data::{Control, Role};
 use crate::units::{Dimension, parse_unit};
 
 /// The two files, and what the engineer has to look at in them.
-pub(super) struct Scaffold {
+pub struct Scaffold {
     pub dataset: String,
     pub study: String,
     pub to_confirm: Vec<String>,
@@ -24,7 +24,7 @@ fn rounded(x: f64, digits: usize) -> f64 {
 }
 
 /// Axes in the order in which the nodes of a table of modes get them.
-const AXES: [&str; 6] = ["x", "y", "z", "theta", "phi", "psi"];
+pub const AXES: [&str; 6] = ["x", "y", "z", "theta", "phi", "psi"];
 
 #[derive(Default)]
 struct Writer {
@@ -39,7 +39,7 @@ struct Writer {
     frfs: bool,
 }
 
-pub(super) fn write(found: &[FoundFile]) -> Option<Scaffold> {
+pub fn write(found: &[FoundFile]) -> Option<Scaffold> {
     let mut w = Writer::default();
     for file in found {
         for item in &file.items {
@@ -193,18 +193,20 @@ impl Writer {
             quoted(&name)
         );
         for (role, column, unit) in &f.columns {
-            let averages = if *role == Role::Coherence {
-                confirm.push(format!("{id}: the number of averages behind the coherence"));
-                ", averages = 0"
-            } else {
-                ""
+            let averages = match (role, f.averages) {
+                (Role::Coherence, Some(n)) => format!(", averages = {n}"),
+                (Role::Coherence, None) => {
+                    confirm.push(format!("{id}: the number of averages behind the coherence"));
+                    ", averages = 0".into()
+                }
+                _ => String::new(),
             };
             let missing = unit.is_none() && matches!(role, Role::Real | Role::Imag | Role::Amplitude);
             if missing {
                 confirm.push(format!("{id}: the unit of `{column}` is not in the file; write it in dataset.toml"));
                 text += &format!(" {{ role = \"{}\", column = {}, unit = \"\" }},\n", role.word(), quoted(column));
             } else {
-                text += &self.channel(&id, *role, None, column, unit.as_deref(), averages);
+                text += &self.channel(&id, *role, None, column, unit.as_deref(), &averages);
             }
         }
         f.findings.iter().for_each(|n| text += &format!(" # finding: {}\n", n.replace(['\n', '\r'], " ")));
