@@ -2,7 +2,8 @@
 
 use std::sync::{PoisonError, RwLock};
 
-use super::{Effect, EffectError, ForceLaw, LIBRARY};
+use super::dispatch::Dispatch;
+use super::{Effect, EffectError, Force, ForceLaw, LIBRARY};
 
 /// A registered law.
 #[derive(Clone, Copy)]
@@ -15,6 +16,11 @@ static OWN: RwLock<Vec<Own>> = RwLock::new(Vec::new());
 
 /// Keys of an `[[effect]]` that no parameter may take.
 const TAKEN: [&str; 8] = ["effect", "at", "per", "monotone", "only", "of", "condition", "reference"];
+
+/// Parameters of a law at most: small motion is differentiated by eight numbers, of which the frequency is one.
+const MOST_PARAMETERS: usize = 7;
+/// States of a law at most: with four inputs and the parameters they are no more than the 32 columns of a tangent.
+const MOST_STATES: usize = 16;
 
 /// Registers a force law under the name in its [`Info`](super::Info), or puts it in the place of an earlier one of that name. Studies that
 /// were read before keep the earlier law. Where `searched`, the search for missing effects tries it as well; its force must then be
@@ -46,6 +52,20 @@ pub fn register(law: Box<dyn ForceLaw>, searched: bool) -> Result<&'static Effec
     all.retain(|o| o.effect.info().name != own.effect.info().name);
     all.push(own);
     Ok(own.effect)
+}
+
+/// As [`register`], for a law written as those of the library are.
+///
+/// # Errors
+/// As [`register`]; more than 7 parameters or 16 states.
+pub fn register_force<L: Force>(searched: bool) -> Result<&'static Effect, EffectError> {
+    let info = L::INFO;
+    if info.params.len() > MOST_PARAMETERS || info.states > MOST_STATES {
+        let message = format!("`{}` has {} parameters and {} states", info.name, info.params.len(), info.states);
+        let accepted = format!("at most {MOST_PARAMETERS} parameters and {MOST_STATES} states");
+        return Err(EffectError::Refused { name: info.name.into(), message, accepted });
+    }
+    register(Box::new(Dispatch::<L>::NEW), searched)
 }
 
 fn word(name: &str) -> bool {

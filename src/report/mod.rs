@@ -32,6 +32,7 @@ use std::path::Path;
 
 use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
 use crate::model::System;
+use crate::predict::Sweep;
 use crate::study::Study;
 use crate::tolerance::Outcome;
 
@@ -40,7 +41,6 @@ pub use error::ReportError;
 pub use page::PLOTLY;
 pub use population::population;
 pub use shapes::outline;
-pub use sweeps::Sweep;
 pub use text::esc as escaped;
 
 /// What a report is made of. A part that is not there is left out of the page.
