@@ -97,7 +97,7 @@ def trial(
 ) -> results.Trial:
     """How often the search finds effects that generated cases hide; the options are those of `misfit trial`. `write` is a folder for the cases that
     were not found, `resume` that of an earlier trial to go on with. Ctrl-C keeps the cases that are done."""
-    given = {"cases": cases, "seed": seed, "models": models, "data": data, "out": out, "resume": resume, "write": write, "threads": threads}
+    given: dict[str, Any] = {"cases": cases, "seed": seed, "models": models, "data": data, "out": out, "resume": resume, "write": write, "threads": threads}
     given |= {"max-seconds": max_seconds, "kinds": ",".join(kinds) or None, "only": ",".join(only) or None}
     words = ["trial", *(word for name, value in given.items() for word in _option(f"--{name}", value))]
     return run(results.Trial, words, None, progress, max_seconds)

@@ -13,7 +13,7 @@ import misfit
 
 
 def file(small, tmp_path, verb="fit", more=""):
-    study = small.save(tmp_path / "study").path.parent
+    study = small.save(tmp_path / "saved").path.parent
     written = tmp_path / "many.toml"
     written.write_text(f'schema = 1\nverb = "{verb}"\nstudies = ["{study}"]\n{more}[grid]\nseed = [1, 2, 3]\n')
     return written
