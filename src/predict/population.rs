@@ -1,7 +1,7 @@
 //! A population of assemblies whose parts deviate within their tolerances: distributions of W_D, W_s, stiffness and natural frequencies, yields,
 //! contributions, synthesis.
 //!
-//! Deviations move the contact area ([`AreaLaw`]) and by eq. 6 the interference; the calibrated model over the area is a surrogate ([`surrogate`]) whose largest
+//! Deviations move the contact area ([`AreaLaw`]) and by eq. 6 the interference; the calibrated model over the area is a surrogate (`population::surrogate`) whose largest
 //! error on exact runs is stated. What the fit does not know of the parameters, and the model's own error, move all assemblies together: they widen the
 //! intervals of yield and quantiles, not the spread of the parts.
 

@@ -168,6 +168,13 @@ fn natural_frequencies_are_those_of_the_closed_form() {
     let study = dir.path().join("study.toml");
     let text = std::fs::read_to_string(&study).unwrap();
     std::fs::write(&study, text.replacen("[tolerance]\n", "[tolerance]\nmodes = [1]\n", 1)).unwrap();
+    let schema = Command::new(env!("CARGO_BIN_EXE_misfit")).args(["schema", "study", "--json"]).output().unwrap().stdout;
+    let schema: Value = serde_json::from_slice(&schema).unwrap();
+    for dir in [&folder(&format!("{PART}{band}{SECOND}")), &dir] {
+        let written = super::schema::json(&std::fs::read_to_string(dir.path().join("study.toml")).unwrap());
+        let wrong = super::schema::against(&schema, &schema, &written, "");
+        assert!(wrong.is_empty(), "{wrong:#?}");
+    }
     let (_, result) = run(dir.path());
     assert!(result["cases"].as_array().unwrap().iter().any(|c| c["quantity"] == "natural_frequency" && c["yield"].is_null()), "{result}");
     let ask = |more: &str| run(folder(&format!("{PART}{more}{SECOND}")).path());

@@ -101,7 +101,7 @@ pub fn against(root: &Value, schema: &Value, value: &Value, at: &str) -> Vec<Str
     wrong
 }
 
-fn json(toml: &str) -> Value {
+pub fn json(toml: &str) -> Value {
     serde_json::to_value(toml.parse::<toml::Table>().unwrap()).unwrap()
 }
 
