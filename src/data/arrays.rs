@@ -199,7 +199,7 @@ mod tests {
         let frf = |f: Vec<f64>, s: Vec<f64>| Test::frf("a", "m.x", "m.x", FrfQuantity::Accelerance, f, h.clone(), s);
         let Record::Frf(made) = frf(vec![1.0, 2.0, 3.0], vec![0.1; 3]).unwrap().record else { panic!() };
         let omega = std::f64::consts::TAU * 2.0;
-        assert!((made.receptance[1] + h[1] / (omega * omega)).norm() < 1e-15 && made.unit.symbol == "m/s^2/N", "{}", made.unit.symbol);
+        assert!((made.receptance[1] + h[1] / (omega * omega)).norm() < 1e-15 && made.unit.symbol == "m/s2/N", "{}", made.unit.symbol);
         for (f, s, said) in [
             (vec![1.0, 2.0], vec![0.1; 3], "2 frequencies, 3 values"),
             (vec![1.0, 3.0, 2.0], vec![0.1; 3], "does not rise"),

@@ -89,9 +89,9 @@ pub fn searched() -> Vec<&'static Effect> {
 #[cfg(test)]
 mod tests {
     use super::super::dispatch::{Dispatch, Tangent, Wanted};
-    use super::super::{Info, Inputs, find, viscous};
+    use super::super::{Dim, Info, Inputs, Num, Param, Ports, Sign, find, viscous};
     use super::*;
-    use num_complex::Complex64;
+    use num_complex::{Complex, Complex64};
 
     /// A damper under another name.
     struct Renamed(Info);
@@ -138,5 +138,28 @@ mod tests {
         }
         let nameless = Renamed(Info { name: "other", params: &[], ..*find("viscous").unwrap().info() });
         assert!(matches!(register(Box::new(nameless), false), Err(EffectError::Refused { .. })));
+    }
+
+    /// A law that the dual numbers of a tangent have no columns for.
+    struct Large;
+
+    impl Force for Large {
+        const INFO: Info = Info {
+            states: MOST_STATES + 1,
+            ..Info::force("large", "F = c v", &[Param::strength("c", Dim::FT_PER_X, Sign::Any, "")], Ports::V)
+        };
+        fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {
+            p[0] * u.v
+        }
+        fn stiffness<T: Num>(s: Complex<T>, p: &[T]) -> Result<Complex<T>, &'static str> {
+            Ok(s * p[0])
+        }
+    }
+
+    #[test]
+    fn a_law_with_too_many_states_is_refused() {
+        let e = register_force::<Large>(false).unwrap_err();
+        assert!(e.to_string().contains("17 states") && crate::explain::Explain::accepted(&e).contains("16 states"), "{e}");
+        assert!(find("large").is_err());
     }
 }
