@@ -181,7 +181,11 @@ fn natural_frequencies_are_those_of_the_closed_form() {
     let wrong = [
         ("[[tolerance.bands]]\nquantity = \"natural_frequency\"\nmax = \"9 Hz\"\n", "without its mode", "mode = 1"),
         ("[[tolerance.bands]]\nquantity = \"W_D\"\nmode = 1\nmax = \"9 mJ\"\n", "W_D has no mode", "natural_frequency"),
-        ("[[tolerance.bands]]\nquantity = \"natural_frequency\"\nmode = 7\nmax = \"9 Hz\"\n", "7", ""),
+        (
+            "[[tolerance.bands]]\nquantity = \"natural_frequency\"\nmode = 7\nmax = \"9 Hz\"\n",
+            "the model has 1 flexible modes",
+            "at least 7",
+        ),
     ];
     for (more, message, accepted) in wrong {
         let (code, result) = ask(more);
