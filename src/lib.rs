@@ -45,13 +45,18 @@ pub mod work;
 pub mod serve;
 pub mod cli;
 
-/// What a program that fits and diagnoses needs.
+/// What a program needs that fits and diagnoses studies ([`Study::load`](study::Study::load)) or a model of its own
+/// ([`Case::of`](diagnose::Case::of)), with laws of its own ([`register_force`](effect::register_force)). `examples/` has one program for each.
 pub mod prelude {
+    pub use num_complex::{Complex, Complex64};
+
+    pub use crate::data::{Channel, Control, FrfQuantity, Role, Test};
     pub use crate::diagnose::results::{FitResult, LadderResult, SplitName, Verdict};
     pub use crate::diagnose::{Case, Fitted, compare, diagnose, fit, ladder};
-    pub use crate::effect::find;
+    pub use crate::effect::{Dim, Force, Grid, Info, Inputs, Num, Param, Ports, Sign, find, register_force};
     pub use crate::explain::Explain;
     pub use crate::identify::Monitor;
-    pub use crate::model::System;
+    pub use crate::model::{Axis, Body, Model, System};
+    pub use crate::predict::predictions;
     pub use crate::study::Study;
 }

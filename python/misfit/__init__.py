@@ -18,7 +18,7 @@ from ._build import Body, Channel, Connector, Effect, Test, Value, study
 from ._errors import Error, Interrupted
 from ._law import Parameter, law
 from ._native import Curve, Dual, Table
-from ._study import Study, check, effects, load, new
+from ._study import Study, campaign, check, effects, load, new, trial
 
 __version__ = "0.1.0"
 
@@ -36,6 +36,7 @@ __all__ = [
     "Table",
     "Test",
     "Value",
+    "campaign",
     "check",
     "effects",
     "law",
@@ -43,4 +44,5 @@ __all__ = [
     "new",
     "results",
     "study",
+    "trial",
 ]

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Called", "Curve", "Dual", "Model", "Table", "call", "panic", "register", "save_study", "write_study"]
+__all__ = ["Called", "Curve", "Dual", "Model", "Table", "call", "main", "panic", "register", "save_study", "write_study"]
 
 @final
 class Called:
@@ -131,6 +131,9 @@ class Model:
 
 def call(words: Sequence[str], tell: Callable[[str | None, tuple[int, float] | None], Any] | None = None) -> Called:
     """Runs a verb: `words` as on the command line."""
+
+def main(words: Sequence[str]) -> int:
+    """The program `misfit`: `words` as on the command line. Gives the exit code."""
 
 def panic(message: str) -> None:
     """Panics where a verb would compute. The tests of the package hold what comes of it to `misfit.Error`."""

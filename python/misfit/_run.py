@@ -69,7 +69,7 @@ class Run(msgspec.Struct, kw_only=True, dict=True):
     @property
     def folder(self) -> pathlib.Path:
         """The folder of the run."""
-        run = self.json.get("run")
+        run = self.json.get("run", self.json.get("folder"))
         if run is None:
             raise Error("this result has no folder of a run", "result", "folder", "the result of a verb that leaves one")
         return pathlib.Path(run)

@@ -6,7 +6,7 @@ import os
 import pathlib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 import msgspec
 
@@ -65,6 +65,42 @@ def check(path: PathLike, data: PathLike | None = None) -> results.Check:
 def effects(name: str | None = None) -> list[results.Law]:
     """The library of effects, or the one of this name."""
     return run(results.Effects, ["effects", *([name] if name else [])], None, False, None).effects
+
+
+def campaign(
+    file: PathLike,
+    on: Literal["local", "slurm"] = "local",
+    resume: bool = False,
+    out: PathLike | None = None,
+    threads: int | None = None,
+    progress: bool | Tell = True,
+) -> results.Campaign:
+    """One verb over the variants that campaign.toml names, every task in a process of its own: `threads` at a time on this machine, or as a job
+    array of Slurm. What an earlier run has left undone is done with `resume`; Ctrl-C stops the tasks and keeps what is done."""
+    words = ["campaign", os.fspath(file), f"--on={on}", *(["--resume"] if resume else []), *_option("--out", out), *_option("--threads", threads)]
+    return run(results.Campaign, words, None, progress, None)
+
+
+def trial(
+    cases: int | None = None,
+    seed: int | None = None,
+    kinds: Iterable[str] = (),
+    models: str | None = None,
+    data: str | None = None,
+    only: Iterable[str] = (),
+    out: PathLike | None = None,
+    resume: PathLike | None = None,
+    write: PathLike | None = None,
+    threads: int | None = None,
+    max_seconds: float | None = None,
+    progress: bool | Tell = True,
+) -> results.Trial:
+    """How often the search finds effects that generated cases hide; the options are those of `misfit trial`. `write` is a folder for the cases that
+    were not found, `resume` that of an earlier trial to go on with. Ctrl-C keeps the cases that are done."""
+    given: dict[str, Any] = {"cases": cases, "seed": seed, "models": models, "data": data, "out": out, "resume": resume, "write": write, "threads": threads}
+    given |= {"max-seconds": max_seconds, "kinds": ",".join(kinds) or None, "only": ",".join(only) or None}
+    words = ["trial", *(word for name, value in given.items() for word in _option(f"--{name}", value))]
+    return run(results.Trial, words, None, progress, max_seconds)
 
 
 class Study:

@@ -201,6 +201,34 @@ class Add(Run, kw_only=True, dict=True):
     """Folder of the run."""
 
 
+class FailedTask(msgspec.Struct, kw_only=True):
+    """A task that failed."""
+    reason: str
+    """Why it failed."""
+    task: str
+    """What it differs in."""
+
+
+class Campaign(Run, kw_only=True, dict=True):
+    """Result of `campaign`."""
+    computed: int
+    """Tasks computed in this run; the others were there."""
+    done: int
+    """Tasks with a result."""
+    failed: list[FailedTask]
+    """Tasks that failed."""
+    interrupted: bool
+    """Whether it was stopped."""
+    of_other_inputs: int
+    """Earlier results of other inputs."""
+    report: str
+    """HTML page."""
+    table_: str = msgspec.field(name="table")
+    """Parquet file with a row a task."""
+    tasks: int
+    """Tasks of the campaign."""
+
+
 class Free(msgspec.Struct, kw_only=True):
     """A free parameter at the gate."""
     moves_residual: bool
@@ -647,6 +675,8 @@ class Race(msgspec.Struct, kw_only=True):
     """Legs at most."""
     level_with: float | None
     """...by this part of what it has gained, or by the way they have come: a start in the right valley may begin above all the others..."""
+    of_bound: int
+    """Candidates refitted beside those for what they may gain at most."""
     of_opinion: int
     """...and how many of them."""
     off: list[float | None]
@@ -717,6 +747,8 @@ class Scoring(msgspec.Struct, kw_only=True):
     """Draws of the null distribution of the best score."""
     entered: float | None
     """Part of the largest weight below which a column has not entered."""
+    passing: float | None
+    """Trials that would pass, in a draw, the level at which candidates are counted as choices: what is taken lies far out."""
     price: float | None
     """Price of a column there in parts of the best score, where chance does not ask for more."""
     shows: float | None
@@ -1073,8 +1105,10 @@ class CaseResult(msgspec.Struct, kw_only=True):
     """95 % of the assemblies, parameters and model error included."""
     mean: float | None
     """Mean over the assemblies."""
+    mode: int | None
+    """Mode of a natural frequency, from 1."""
     quantity: str
-    """W_D, W_s, stiffness."""
+    """W_D, W_s, stiffness, natural_frequency."""
     reference: float | None
     """The table's value."""
     std: float | None
@@ -1099,6 +1133,8 @@ class ContributionResult(msgspec.Struct, kw_only=True):
     """First-order Sobol index."""
     first_interval: tuple[float | None, float | None]
     """95 % interval of the first-order index."""
+    mode: int | None
+    """Mode of a natural frequency, from 1."""
     quantity: str
     """Quantity."""
     tolerance: str
@@ -1109,10 +1145,22 @@ class ContributionResult(msgspec.Struct, kw_only=True):
     """95 % interval of the total index."""
 
 
+class PricedResult(msgspec.Struct, kw_only=True):
+    """The cost of the loosest tolerances that keep a yield."""
+    asked: float | None
+    """Yield asked for."""
+    cost: float | None
+    """Cost, sum of c / width."""
+    yield_: float | None = msgspec.field(name="yield")
+    """Yield on draws of their own."""
+
+
 class SurrogateResult(msgspec.Struct, kw_only=True):
     """How far the surrogate is off."""
     error: float | None
     """Largest relative error of W_D there."""
+    error_frequency: float | None
+    """Largest relative error of a natural frequency there; 0 where none is asked for."""
     error_stored: float | None
     """Largest relative error of W_s there."""
     exact: int
@@ -1131,6 +1179,8 @@ class SynthesisResult(msgspec.Struct, kw_only=True):
     """Cost, sum of c / width, after."""
     cost_before: float | None
     """Cost of the case as it stands."""
+    curve: list[PricedResult]
+    """What other yields cost, rising, as far as they are within reach; from at most 20,000 draws."""
     feasible: bool
     """Whether there are such tolerances."""
     in_the_way: str | None
@@ -1181,3 +1231,153 @@ class Tolerance(Run, kw_only=True, dict=True):
     """The surrogate of the model."""
     synthesis: SynthesisResult | None
     """The loosest tolerances; none where the study does not ask for them."""
+
+
+class Bin(msgspec.Struct, kw_only=True):
+    """A bin of strength."""
+    from_: float | None = msgspec.field(name="from")
+    """Least strength [standard deviations]."""
+    strict: TrialShare
+    """Effect and place first, strictly."""
+    structure: str
+    """connector or chain."""
+    to: float | None
+    """Largest; none: no end."""
+    with_ties: TrialShare
+    """The same with declared ties."""
+
+
+class Confusion(msgspec.Struct, kw_only=True):
+    """How often one truth was said to be what."""
+    count: int
+    """Cases."""
+    said: str
+    """Effects said, or the verdict."""
+    truth: str
+    """Effects hidden."""
+
+
+class Counts(msgspec.Struct, kw_only=True):
+    """Counts of some cases."""
+    cases: int
+    """Cases."""
+    failed: int
+    """Cases in which the ladder ended in an error."""
+    false_alarms: int
+    """False alarms."""
+    missed: int
+    """Missed."""
+    next_tests: int
+    """Cases with a tie of the truth and a proposed test that could be run; those in which it broke the tie for the truth."""
+    strict: int
+    """Right, strictly."""
+    ties_broken: int
+    """The ties that it broke."""
+    weighed: int
+    """Cases in which everything hidden was refitted at some step."""
+    with_extra: int
+    """Cases in which more is named than is hidden."""
+    with_ties: int
+    """Right, declared ties counted."""
+
+
+class NullRow(msgspec.Struct, kw_only=True):
+    """Cases that hide nothing, of one imperfection."""
+    false_effect: TrialShare
+    """A false effect is named."""
+    false_instrument: TrialShare
+    """A fault of an instrument is named."""
+    imperfection: str
+    """The imperfection, or `all`."""
+    named: list[tuple[str, int]]
+    """Effects and instruments named, with their count."""
+    structure: str
+    """connector or chain."""
+    unexplained: TrialShare
+    """No effect is named, and the verdict is `unexplained`."""
+
+
+class OfStructure(msgspec.Struct, kw_only=True):
+    """What is said of the cases of one structure."""
+    blamed: TrialShare
+    """Of those with an instrument at fault: blamed on physics."""
+    both: TrialShare
+    """Of those that hide two: both named, with declared ties."""
+    cases: int
+    """Cases."""
+    first_strict: TrialShare
+    """Of those that hide one or two effects of the library: effect and place first, strictly."""
+    first_with_ties: TrialShare
+    """The same with declared ties."""
+    held_out_over_truth: float | None
+    """Median of the held-out error over that of the true law."""
+    quiet: TrialShare
+    """Of those that hide nothing: nothing named and not unexplained."""
+    structure: str
+    """connector or chain."""
+    unfounded: TrialShare
+    """Of those in which something is claimed: the held-out error did not fall by its standard error."""
+    wall_s: float | None
+    """Median wall time of a case [s]."""
+    wrong_instruments_per_case: float | None
+    """Wrong instruments per case."""
+    wrong_per_case: float | None
+    """Wrong effects per case."""
+
+
+class Realistic(msgspec.Struct, kw_only=True):
+    """A realistic trial."""
+    curve: list[Bin]
+    """Recovery of hidden effects of the library over strength."""
+    null_rows: list[NullRow]
+    """Cases that hide nothing, by imperfection."""
+    structures: list[OfStructure]
+    """By structure."""
+
+
+class TrialShare(msgspec.Struct, kw_only=True):
+    """A count of some with Wilson's interval of 95 %."""
+    count: int
+    """How many."""
+    interval: tuple[float | None, float | None]
+    """Wilson's interval; 0 to 1 where there are none."""
+    of: int
+    """Of how many."""
+
+
+class Trial(Run, kw_only=True, dict=True):
+    """Result of `trial`."""
+    by_kind: dict[str, Counts]
+    """By kind and structure, `one, connector`."""
+    cases: int
+    """Cases."""
+    confusion: list[Confusion]
+    """Truth against what was said."""
+    failed: int
+    """Cases in which the ladder ended in an error."""
+    false_alarms: int
+    """False alarms."""
+    folder_: str = msgspec.field(name="folder")
+    """Folder of the cases."""
+    held_out_over_floor: float | None
+    """Median of held-out error over floor."""
+    interrupted: bool
+    """Whether it was stopped."""
+    missed: int
+    """Missed."""
+    next_tests: int
+    """Cases with a tie of the truth and a proposed test that could be run; those in which it broke the tie for the truth."""
+    realistic: Realistic | None = None
+    """Of realistic cases: recovery over strength, claims without ground, null rows."""
+    seed: int
+    """Seed of the cases."""
+    strict: int
+    """Right, strictly."""
+    ties_broken: int
+    """The ties that it broke."""
+    weighed: int
+    """Cases in which everything hidden was refitted at some step."""
+    with_extra: int
+    """Cases in which more is named than is hidden."""
+    with_ties: int
+    """Right, declared ties counted."""

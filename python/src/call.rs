@@ -1,5 +1,6 @@
 //! Verbs: the words of the command line in, JSON, text, curves and tables out.
 
+use std::ffi::OsString;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -42,6 +43,7 @@ pub struct Called {
 
 /// Passes on what a verb says.
 struct Passing {
+    program: Vec<OsString>,
     flag: Arc<AtomicBool>,
     events: Mutex<Sender<Event>>,
     last: Mutex<Option<Instant>>,
@@ -72,6 +74,9 @@ impl Watcher for Passing {
     fn tests(&self, tests: &[TestResult]) {
         *self.tests.lock().unwrap_or_else(PoisonError::into_inner) = tests.to_vec();
     }
+    fn program(&self) -> Option<Vec<OsString>> {
+        Some(self.program.clone())
+    }
 }
 
 /// Runs a verb: `words` as on the command line. `tell(words, (iteration, cost))` gets the progress.
@@ -85,8 +90,9 @@ pub fn call(py: Python<'_>, words: Vec<String>, tell: Option<&Bound<'_, PyAny>>)
     let tests = Arc::new(Mutex::new(vec![]));
     let kept = tests.clone();
     let own = flag.clone();
+    let program = vec![py.import("sys")?.getattr("executable")?.extract()?, "-m".into(), "misfit".into()];
     let work = move || {
-        let passing = Arc::new(Passing { flag: own, events: Mutex::new(events), last: Mutex::default(), tests: Mutex::default() });
+        let passing = Arc::new(Passing { program, flag: own, events: Mutex::new(events), last: Mutex::default(), tests: Mutex::default() });
         let done = cli::call(&words, passing.clone());
         *kept.lock().unwrap_or_else(PoisonError::into_inner) =
             std::mem::take(&mut *passing.tests.lock().unwrap_or_else(PoisonError::into_inner));
@@ -110,6 +116,12 @@ pub fn call(py: Python<'_>, words: Vec<String>, tell: Option<&Bound<'_, PyAny>>)
         curves: curves.map(|(test, c)| Py::new(py, Curve::new(py, test, c))).collect::<PyResult<_>>()?,
         residuals: Py::new(py, Table::new(frame))?,
     })
+}
+
+/// The program `misfit`: `words` as on the command line. Gives the exit code.
+#[pyfunction]
+pub fn main(py: Python<'_>, words: Vec<OsString>) -> u8 {
+    py.detach(|| cli::main_of(std::iter::once("misfit".into()).chain(words)))
 }
 
 /// Panics where a verb would compute. The tests of the package hold what comes of it to `misfit.Error`.

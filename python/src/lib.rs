@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::call::{Called, call, panic};
+    use crate::call::{Called, call, main, panic};
     #[pymodule_export]
     use crate::curve::Curve;
     #[pymodule_export]

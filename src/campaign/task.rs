@@ -1,9 +1,11 @@
 //! Tasks: their list, one process each, a record of each written once and whole.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Output, Stdio};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -153,18 +155,44 @@ fn id(spec: &Spec, task: &Task, content: u128) -> String {
 
 /// Runs tasks of a campaign into its folder.
 pub struct Runner<'a> {
-    /// The program.
-    pub program: &'a Path,
+    /// The words that start the program, before those of a verb.
+    pub program: &'a [OsString],
     /// The campaign.
     pub spec: &'a Spec,
     /// Folder of the results.
     pub folder: &'a Path,
+    /// Processes that are at work.
+    running: Mutex<BTreeSet<u32>>,
 }
 
 /// Exit code of a run that was interrupted.
 const INTERRUPTED: i32 = 130;
 
-impl Runner<'_> {
+impl<'a> Runner<'a> {
+    /// A runner of a campaign's tasks; `program` are the words that start this program.
+    pub fn new(program: &'a [OsString], spec: &'a Spec, folder: &'a Path) -> Runner<'a> {
+        Runner { program, spec, folder, running: Mutex::default() }
+    }
+
+    /// Asks the processes of the tasks that are at work to stop.
+    pub fn interrupt(&self) {
+        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        let ids = running.iter().map(u32::to_string);
+        // A process that has just ended needs no word.
+        let _ = Command::new("kill").arg("-INT").args(ids).stderr(Stdio::null()).status();
+    }
+
+    /// Runs a process to its end.
+    fn output(&self, mut command: Command) -> std::io::Result<Output> {
+        let running = || self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
+        let id = child.id();
+        running().insert(id);
+        let done = child.wait_with_output();
+        running().remove(&id);
+        done
+    }
+
     /// File of a task's record.
     pub fn file(&self, id: &str) -> PathBuf {
         self.folder.join("tasks").join(format!("{id}.json"))
@@ -205,8 +233,9 @@ impl Runner<'_> {
     fn once(&self, task: &Task) -> Result<Option<Result<Value, (String, Value)>>, CampaignError> {
         let work = tempfile::Builder::new().prefix("work-").tempdir_in(self.folder).map_err(|e| CampaignError::file(self.folder, e))?;
         let run = work.path().join("run");
-        let mut command = Command::new(self.program);
-        command.arg(&self.spec.verb);
+        let mut words = self.program.iter();
+        let mut command = Command::new(words.next().map_or(OsStr::new(""), OsString::as_os_str));
+        command.args(words).arg(&self.spec.verb);
         if let Some(study) = &task.study {
             if task.set.is_empty() {
                 command.arg(study);
@@ -223,8 +252,9 @@ impl Runner<'_> {
         }
         command.args(&task.arguments).arg("--json").arg("--out").arg(&run);
         command.args(["--seed", &task.seed.to_string(), "--threads", &self.spec.threads.to_string()]);
-        let done = command.stdin(Stdio::null()).output().map_err(|e| CampaignError::file(self.program, e))?;
-        if done.status.code() == Some(INTERRUPTED) {
+        let started = PathBuf::from(command.get_program());
+        let done = self.output(command).map_err(|e| CampaignError::file(&started, e))?;
+        if interrupted(&done.status) {
             return Ok(None);
         }
         let printed = serde_json::from_slice::<Value>(&done.stdout);
@@ -244,6 +274,20 @@ impl Runner<'_> {
         }
         Ok(Some(outcome))
     }
+}
+
+/// Whether a run was told to stop: it says so, or it was not yet far enough to.
+fn interrupted(status: &ExitStatus) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::process::ExitStatusExt;
+        /// SIGINT.
+        const CTRL_C: i32 = 2;
+        if status.signal() == Some(CTRL_C) {
+            return true;
+        }
+    }
+    status.code() == Some(INTERRUPTED)
 }
 
 /// Why a run failed, by what it printed.

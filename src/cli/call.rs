@@ -2,6 +2,7 @@
 //!
 //! The Python package goes through here, so that it runs the very code that the command line runs and gets the same results.
 
+use std::ffi::OsString;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -9,7 +10,7 @@ use clap::Parser;
 use serde_json::Value;
 
 use crate::diagnose::results::TestResult;
-use crate::identify::Progress;
+use crate::identify::{Progress, interrupt_flag};
 use crate::work::Failure;
 
 use super::{Cli, Verb, session};
@@ -24,6 +25,10 @@ pub trait Watcher: Send + Sync {
     fn iteration(&self, progress: &Progress);
     /// The tests against the result, with their curves; a later call replaces an earlier one.
     fn tests(&self, tests: &[TestResult]);
+    /// How a process of this program is started, for the tasks of a campaign: its words before those of the verb. None: the running executable is it.
+    fn program(&self) -> Option<Vec<OsString>> {
+        None
+    }
 }
 
 /// The watcher among the options of a verb; none on the command line.
@@ -31,8 +36,23 @@ pub trait Watcher: Send + Sync {
 pub(super) struct Watched(pub Option<Arc<dyn Watcher>>);
 
 impl Watched {
-    pub fn cancel(&self) -> Option<Arc<AtomicBool>> {
-        self.0.as_ref().map(|w| w.cancel())
+    /// The flag that stops the verb: the caller's, or that of Ctrl-C and SIGTERM.
+    pub fn cancel(&self) -> Result<Arc<AtomicBool>, Failure> {
+        let called = self.0.as_ref().map(|w| w.cancel());
+        called
+            .map_or_else(interrupt_flag, Ok)
+            .map_err(|e| Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers"))
+    }
+
+    /// How a process of this program is started.
+    pub fn program(&self) -> Result<Vec<OsString>, Failure> {
+        if let Some(words) = self.0.as_ref().and_then(|w| w.program()) {
+            return Ok(words);
+        }
+        let own = std::env::current_exe().map_err(|e| {
+            Failure::new("campaign", "misfit", format!("the program does not know where it is: {e}"), "/proc, or an installed program")
+        })?;
+        Ok(vec![own.into()])
     }
 }
 
@@ -50,20 +70,14 @@ pub struct Called {
 /// Runs a verb: `words` as on the command line, without the name of the program.
 ///
 /// # Errors
-/// What the verb could not do; wrong words, as stage `cli`; the verbs `serve`, `campaign` and `trial`, which watch signals of their process.
+/// What the verb could not do; wrong words, as stage `cli`; the verb `serve`, which runs until its process ends.
 pub fn call<S: AsRef<str>>(words: &[S], watcher: Arc<dyn Watcher>) -> Result<Called, Failure> {
     let words = std::iter::once("misfit").chain(words.iter().map(AsRef::as_ref));
     let mut verb = Cli::try_parse_from(words).map_err(|e| wrong(&e))?.verb;
-    if let Verb::Serve(_) | Verb::Campaign(_) | Verb::Trial(_) = verb {
-        let accepted = "the program `misfit`, or another verb";
-        return Err(Failure::new("cli", "verb", "`serve`, `campaign` and `trial` run from the command line alone", accepted));
+    if let Verb::Serve(_) = verb {
+        return Err(Failure::new("cli", "verb", "`serve` runs from the command line alone", "the program `misfit`, or another verb"));
     }
-    let mut threads = None;
-    if let Some(common) = verb.common() {
-        common.json = true;
-        common.watcher = Watched(Some(watcher));
-        threads = common.threads.take();
-    }
+    let threads = verb.called(Watched(Some(watcher)));
     // The threads of a program are set once; a call that asks for another number has its own.
     let outcome = match threads {
         None => verb.run(),

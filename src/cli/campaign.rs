@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
 use crate::campaign::{self, CampaignError, Record, Runner, Spec, Task, slurm, table::Columns};
-use crate::identify::interrupt_flag;
 use crate::parallel;
 
 use super::call::Watched;
@@ -43,10 +43,13 @@ pub(super) struct Args {
     out: Option<PathBuf>,
     /// Tasks at a time on this machine [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    threads: Option<u16>,
+    pub threads: Option<u16>,
     /// Element of a job array that this process is
     #[arg(long, value_name = "K", hide = true)]
     element: Option<usize>,
+    /// The program that called the verb, in place of a terminal.
+    #[arg(skip)]
+    pub watcher: Watched,
 }
 
 /// Files of a campaign's folder.
@@ -57,20 +60,19 @@ const LOCK: &str = "lock";
 /// Beginning of the names of folders in which tasks work.
 const WORK: &str = "work-";
 const JOB: &str = "job";
+/// Between two looks whether the campaign is to stop.
+const LOOK: Duration = Duration::from_millis(50);
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let begun = Instant::now();
     super::session::threads(args.threads)?;
-    let flag = interrupt_flag()
-        .map_err(|e| Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers"))?;
+    let flag = args.watcher.cancel()?;
     let stopped = || flag.load(Ordering::Relaxed);
     let spec = Spec::load(&args.file)?;
     let folder = args.out.clone().unwrap_or_else(|| spec.folder());
-    let program = std::env::current_exe().map_err(|e| {
-        Failure::new("campaign", "misfit", format!("the program does not know where it is: {e}"), "/proc, or an installed program")
-    })?;
+    let program = args.watcher.program()?;
     if let Some(element) = args.element {
-        return one_element(&Runner { program: &program, spec: &spec, folder: &folder }, element, &stopped);
+        return one_element(&Runner::new(&program, &spec, &folder), element, &stopped);
     }
     let tasks = campaign::tasks(&spec)?;
     begin(&folder, args.resume)?;
@@ -80,11 +82,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if earlier(&folder).is_none() {
         leftovers(&folder)?;
     }
-    let runner = Runner { program: &program, spec: &spec, folder: &folder };
+    let runner = Runner::new(&program, &spec, &folder);
     let records: Vec<Option<Record>> = parallel::map(&tasks, |t| runner.record(&t.id));
     let left: Vec<usize> = (0..tasks.len()).filter(|k| records[*k].as_ref().is_none_or(|r| r.reason.is_some())).collect();
     let others = strangers(&folder, &tasks);
-    let progress = Progress::new(args.json, None, Watched::default());
+    let progress = Progress::new(args.json, None, args.watcher.clone());
     match args.on {
         On::Local => {
             if let Some(job) = earlier(&folder) {
@@ -134,21 +136,34 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 
 /// Every task that is left, as many at a time as there are threads.
 fn local(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, stopped: &(dyn Fn() -> bool + Sync)) -> Result<(), Failure> {
-    let (begun, ended) = (Instant::now(), AtomicUsize::new(0));
+    let (begun, count) = (Instant::now(), AtomicUsize::new(0));
     let one = |k: &usize| -> Result<(), CampaignError> {
         runner.run(&tasks[*k], stopped)?;
-        let n = ended.fetch_add(1, Ordering::Relaxed) + 1;
+        let n = count.fetch_add(1, Ordering::Relaxed) + 1;
         let rest = begun.elapsed().as_secs_f64() / n as f64 * (left.len() - n) as f64;
         progress.say(&format!("{n} of {} tasks, about {rest:.0} s left", left.len()));
         Ok(())
     };
-    Ok(parallel::map(left, one).into_iter().collect::<Result<(), _>>()?)
+    // Whoever stops the campaign may not reach the processes of its tasks, as Ctrl-C on a terminal does: they are told.
+    let (ended, end) = std::sync::mpsc::channel::<()>();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            while end.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+                if stopped() {
+                    return runner.interrupt();
+                }
+            }
+        });
+        let all = parallel::map(left, one);
+        drop(ended);
+        Ok(all.into_iter().collect::<Result<(), _>>()?)
+    })
 }
 
 /// The job of an earlier run that is still queued or running.
 fn earlier(folder: &Path) -> Option<String> {
     let job = std::fs::read_to_string(folder.join(JOB)).ok()?;
-    slurm::busy(&job, std::time::Duration::ZERO).ok().filter(|b| *b).map(|_| job)
+    slurm::busy(&job, Duration::ZERO).ok().filter(|b| *b).map(|_| job)
 }
 
 /// The same as a job array. What an element leaves without a record, because it was killed with its node, is queued again as often as asked.
@@ -175,7 +190,7 @@ fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
         let file = runner.spec.file.canonicalize().unwrap_or(runner.spec.file.clone());
         let script = format!(
             "exec {} campaign {} --json --out {} --element \"$SLURM_ARRAY_TASK_ID\"",
-            quoted(runner.program),
+            runner.program.iter().map(|w| quoted(Path::new(w))).collect::<Vec<_>>().join(" "),
             quoted(&file),
             quoted(runner.folder)
         );

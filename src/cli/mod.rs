@@ -28,6 +28,7 @@ mod tolerance;
 mod trial;
 mod trial_realistic;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -106,6 +107,20 @@ impl Verb {
         }
     }
 
+    /// Puts the caller in the place of the terminal; gives the number of threads that the words ask for.
+    fn called(&mut self, by: call::Watched) -> Option<u16> {
+        let (json, watcher, threads) = match self {
+            Verb::Trial(a) => (&mut a.json, &mut a.watcher, &mut a.threads),
+            Verb::Campaign(a) => (&mut a.json, &mut a.watcher, &mut a.threads),
+            other => {
+                let common = other.common()?;
+                (&mut common.json, &mut common.watcher, &mut common.threads)
+            }
+        };
+        (*json, *watcher) = (true, by);
+        threads.take()
+    }
+
     /// The options of a verb on a study.
     fn common(&mut self) -> Option<&mut session::Common> {
         Some(match self {
@@ -160,37 +175,43 @@ const INTERRUPTED: u8 = 130;
 
 /// Runs the command line of the process.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    ExitCode::from(main_of(std::env::args_os()))
+}
+
+/// Runs the command line `words`, the name of the program first, as a process of it does; gives the exit code.
+pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
+    let words: Vec<OsString> = words.into_iter().collect();
+    let cli = match Cli::try_parse_from(&words) {
         Ok(cli) => cli,
-        Err(e) => return usage(&e),
+        Err(e) => return usage(&e, words.iter().any(|w| w == "--json")),
     };
     let json = cli.verb.json();
     match cli.verb.run() {
         Ok(outcome) => {
             print(json, &outcome.json, &outcome.text);
-            ExitCode::from(outcome.code)
+            outcome.code
         }
         Err(failure) => {
             if json {
                 print(true, &failure.json(), "");
             }
             failure.tell();
-            ExitCode::from(NOT_DONE)
+            NOT_DONE
         }
     }
 }
 
 /// Help and version go to stdout with 0; wrong usage to stderr with 2, and as the one JSON object where a script asked for JSON.
-fn usage(e: &clap::Error) -> ExitCode {
+fn usage(e: &clap::Error, json: bool) -> u8 {
     // A terminal that is gone is no reason to fail differently.
     let _ = e.print();
     if !e.use_stderr() {
-        return ExitCode::SUCCESS;
+        return 0;
     }
-    if std::env::args().any(|a| a == "--json") {
+    if json {
         print(true, &call::wrong(e).json(), "");
     }
-    ExitCode::from(USAGE)
+    USAGE
 }
 
 /// One JSON object, or the text, on stdout; nothing of a verb that has told all there is. A reader that has closed the pipe is no error of ours.

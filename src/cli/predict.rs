@@ -8,9 +8,9 @@ use polars::prelude::{Column, DataFrame, ParquetWriter};
 use serde_json::{Value, json};
 
 use crate::diagnose::{self, Case, Fitted};
-use crate::identify::{Replicate, uncertainty};
-use crate::predict::{self, Calibrated};
-use crate::report::{ReportInput, Sweep, html_with};
+use crate::identify::Replicate;
+use crate::predict::{self, Calibrated, Prediction, Sweep};
+use crate::report::{ReportInput, html_with};
 use crate::study::run::{RunError, RunFolder};
 use crate::study::{Predicted, PredictionSpec, Study, ToleranceSpec};
 use crate::units::Dimension;
@@ -22,7 +22,6 @@ use crate::work::Failure;
 
 mod told;
 pub(super) mod tolerance;
-mod value;
 
 /// Relative change of the cost at which the fit of a rung that the program wrote may end.
 pub(super) const WRITTEN: f64 = 1e-6;
@@ -60,17 +59,16 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let folder = session.folder(&asked, "predict")?;
     let done = fit::fitted(&session, &case, &folder, args.resume.as_deref());
     let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
-    let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
     let replicates = match args.bootstrap {
         Some(n) => scatter::replicates(&session, &case, &fitted, &folder, n as usize)?,
         None => vec![],
     };
     let stopped = session.interrupted() && args.bootstrap.is_some_and(|n| replicates.len() < n as usize);
     session.progress.say("predictions");
-    let listed = listed(study, &fitted, &spread.covariance, &replicates)?;
+    let listed = listed(study, &fitted, &replicates)?;
     let mut text = format!("{}\n\n", asked.title);
     let outcome = match &study.tolerance {
-        Some(spec) => Some(cases(&session, spec, &way, study, &fitted, &spread.covariance)?),
+        Some(spec) => Some(cases(&session, spec, &way, study, &fitted, &fitted.uncertainty()?.covariance)?),
         None => None,
     };
     session.progress.end();
@@ -123,7 +121,7 @@ fn cases(
         session.progress.say(&format!("fit of rung {k}"));
         let case = Case { f_tol: Some(WRITTEN), ..session.case(before)? };
         let (_, fitted, _) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
-        let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
+        let spread = fitted.uncertainty()?;
         let added = added(k, before);
         let own = before.tolerance.as_ref().unwrap_or(spec);
         rungs.push(predict::rung(own, &calibrated(before, &fitted, &spread.covariance), title(k, &added), added)?);
@@ -167,19 +165,12 @@ struct Listed {
     shifts: Option<f64>,
 }
 
-fn listed(study: &Study, fitted: &Fitted, covariance: &DMatrix<f64>, replicates: &[Replicate]) -> Result<Listed, Failure> {
+fn listed(study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Result<Listed, Failure> {
     let mut rows = Vec::new();
     let mut all = Listed { json: vec![], of_modes: vec![], text: String::new(), sweeps: vec![], shifts: None };
     let (mut off, mut sum) = (0.0, 0.0);
-    for spec in &study.predictions {
-        let found = match value::sweep(spec, &fitted.system, &fitted.free)? {
-            Some((sweep, range)) => {
-                all.sweeps.push(sweep);
-                range
-            }
-            None => value::evaluate(spec, study, &fitted.system, &fitted.free)?,
-        };
-        let std = found.deviation(covariance, &fitted.outcome.p);
+    for Prediction { spec, found, std, sweep } in predict::predictions(study, fitted)? {
+        all.sweeps.extend(sweep);
         let scattered = scattered(spec, study, fitted, replicates);
         let reference = spec.reference.as_ref().map(|q| q.value);
         let relative = reference.filter(|r| *r != 0.0).map(|r| found.value / r - 1.0);
@@ -251,7 +242,7 @@ fn scattered(spec: &PredictionSpec, study: &Study, fitted: &Fitted, replicates: 
         for (f, v) in fitted.free.iter().zip(r.p.as_ref()?) {
             system.instances[f.instance].params[f.param].value = if f.log { v.exp() } else { *v };
         }
-        value::evaluate(spec, study, &system, &[]).ok().map(|found| found.value).filter(|v| v.is_finite())
+        predict::evaluate(spec, study, &system, &[]).ok().map(|found| found.value).filter(|v| v.is_finite())
     };
     scatter::spread(parallel::map(replicates, at).into_iter().flatten().collect())
 }

@@ -9,7 +9,7 @@ use clap::Args;
 
 use crate::diagnose::Case;
 use crate::diagnose::results::TestResult;
-use crate::identify::{Monitor, interrupt_flag};
+use crate::identify::Monitor;
 use crate::parallel;
 use crate::study::Study;
 use crate::study::run::RunFolder;
@@ -81,10 +81,7 @@ impl<'a> Session<'a> {
     /// Sets threads and the handler of Ctrl-C.
     pub fn begin(common: &'a Common) -> Result<Self, Failure> {
         threads(common.threads)?;
-        let flag =
-            common.watcher.cancel().map_or_else(interrupt_flag, Ok).map_err(|e| {
-                Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers")
-            })?;
+        let flag = common.watcher.cancel()?;
         // What no Duration can hold is as good as no limit.
         let limit = common.max_seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
         let deadline = limit.and_then(|d| Instant::now().checked_add(d));

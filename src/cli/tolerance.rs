@@ -6,7 +6,6 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnose::{self, Case};
-use crate::identify::uncertainty;
 use crate::predict;
 use crate::predict::population::{self, Asked, Population};
 use crate::study::{Banded, Study, ToleranceSpec};
@@ -59,8 +58,10 @@ pub(super) struct Printed {
 pub(super) struct CaseResult {
     /// Case.
     case: String,
-    /// W_D, W_s, stiffness.
+    /// W_D, W_s, stiffness, natural_frequency.
     quantity: &'static str,
+    /// Mode of a natural frequency, from 1.
+    mode: Option<u32>,
     /// SI unit.
     unit: String,
     /// Mean over the assemblies.
@@ -93,6 +94,8 @@ pub(super) struct ContributionResult {
     tolerance: String,
     /// Quantity.
     quantity: &'static str,
+    /// Mode of a natural frequency, from 1.
+    mode: Option<u32>,
     /// First-order Sobol index.
     first: f64,
     /// Total Sobol index.
@@ -131,6 +134,20 @@ pub(super) struct SynthesisResult {
     programmes: usize,
     /// Widths.
     tolerances: Vec<WidthResult>,
+    /// What other yields cost, rising, as far as they are within reach; from at most 20,000 draws.
+    curve: Vec<PricedResult>,
+}
+
+/// The cost of the loosest tolerances that keep a yield.
+#[derive(Serialize, JsonSchema)]
+pub(super) struct PricedResult {
+    /// Yield asked for.
+    asked: f64,
+    /// Yield on draws of their own.
+    #[serde(rename = "yield")]
+    reached: f64,
+    /// Cost, sum of c / width.
+    cost: f64,
 }
 
 /// A chosen width.
@@ -159,6 +176,8 @@ pub(super) struct SurrogateResult {
     error: f64,
     /// Largest relative error of W_s there.
     error_stored: f64,
+    /// Largest relative error of a natural frequency there; 0 where none is asked for.
+    error_frequency: f64,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -180,7 +199,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let case = Case { f_tol: last.is_some().then_some(WRITTEN), ..session.case(study)? };
     session.progress.say("fit");
     let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
-    let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
+    let spread = fitted.uncertainty()?;
     let model = calibrated(study, &fitted, &spread.covariance);
     // The law of the strengths stands in the study of the answer.
     let own = study.tolerance.as_ref().filter(|t| !t.libraries.is_empty()).unwrap_or(&spec);
@@ -231,7 +250,8 @@ fn unit(spec: &ToleranceSpec, quantity: Banded) -> String {
             });
             if rotational { "N m/rad".into() } else { "N/m".into() }
         }
-        _ => "J".into(),
+        Banded::Frequency(_) => "Hz".into(),
+        Banded::Dissipated | Banded::Stored => "J".into(),
     }
 }
 
@@ -239,6 +259,7 @@ fn printed(title: &str, spec: &ToleranceSpec, found: &Population, how: Asked, as
     let case = |d: &population::Distribution| CaseResult {
         case: d.case.clone(),
         quantity: d.quantity.word(),
+        mode: d.quantity.mode(),
         unit: unit(spec, d.quantity),
         mean: d.mean,
         std: d.std,
@@ -256,6 +277,7 @@ fn printed(title: &str, spec: &ToleranceSpec, found: &Population, how: Asked, as
         ContributionResult {
             tolerance: s.tolerance.clone(),
             quantity: s.quantity.word(),
+            mode: s.quantity.mode(),
             first: c.first,
             total: c.total,
             first_interval: (c.first - c.first_error, c.first + c.first_error),
@@ -279,6 +301,7 @@ fn printed(title: &str, spec: &ToleranceSpec, found: &Population, how: Asked, as
             .iter()
             .map(|w| WidthResult { tolerance: w.name.clone(), unit: "m", width: w.width, before: w.before, cost: w.cost })
             .collect(),
+        curve: k.curve.iter().map(|p| PricedResult { asked: p.asked, reached: p.reached, cost: p.cost }).collect(),
     });
     Printed {
         study: title.into(),
@@ -290,6 +313,7 @@ fn printed(title: &str, spec: &ToleranceSpec, found: &Population, how: Asked, as
             exact: found.fit.exact,
             error: found.fit.lost,
             error_stored: found.fit.stored,
+            error_frequency: found.fit.frequency,
         },
         draws: how.draws,
         constant: found.constant,
@@ -304,7 +328,7 @@ fn shown(spec: &ToleranceSpec, quantity: Banded) -> (String, f64) {
     let band = spec.parts.iter().flat_map(|p| &p.bands).find(|b| b.quantity == quantity);
     match (band, quantity) {
         (Some(b), _) => of(&b.unit),
-        (None, Banded::Stiffness) => (unit(spec, quantity), 1.0),
+        (None, Banded::Stiffness | Banded::Frequency(_)) => (unit(spec, quantity), 1.0),
         (None, _) => of(&spec.tables[0].cases.energy_unit),
     }
 }
@@ -325,7 +349,7 @@ fn first(found: &Population) -> String {
             k.in_the_way.as_deref().unwrap_or("-")
         ),
         None => match found.distributions.iter().filter_map(|d| Some((d, d.reached?))).min_by(|a, b| a.1.total_cmp(&b.1)) {
-            Some((d, r)) => format!("The least yield is {:.2} %: {} of case {}.", 100.0 * r, d.quantity.word(), d.case),
+            Some((d, r)) => format!("The least yield is {:.2} %: {} of case {}.", 100.0 * r, d.quantity.name(), d.case),
             None => "No band is stated; these are the distributions.".into(),
         },
     }
@@ -338,7 +362,7 @@ fn told(spec: &ToleranceSpec, found: &Population, how: Asked) -> String {
         let v = |v: f64| significant(v / factor, 4);
         vec![
             d.case.clone(),
-            d.quantity.word().into(),
+            d.quantity.name(),
             v(d.mean),
             significant(d.std / factor, 3),
             d.std_model.map_or("-".into(), |s| significant(s / factor, 2)),
@@ -358,7 +382,7 @@ fn told(spec: &ToleranceSpec, found: &Population, how: Asked) -> String {
     let row = |s: &population::Share| {
         let c = s.contribution;
         let with = |v: f64, e: f64| format!("{:.1} +- {:.1} %", 100.0 * v, 100.0 * e);
-        vec![s.tolerance.clone(), s.quantity.word().into(), with(c.first, c.first_error), with(c.total, c.total_error)]
+        vec![s.tolerance.clone(), s.quantity.name(), with(c.first, c.first_error), with(c.total, c.total_error)]
     };
     text += &table(&["tolerance", "quantity", "alone", "with all it acts with"], &found.shares.iter().map(row).collect::<Vec<_>>());
     if let Some(k) = &found.kept {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use crate::identify::{Monitor, interrupt_flag};
+use crate::identify::Monitor;
 use crate::trial::{self, CaseResult, Counts, Data, Imperfection, Kept, Kind, NONCENTRALITY, Options, Structure, TrialError};
 
 use super::call::Watched;
@@ -58,6 +58,9 @@ pub(super) struct Args {
     /// Stop after this time with the cases done
     #[arg(long, value_name = "S", value_parser = super::session::seconds)]
     pub max_seconds: Option<f64>,
+    /// The program that called the verb, in place of a terminal.
+    #[arg(skip)]
+    pub watcher: Watched,
 }
 
 fn kind(text: &str) -> Result<Kind, String> {
@@ -107,8 +110,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         return Ok(Outcome { json: json!({ "case": index, "seed": drawn.seed, "folder": folder.display().to_string() }), text, code: 0 });
     }
     super::session::threads(args.threads)?;
-    let flag = interrupt_flag()
-        .map_err(|e| Failure::new("cli", "signal", format!("Ctrl-C cannot be watched: {e}"), "a system that allows signal handlers"))?;
+    let flag = args.watcher.cancel()?;
     let limit = args.max_seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
     let mut monitor = Monitor::default().cancel(flag);
     monitor.deadline = limit.and_then(|d| Instant::now().checked_add(d));
@@ -124,7 +126,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let cases = args.cases as usize;
     let before = done.iter().filter(|d| d.index < cases).count();
-    let progress = Progress::new(args.json, monitor.deadline, Watched::default());
+    let progress = Progress::new(args.json, monitor.deadline, args.watcher.clone());
     progress.say(&format!("{} cases", cases - before));
     let (started, tally) = (Instant::now(), Mutex::new((0usize, 0usize)));
     let each = |r: &CaseResult| -> Result<(), TrialError> {

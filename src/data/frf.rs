@@ -77,6 +77,25 @@ pub struct Frf {
     pub notes: Vec<Note>,
 }
 
+impl Frf {
+    /// An FRF that is already in memory, in SI: `measured` with the standard deviation of each line's real part, and of its imaginary part.
+    pub fn new(
+        test: &str,
+        excite: &str,
+        respond: &str,
+        quantity: FrfQuantity,
+        frequency: Vec<f64>,
+        measured: Vec<Complex64>,
+        sigma: Vec<f64>,
+    ) -> Frf {
+        let along = |role: Role, at: &str| along_axis(role.dimensions(), Some(at))[0];
+        let per_time = Dimension::TIME.power(quantity.derivatives() as i8);
+        let unit = Unit::si(along(Role::Displacement, respond).over(per_time).over(along(Role::Force, excite)));
+        let excited = Excited { excite: excite.into(), respond: respond.into(), quantity, excitation: None, mass: None };
+        excited.frf(test, PathBuf::new(), unit, frequency, measured, sigma, None, vec![])
+    }
+}
+
 const ROLES: [Role; 6] = [Role::Frequency, Role::Real, Role::Imag, Role::Amplitude, Role::Phase, Role::Coherence];
 
 pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<Frf, DataError> {

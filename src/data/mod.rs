@@ -4,6 +4,7 @@
 //! scatter, [`History::motion`] into displacement, velocity and acceleration; [`Frf`] carries the noise of each line; [`ModalTable`] and
 //! [`EnergyTable`] are tables. Noise comes from cycles, coherence or stated deviations, never from the misfit of a model.
 
+mod arrays;
 mod bench;
 mod channel;
 mod condition;

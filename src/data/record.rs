@@ -109,7 +109,7 @@ impl TimeRecord {
         !channel.input && channel.role.has_place() && !self.controlled().is_some_and(of_the_drive)
     }
 
-    /// The settled loop of a cycle test; see [`super::loops`].
+    /// The settled loop of a cycle test; see `data::loops`.
     pub fn settled(&self) -> Result<SettledLoop, DataError> {
         super::loops::settle(self).map_err(|e| self.explain(e))
     }

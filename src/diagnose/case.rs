@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use crate::data::{Rig, TestKind};
 use crate::effect::Dim;
-use crate::identify::{self, Constraints, FitOptions, FitOutcome, Loss, LossBlock, Measure, Monitor, Prior, UncertaintyOptions};
+use crate::identify::{
+    self, Constraints, FitOptions, FitOutcome, IdentifyError, Loss, LossBlock, Measure, Monitor, Prior, Uncertainty, UncertaintyOptions,
+};
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
 use crate::parallel::{self, Watch};
 use crate::residual::{Memo, Problem, test_error, to_variable};
@@ -89,8 +91,13 @@ impl Fitted {
         (0..self.free.len()).filter(|k| !bound.iter().any(|(i, _)| i == k)).collect()
     }
 
+    /// Standard deviations, intervals and covariance of its parameters.
+    pub fn uncertainty(&self) -> Result<Uncertainty, IdentifyError> {
+        identify::uncertainty(&self.outcome, &self.options, &self.judgement())
+    }
+
     /// What the deviations of its parameters are judged by.
-    pub fn judgement(&self) -> UncertaintyOptions {
+    fn judgement(&self) -> UncertaintyOptions {
         let measure = |f: &FreeParam| match (f.log, self.system.absent_at_zero(f)) {
             (true, _) => Measure::Logarithm,
             (false, true) => Measure::Strength,
@@ -446,7 +453,7 @@ fn practical_unit(system: &System, f: &FreeParam) -> (String, f64) {
 /// Parameters with their intervals, and the named combinations the data do not determine.
 pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>, Vec<String>), DiagnoseError> {
     let problem = Problem::new(case.plans_of(SplitName::Fit), fitted.system.clone());
-    let mut uncertainty = identify::uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
+    let mut uncertainty = fitted.uncertainty()?;
     uncertainty.probe(&problem, &fitted.outcome, &fitted.options)?;
     let list = uncertainty
         .parameters

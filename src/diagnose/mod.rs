@@ -18,6 +18,7 @@ mod loosened;
 mod map;
 mod method;
 mod next;
+mod own_case;
 mod pairs;
 mod picks;
 mod proposals;

@@ -404,6 +404,12 @@ pub struct Info {
 }
 
 impl Info {
+    /// A force law of a program's own, without states: its name in study files, its equation, its parameters (the strength first), the inputs it reads.
+    /// What is told of it besides can be set as in `Info { states: 1, claim: "...", ..Info::force(...) }`.
+    pub const fn force(name: &'static str, equation: &'static str, params: &'static [Param], ports: Ports) -> Info {
+        Info { name, role: Role::Force, claim: "", equation, params, states: 0, ports, family: "own", source: "", range: "" }
+    }
+
     /// Index of the parameter of this name.
     pub fn param(&self, name: &str) -> Option<usize> {
         self.params.iter().position(|p| p.name == name)

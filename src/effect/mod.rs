@@ -75,7 +75,7 @@ pub use formula::{Formula, FormulaError};
 pub use info::{Dim, Grid, Info, Kind, Param, Ports, Role, Scales, Sign};
 pub use iwan::limits as iwan_limits;
 pub use num::Num;
-pub use own::register;
+pub use own::{register, register_force};
 pub use prony::{Prony, prony};
 pub use series::Series;
 

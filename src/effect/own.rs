@@ -2,7 +2,8 @@
 
 use std::sync::{PoisonError, RwLock};
 
-use super::{Effect, EffectError, ForceLaw, LIBRARY};
+use super::dispatch::Dispatch;
+use super::{Effect, EffectError, Force, ForceLaw, LIBRARY};
 
 /// A registered law.
 #[derive(Clone, Copy)]
@@ -15,6 +16,11 @@ static OWN: RwLock<Vec<Own>> = RwLock::new(Vec::new());
 
 /// Keys of an `[[effect]]` that no parameter may take.
 const TAKEN: [&str; 8] = ["effect", "at", "per", "monotone", "only", "of", "condition", "reference"];
+
+/// Parameters of a law at most: small motion is differentiated by eight numbers, of which the frequency is one.
+const MOST_PARAMETERS: usize = 7;
+/// States of a law at most: with four inputs and the parameters they are no more than the 32 columns of a tangent.
+const MOST_STATES: usize = 16;
 
 /// Registers a force law under the name in its [`Info`](super::Info), or puts it in the place of an earlier one of that name. Studies that
 /// were read before keep the earlier law. Where `searched`, the search for missing effects tries it as well; its force must then be
@@ -48,6 +54,20 @@ pub fn register(law: Box<dyn ForceLaw>, searched: bool) -> Result<&'static Effec
     Ok(own.effect)
 }
 
+/// As [`register`], for a law written as those of the library are.
+///
+/// # Errors
+/// As [`register`]; more than 7 parameters or 16 states.
+pub fn register_force<L: Force>(searched: bool) -> Result<&'static Effect, EffectError> {
+    let info = L::INFO;
+    if info.params.len() > MOST_PARAMETERS || info.states > MOST_STATES {
+        let message = format!("`{}` has {} parameters and {} states", info.name, info.params.len(), info.states);
+        let accepted = format!("at most {MOST_PARAMETERS} parameters and {MOST_STATES} states");
+        return Err(EffectError::Refused { name: info.name.into(), message, accepted });
+    }
+    register(Box::new(Dispatch::<L>::NEW), searched)
+}
+
 fn word(name: &str) -> bool {
     name.chars().all(|c| c.is_alphanumeric() || c == '_') && name.chars().next().is_some_and(|c| !c.is_ascii_digit())
 }
@@ -69,9 +89,9 @@ pub fn searched() -> Vec<&'static Effect> {
 #[cfg(test)]
 mod tests {
     use super::super::dispatch::{Dispatch, Tangent, Wanted};
-    use super::super::{Info, Inputs, find, viscous};
+    use super::super::{Dim, Info, Inputs, Num, Param, Ports, Sign, find, viscous};
     use super::*;
-    use num_complex::Complex64;
+    use num_complex::{Complex, Complex64};
 
     /// A damper under another name.
     struct Renamed(Info);
@@ -118,5 +138,28 @@ mod tests {
         }
         let nameless = Renamed(Info { name: "other", params: &[], ..*find("viscous").unwrap().info() });
         assert!(matches!(register(Box::new(nameless), false), Err(EffectError::Refused { .. })));
+    }
+
+    /// A law that the dual numbers of a tangent have no columns for.
+    struct Large;
+
+    impl Force for Large {
+        const INFO: Info = Info {
+            states: MOST_STATES + 1,
+            ..Info::force("large", "F = c v", &[Param::strength("c", Dim::FT_PER_X, Sign::Any, "")], Ports::V)
+        };
+        fn advance<T: Num>(u: &Inputs<T>, _dt: f64, _s: &mut [T], p: &[T]) -> T {
+            p[0] * u.v
+        }
+        fn stiffness<T: Num>(s: Complex<T>, p: &[T]) -> Result<Complex<T>, &'static str> {
+            Ok(s * p[0])
+        }
+    }
+
+    #[test]
+    fn a_law_with_too_many_states_is_refused() {
+        let e = register_force::<Large>(false).unwrap_err();
+        assert!(e.to_string().contains("17 states") && crate::explain::Explain::accepted(&e).contains("16 states"), "{e}");
+        assert!(find("large").is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! Frequency response of small motion about the operating point, with sensitivities.
 //!
-//! `Z(w) X = E` with the system of [`super::small`]. Elements with the same laws and numbers share one coefficient.
+//! `Z(w) X = E` with the system of `engine::small`. Elements with the same laws and numbers share one coefficient.
 
 use num_complex::Complex64;
 

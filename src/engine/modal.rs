@@ -1,5 +1,5 @@
 //! Damped modes: the nonlinear eigenproblem `Z(s) phi = 0` of small motion about the operating point, with the system of
-//! [`super::small`] (friction stuck). Frequency-dependent laws are taken as they are.
+//! `engine::small` (friction stuck). Frequency-dependent laws are taken as they are.
 //!
 //! Every mode starts from one of the undamped structure with the storage stiffness at a frequency of the range. Inverse iteration with
 //! the symmetric Rayleigh functional `phi' Z(s) phi = 0` (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; cubic for symmetric

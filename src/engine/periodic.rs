@@ -3,7 +3,7 @@
 //! From rest the drive is ramped up to its value at the start of the cycle (the declared loading path of history-dependent laws), then
 //! cycles are marched until they repeat. What decays slowly is found by shooting: Newton's method on the state at the start of the
 //! cycle, with the monodromy matrix from the march's own sensitivities; directions that never decay (an element that stays stuck) keep
-//! what the loading path left there. A large system: [`large`].
+//! what the loading path left there. A large system: `periodic::large`.
 
 use nalgebra::DMatrix;
 

@@ -57,6 +57,22 @@ pub struct Body {
     pub free: Vec<Axis>,
 }
 
+impl Body {
+    /// A body that is held.
+    pub fn fixed(name: &str) -> Body {
+        Body { name: name.into(), mass: 0.0, inertia: 0.0, free: vec![] }
+    }
+    /// A body of this mass [kg], 0 for a massless node, that moves along these axes.
+    pub fn new(name: &str, mass: f64, free: &[Axis]) -> Body {
+        Body { name: name.into(), mass, inertia: 0.0, free: free.to_vec() }
+    }
+    /// The same with a moment of inertia [kg m2] about its free rotations.
+    pub fn with_inertia(mut self, inertia: f64) -> Body {
+        self.inertia = inertia;
+        self
+    }
+}
+
 /// A joint of general forces between two bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Connector {
@@ -204,6 +220,20 @@ impl Model {
         Ok(model)
     }
 
+    /// As [`Model::new`], with connectors by names: their own, that of the body they come from, that of the body they go to.
+    ///
+    /// # Errors
+    /// As [`Model::new`], and a body that is not there.
+    pub fn joined(bodies: Vec<Body>, joints: &[(&str, &str, &str)]) -> Result<Model, ModelError> {
+        let body = |name: &str| {
+            let found = bodies.iter().position(|b| b.name == name);
+            found.ok_or_else(|| ModelError::no_such("body", name, bodies.iter().map(|b| b.name.clone())))
+        };
+        let one = |(name, from, to): &(&str, &str, &str)| Ok(Connector { name: (*name).into(), from: body(from)?, to: body(to)? });
+        let connectors = joints.iter().map(one).collect::<Result<Vec<_>, ModelError>>()?;
+        Model::new(bodies, connectors)
+    }
+
     /// Whether a place lies on a declared connector, and not on one that only names a body.
     pub fn on_connector(&self, place: usize) -> bool {
         self.places[place].connector < self.declared
@@ -295,6 +325,31 @@ impl Finder<'_> {
             return Err(ModelError::no_such("place", &format!("{stem}{last}.{axis}"), known()));
         }
         (first..=last).map(|n| place(&format!("{stem}{n}"))).collect()
+    }
+
+    /// The places of several names or ranges that share one set of values; an error comes with the number of the name that is wrong.
+    ///
+    /// # Errors
+    /// A name that is not there, a place that is named twice, translations among rotations.
+    pub fn all_places(&self, names: &[&str]) -> Result<Vec<usize>, (usize, ModelError)> {
+        let model = self.model;
+        let mut places: Vec<usize> = Vec::new();
+        let mut seen = HashSet::new();
+        for (i, entry) in names.iter().enumerate() {
+            for place in self.places_at(entry).map_err(|e| (i, e))? {
+                if !seen.insert(place) {
+                    let name = model.place_name(place);
+                    let e = ModelError::invalid(*entry, format!("`{name}` stands twice among the places of one effect"), "each place once");
+                    return Err((i, e));
+                }
+                places.push(place);
+            }
+        }
+        let turning = |p: &usize| model.places[*p].axis.rotational();
+        let Some(odd) = places.iter().find(|p| turning(p) != places.first().is_some_and(turning)) else { return Ok(places) };
+        let message = format!("`{}` turns and `{}` does not: no value has both units", model.place_name(*odd), model.place_name(places[0]));
+        let e = ModelError::invalid(names.join(","), message, "one [[effect]] for translations, one for rotations");
+        Err((names.len().saturating_sub(1), e))
     }
 }
 

@@ -7,6 +7,7 @@ mod bound;
 mod element;
 mod error;
 mod graph;
+mod held;
 pub mod space;
 mod recurrence;
 mod sensed;
@@ -16,6 +17,7 @@ pub use bound::{Acting, Bound, BoundLoad, ChannelPiece};
 pub use element::{Element, ElementScratch};
 pub use error::ModelError;
 pub use graph::{Axis, Body, Connector, Dof, Finder, Level, Load, Model, Place};
+pub use held::held;
 pub use sensed::{Depth, Sensed};
 pub use system::{AtCondition, ChannelSite, FreeParam, Instance, ParamValue, Site, System, Target};
 

@@ -1,8 +1,9 @@
 //! The graph with its effects and their parameters.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
-use crate::effect::{Effect, Kind, Param, Sign};
+use crate::effect::{Effect, Kind, Param, Sign, find};
+use crate::explain::Explain;
 use crate::units::{Dimension, Unit, parse_unit};
 
 use super::{Model, ModelError};
@@ -133,6 +134,30 @@ impl Instance {
     pub fn new(effect: &'static Effect, at: impl Into<String>, site: Site, params: Vec<ParamValue>) -> Self {
         Instance { effect, at: at.into(), site, params, target: None, only: None, follower: false }
     }
+    /// The same with values by parameter name [SI]; those not named start at their default (strength: its null value). Strengths and shapes are
+    /// free, settings fixed.
+    ///
+    /// # Errors
+    /// A name that is no parameter of the effect.
+    pub fn with_values(effect: &'static Effect, at: impl Into<String>, site: Site, values: &[(&str, f64)]) -> Result<Self, ModelError> {
+        let info = effect.info();
+        if let Some((name, _)) = values.iter().find(|(name, _)| info.param(name).is_none()) {
+            return Err(ModelError::no_such("parameter", name, info.params.iter().map(|p| p.name.to_string())));
+        }
+        let param = |p: &Param| ParamValue::of(p, values.iter().find(|(name, _)| *name == p.name).map_or(p.default, |v| v.1));
+        Ok(Instance::new(effect, at, site, info.params.iter().map(param).collect()))
+    }
+    /// Refuses a series effect at a place where none of these effects is a force.
+    pub fn has_company(&self, model: &Model, all: &[Instance]) -> Result<(), ModelError> {
+        let (Effect::Series(_), Site::Places(places)) = (self.effect, &self.site) else { return Ok(()) };
+        let forces = all.iter().filter(|i| matches!(i.effect, Effect::Force(_)));
+        let acted: HashSet<usize> =
+            forces.flat_map(|i| if let Site::Places(at) = &i.site { at.as_slice() } else { &[] }).copied().collect();
+        let Some(p) = places.iter().find(|p| !acted.contains(p)) else { return Ok(()) };
+        let (name, place) = (self.name(), model.place_name(*p));
+        let message = format!("`{name}` stands in series with nothing: no force effect acts at `{place}`");
+        Err(ModelError::invalid(&place, message, format!("a force effect at `{place}`, such as linear_stiffness")))
+    }
     /// Name of the effect.
     pub fn name(&self) -> &'static str {
         self.effect.info().name
@@ -162,6 +187,30 @@ pub struct System {
 }
 
 impl System {
+    /// A graph on which nothing acts yet.
+    pub fn new(model: Model) -> System {
+        System { model, instances: vec![] }
+    }
+
+    /// The system with a force or series effect, of the library or registered, more: `at` is a place (`c1.x`), a range (`c1-7.x`) or several of these
+    /// with commas between, which share one set of values; `values` by parameter name [SI], as in [`Instance::with_values`].
+    ///
+    /// # Errors
+    /// Names that are not there; a series effect where no force acts; coefficients, channel effects and formulas, which need a study.
+    pub fn and(mut self, effect: &str, at: &str, values: &[(&str, f64)]) -> Result<System, ModelError> {
+        let law = find(effect).map_err(|e| ModelError::invalid(effect, e.to_string(), e.accepted()))?;
+        if !matches!(law, Effect::Force(_) | Effect::Series(_)) {
+            let message = format!("`{effect}` refers to a dataset or to an expression, which a system by itself does not have");
+            return Err(ModelError::invalid(effect, message, "a force or series effect; for others study.toml and `Study::load`"));
+        }
+        let names: Vec<&str> = at.split(',').map(str::trim).collect();
+        let places = self.model.finder().all_places(&names).map_err(|(_, e)| e)?;
+        let instance = Instance::with_values(law, names.join(","), Site::Places(places), values)?;
+        instance.has_company(&self.model, &self.instances)?;
+        self.instances.push(instance);
+        Ok(self)
+    }
+
     /// The system without its `k`-th instance; none where another acts on it.
     pub fn without(&self, k: usize) -> Option<System> {
         let acts = |i: &Instance| i.target.as_ref().is_some_and(|t| t.instances.contains(&k));

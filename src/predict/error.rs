@@ -1,6 +1,7 @@
 //! What can go wrong in a prediction.
 
 use crate::explain::Explain;
+use crate::identify::IdentifyError;
 use crate::response::ResponseError;
 use crate::tolerance::ToleranceError;
 
@@ -10,6 +11,9 @@ pub enum PredictError {
     /// The model of a cycle.
     #[error("{0}")]
     Response(#[from] ResponseError),
+    /// The uncertainty of the fit.
+    #[error("{0}")]
+    Identify(#[from] IdentifyError),
     /// The cases.
     #[error("{0}")]
     Tolerance(#[from] ToleranceError),
@@ -31,6 +35,7 @@ impl Explain for PredictError {
     fn stage(&self) -> &'static str {
         match self {
             PredictError::Response(e) => e.stage(),
+            PredictError::Identify(e) => e.stage(),
             PredictError::Tolerance(e) => e.stage(),
             PredictError::Case { .. } => "predict",
         }
@@ -38,6 +43,7 @@ impl Explain for PredictError {
     fn place(&self) -> String {
         match self {
             PredictError::Response(e) => e.place(),
+            PredictError::Identify(e) => e.place(),
             PredictError::Tolerance(e) => e.place(),
             PredictError::Case { place, .. } => place.clone(),
         }
@@ -45,6 +51,7 @@ impl Explain for PredictError {
     fn accepted(&self) -> String {
         match self {
             PredictError::Response(e) => e.accepted(),
+            PredictError::Identify(e) => e.accepted(),
             PredictError::Tolerance(e) => e.accepted(),
             PredictError::Case { accepted, .. } => accepted.clone(),
         }

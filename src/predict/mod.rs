@@ -5,12 +5,16 @@ mod cases;
 mod error;
 mod link;
 mod loops;
+mod sweep;
+mod value;
 pub mod population;
 
 pub use cases::{Answer, Calibrated, rung};
 pub use error::PredictError;
 pub use link::link;
 pub use loops::model_error;
+pub use sweep::Sweep;
+pub use value::{Prediction, evaluate, predictions};
 
 use nalgebra::DMatrix;
 

@@ -1,6 +1,7 @@
-//! A population of assemblies whose parts deviate within their tolerances: distributions of W_D, W_s and stiffness, yields, contributions, synthesis.
+//! A population of assemblies whose parts deviate within their tolerances: distributions of W_D, W_s, stiffness and natural frequencies, yields,
+//! contributions, synthesis.
 //!
-//! Deviations move the contact area ([`AreaLaw`]) and by eq. 6 the interference; the calibrated model over the area is a surrogate ([`surrogate`]) whose largest
+//! Deviations move the contact area ([`AreaLaw`]) and by eq. 6 the interference; the calibrated model over the area is a surrogate (`population::surrogate`) whose largest
 //! error on exact runs is stated. What the fit does not know of the parameters, and the model's own error, move all assemblies together: they widen the
 //! intervals of yield and quantiles, not the spread of the parts.
 
@@ -15,13 +16,13 @@ use crate::study::{Banded, Parts, Predicted, ToleranceSpec, ToleranceTable};
 use crate::tolerance::contribution::contributions;
 use crate::tolerance::{AreaLaw, Constant, Contribution, Pair, PartTolerance, Shape, ToleranceError, deviation};
 
-use super::cases::{conditions, energies};
+use super::cases::conditions;
 use super::{Calibrated, PredictError};
 
-pub use kept::{Kept, Width};
+pub use kept::{Kept, Priced, Width};
 pub use surrogate::Fit;
 
-use surrogate::{Surrogate, Values};
+use surrogate::{LOST, MODES, STORED, Surrogate, Values, exact};
 
 /// How much is computed.
 #[derive(Clone, Copy, Debug)]
@@ -175,21 +176,33 @@ struct Whole<'a> {
 impl Whole<'_> {
     fn quantities(&self) -> Vec<Banded> {
         let mut all = vec![Banded::Dissipated];
-        if self.table.stored.is_some() || self.parts.bands.iter().any(|b| b.quantity != Banded::Dissipated) {
+        if self.table.stored.is_some() || self.parts.bands.iter().any(|b| matches!(b.quantity, Banded::Stored | Banded::Stiffness)) {
             all.extend([Banded::Stored, Banded::Stiffness]);
         }
+        all.extend(self.parts.modes.iter().map(|m| Banded::Frequency(*m)));
         all
+    }
+
+    /// The value of the surrogate that a quantity follows from.
+    fn which(&self, quantity: Banded) -> usize {
+        match quantity {
+            Banded::Dissipated => LOST,
+            Banded::Stored | Banded::Stiffness => STORED,
+            Banded::Frequency(mode) => MODES + self.parts.modes.iter().position(|m| *m == mode).unwrap_or(0),
+        }
     }
 
     /// A quantity by the surrogate's values.
     fn value(&self, case: usize, quantity: Banded, v: &dyn Values, x: f64) -> f64 {
+        let value = v.at(self.which(quantity), x);
         match quantity {
-            Banded::Dissipated => self.lost[case] * v.lost(x),
-            Banded::Stored => self.spec.scale * v.stored(x),
+            Banded::Dissipated => self.lost[case] * value,
+            Banded::Stored => self.spec.scale * value,
             Banded::Stiffness => match self.range.1 {
-                Control::Force => self.range.0.powi(2) / (2.0 * v.stored(x)),
-                Control::Displacement => 2.0 * v.stored(x) / self.range.0.powi(2),
+                Control::Force => self.range.0.powi(2) / (2.0 * value),
+                Control::Displacement => 2.0 * value / self.range.0.powi(2),
             },
+            Banded::Frequency(_) => value,
         }
     }
 
@@ -284,17 +297,16 @@ pub fn population(
         let base = conditions(spec, table, *k, *frequency);
         let at = |x: f64| driver.at(&base, x);
         let own: Vec<f64> = (0..cases.len()).filter(|k| whole.of[*k] == g).flat_map(|k| logs[k].iter().copied()).collect();
-        let made = Surrogate::new(table, model, error, domain, &at, &own, how)?;
+        let made = Surrogate::new(table, &parts.modes, model, error, domain, &at, &own, how)?;
         fit = fit.worse(made.1);
         whole.surrogates.push(made.0);
     }
     unreachable(&whole, domain)?;
     let rows: Vec<_> = (0..cases.len()).map(|k| (cases[k].name.clone(), conditions(spec, table, k, *frequency))).collect();
-    let reading = table.stored.unwrap_or(crate::data::StoredEnergy::Slope);
-    let at_mean = energies(&table.cycle.quantity, reading, rows, model.system, &[])?;
+    let at_mean = exact(table, &parts.modes, model.system, &[], rows)?;
     let of_case = |k: usize| -> Vec<Distribution> {
-        let mean = (at_mean[k].dissipated.value, at_mean[k].stored.value);
-        whole.quantities().into_iter().map(|q| distribution(&whole, k, q, &logs[k], mean, how)).collect()
+        let mean = surrogate::Constant(at_mean[k].iter().map(|f| f.value).collect());
+        whole.quantities().into_iter().map(|q| distribution(&whole, k, q, &logs[k], &mean, how)).collect()
     };
     let distributions = crate::parallel::over(cases.len(), of_case).concat();
     let share_case = match &parts.synthesis {
@@ -329,6 +341,9 @@ fn notes(whole: &Whole, law: &AreaLaw, driver: &Driver, fit: &Fit) -> Vec<String
     }
     if !whole.parts.correlations.is_empty() {
         notes.push("contributions are those of independent deviations; the distributions are correlated".into());
+    }
+    if !whole.parts.modes.is_empty() {
+        notes.push("the model's own error of a natural frequency is not known from loops and is no part of its intervals".into());
     }
     if fit.open {
         notes.push("a parameter that matters is not identified: what the fit leaves open of it is no part of the intervals".into());
@@ -365,7 +380,7 @@ fn unreachable(whole: &Whole, domain: (f64, f64)) -> Result<(), PredictError> {
             let print = |v: f64| band.unit.print(significant(v / band.unit.factor) * band.unit.factor);
             let message = format!(
                 "nothing meets the band of {}: whatever the deviations, the model gives {} to {}",
-                band.quantity.word(),
+                band.quantity.name(),
                 print(low),
                 print(high)
             );
@@ -387,7 +402,7 @@ const QUANTILES: usize = 800;
 /// Draws of parameters and model error.
 const REPLICATES: usize = 200;
 
-fn distribution(whole: &Whole, case: usize, quantity: Banded, logs: &[f64], at_mean: (f64, f64), how: Asked) -> Distribution {
+fn distribution(whole: &Whole, case: usize, quantity: Banded, logs: &[f64], at_mean: &surrogate::Constant, how: Asked) -> Distribution {
     let n = logs.len() as f64;
     let surrogate = &whole.surrogates[whole.of[case]];
     let values: Vec<f64> = logs.iter().map(|x| whole.at(case, quantity, *x)).collect();
@@ -428,7 +443,6 @@ fn distribution(whole: &Whole, case: usize, quantity: Banded, logs: &[f64], at_m
     let (low, high) = law.ends(widths);
     let worst = bounds((0..=200).map(|k| whole.at(case, quantity, low + (high - low) * f64::from(k) / 200.0)));
     let row = &whole.table.cases.cases[case];
-    let one = surrogate::Constant { lost: at_mean.0, stored: at_mean.1 };
     Distribution {
         case: row.name.clone(),
         quantity,
@@ -439,11 +453,11 @@ fn distribution(whole: &Whole, case: usize, quantity: Banded, logs: &[f64], at_m
         reached,
         reached_interval,
         worst,
-        at_mean: whole.value(case, quantity, &one, 0.0),
+        at_mean: whole.value(case, quantity, at_mean, 0.0),
         printed: match quantity {
             Banded::Dissipated => Some(row.energy),
             Banded::Stored => row.stored,
-            Banded::Stiffness => None,
+            Banded::Stiffness | Banded::Frequency(_) => None,
         },
     }
 }

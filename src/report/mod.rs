@@ -32,6 +32,7 @@ use std::path::Path;
 
 use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
 use crate::model::System;
+use crate::predict::Sweep;
 use crate::study::Study;
 use crate::tolerance::Outcome;
 

@@ -2,10 +2,10 @@
 
 use serde_json::json;
 
-use crate::predict::population::{Distribution, Population};
+use crate::predict::population::{Distribution, Kept, Population};
 use crate::study::Banded;
 
-use super::chart::{Chart, Charts, GREY, INK, LAST, bars, dashed, linear, scatter};
+use super::chart::{Chart, Charts, GREY, INK, LAST, OTHERS, bars, dashed, line, linear, marker, ratios, scatter};
 use super::page::{CONTENTS, Page, SCRIPT};
 use super::text::esc;
 
@@ -21,7 +21,7 @@ pub fn population(title: &str, first: &str, found: &Population, bands: &[crate::
         "",
         format!("<header>misfit tolerance</header>\n<h1>{}</h1>\n<p>{}</p>\n{SCRIPT}\n{CONTENTS}\n", esc(title), esc(first)),
     );
-    let quantities = [Banded::Dissipated, Banded::Stored, Banded::Stiffness];
+    let quantities = quantities(found.distributions.iter().map(|d| d.quantity));
     let figures: String = quantities.iter().map(|q| cases(found, *q, bands, shown, &mut charts)).collect();
     page.section("cases", "Distributions of the cases", format!("<div class=\"figures\">{figures}</div>\n"));
     page.section("contributions", "What the spread comes from", contributions(found, &mut charts));
@@ -29,6 +29,17 @@ pub fn population(title: &str, first: &str, found: &Population, bands: &[crate::
     let notes: String = found.notes.iter().map(|n| format!("<li>{}</li>\n", esc(n))).collect();
     page.section("notes", "What to know of the numbers", format!("<ul>\n{notes}</ul>\n"));
     page.finish()
+}
+
+/// Every quantity once, in the order of their first appearance.
+fn quantities(all: impl Iterator<Item = Banded>) -> Vec<Banded> {
+    let mut once = Vec::new();
+    all.for_each(|q| {
+        if !once.contains(&q) {
+            once.push(q);
+        }
+    });
+    once
 }
 
 /// Mean and 95 % of every case, worst case, the table's value, the band.
@@ -40,7 +51,7 @@ fn cases(found: &Population, quantity: Banded, bands: &[crate::study::Band], sho
     let (symbol, factor) = shown(quantity);
     let names: Vec<String> = all.iter().map(|d| format!("case {}", d.case)).collect();
     let values = |of: &dyn Fn(&Distribution) -> f64| all.iter().map(|d| of(d) / factor).collect::<Vec<f64>>();
-    let mut plot = Chart::new(&linear("case"), &linear(&format!("{} [{symbol}]", quantity.word())));
+    let mut plot = Chart::new(&linear("case"), &linear(&format!("{} [{symbol}]", quantity.name())));
     let around = |low: &dyn Fn(&Distribution) -> f64, high: &dyn Fn(&Distribution) -> f64, colour: &str, thickness: f64| {
         let up = values(&|d| high(d) - d.mean);
         let down = values(&|d| d.mean - low(d));
@@ -66,14 +77,13 @@ fn cases(found: &Population, quantity: Banded, bands: &[crate::study::Band], sho
 
 fn contributions(found: &Population, charts: &mut Charts) -> String {
     let mut plot = Chart::new(&linear("tolerance"), &linear("part of the variance [%]"));
-    for (quantity, colour) in [(Banded::Dissipated, LAST), (Banded::Stiffness, GREY)] {
+    // W_s is left out: its parts are those of the stiffness.
+    let drawn = quantities(found.shares.iter().map(|s| s.quantity).filter(|q| *q != Banded::Stored));
+    for (quantity, colour) in drawn.into_iter().zip([LAST, GREY].into_iter().chain(OTHERS).cycle()) {
         let all: Vec<_> = found.shares.iter().filter(|s| s.quantity == quantity).collect();
-        if all.is_empty() {
-            continue;
-        }
         let errors: Vec<f64> = all.iter().map(|s| 100.0 * s.contribution.total_error).collect();
         let heights = all.iter().map(|s| 100.0 * s.contribution.total).collect();
-        let trace = bars(all.iter().map(|s| s.tolerance.clone()).collect(), heights, quantity.word(), colour);
+        let trace = bars(all.iter().map(|s| s.tolerance.clone()).collect(), heights, &quantity.name(), colour);
         plot.add(trace.set("error_y", json!({ "type": "data", "array": errors, "color": INK, "thickness": 1.0 })));
     }
     let caption = format!("Total Sobol index of every tolerance in case {}, with its 95 % interval.", found.share_case);
@@ -99,5 +109,29 @@ fn synthesis(found: &Population, charts: &mut Charts) -> String {
             kept.cost.1
         ),
     };
-    format!("<p>{}</p>\n{}", esc(&said), charts.figure(plot, 320, "Widths of the tolerances before and after.", "wide"))
+    let widths = charts.figure(plot, 320, "Widths of the tolerances before and after.", "wide");
+    format!("<p>{}</p>\n{widths}{}", esc(&said), prices(kept, charts))
+}
+
+/// Cost over the part of the assemblies that miss a band, with the case as it stands and the answer.
+fn prices(kept: &Kept, charts: &mut Charts) -> String {
+    if kept.curve.is_empty() {
+        return String::new();
+    }
+    let missed = |reached: f64| 100.0 * (1.0 - reached);
+    let mut plot = Chart::new(&ratios("assemblies outside a band [%]"), &linear("cost, sum of c / width"));
+    let (x, y) = kept.curve.iter().map(|p| (missed(p.asked), p.cost)).unzip();
+    plot.add(line(x, y, "least cost of a yield", LAST));
+    let mut point = |x: f64, y: f64, name: &str, colour: &str| {
+        // Where none is outside there is no place on a logarithmic axis.
+        if x > 0.0 {
+            plot.add(scatter(vec![x], vec![y], name, "markers").set("marker", marker(colour, 10, "diamond")));
+        }
+    };
+    point(missed(kept.before), kept.cost.0, &format!("case {}", kept.case), GREY);
+    if kept.in_the_way.is_none() {
+        point(missed(kept.reached.0), kept.cost.1, "synthesis", INK);
+    }
+    let caption = "Cost against yield: the least cost of tolerances that leave this part of the assemblies outside a band, the case as it stands, and the answer.";
+    charts.figure(plot, 320, caption, "wide")
 }

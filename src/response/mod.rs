@@ -342,7 +342,7 @@ impl Plan {
     }
 
     /// The plan with as many steps, or harmonics, as its noise asks for at the system's present values: they are doubled until the computed response
-    /// moves by less than [`STEP_ERROR`] of sigma, that of a record by less than [`RECORD_ERROR`] along the whole of it. `None` where they
+    /// moves by less than a tenth (`STEP_ERROR`) of sigma, that of a record by less than one sigma (`RECORD_ERROR`) along the whole of it. `None` where they
     /// are enough.
     pub fn refined(&self, system: &System) -> Option<Plan> {
         let mut best: Option<Plan> = None;

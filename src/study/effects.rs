@@ -72,7 +72,8 @@ pub(super) fn read(root: &TableView<'_>, model: &Model, dataset: &Dataset) -> Re
         instances.push(Instance { target, only, ..Instance::new(head.effect, head.at.clone(), head.site.clone(), params) });
     }
     for (head, instance) in heads.iter().zip(&instances) {
-        series_has_company(model, instance, &instances)
+        instance
+            .has_company(model, &instances)
             .map_err(|e| head.table.get("at").map_or_else(|| head.table.refuse(e.to_string(), e.accepted()), |v| located(&v, &e)))?;
     }
     Ok(instances)
@@ -124,22 +125,6 @@ pub(super) fn masses(graph: &super::GraphSpec, model: &Model, stated: &[Instance
 /// Whether the law stands in the study file.
 pub(super) fn is_formula(effect: &Effect) -> bool {
     matches!(effect, Effect::Force(law) if law.formula().is_some())
-}
-
-/// A series effect needs a force to be in series with, at each of its places.
-pub(super) fn series_has_company(model: &Model, instance: &Instance, all: &[Instance]) -> Result<(), ModelError> {
-    let (Effect::Series(_), Site::Places(places)) = (instance.effect, &instance.site) else { return Ok(()) };
-    let forces = all.iter().filter(|i| matches!(i.effect, Effect::Force(_)));
-    let acted: std::collections::HashSet<usize> =
-        forces.flat_map(|i| if let Site::Places(at) = &i.site { at.as_slice() } else { &[] }).copied().collect();
-    match places.iter().find(|p| !acted.contains(p)) {
-        None => Ok(()),
-        Some(p) => {
-            let (name, place) = (instance.name(), model.place_name(*p));
-            let message = format!("`{name}` stands in series with nothing: no force effect acts at `{place}`");
-            Err(ModelError::invalid(&place, message, format!("a force effect at `{place}`, such as linear_stiffness")))
-        }
-    }
 }
 
 fn target(

@@ -6,7 +6,7 @@ use crate::data::toml_strict::{TableView, TomlError, TomlFile};
 use crate::data::{DataError, Dataset, schema};
 use crate::explain::Explain;
 use crate::identify::{Constraints, Prior};
-use crate::model::{FreeParam, Instance, ParamValue, Site, System, Target};
+use crate::model::{FreeParam, Instance, Site, System, Target, held};
 
 use super::{CoefficientOf, FitSettings, GraphSpec, LeaveOut, OrderSpec, PredictionSpec, SearchSettings, Split, StudyError, ToleranceSpec};
 use super::{channels, effects, graph, mechanism, orders, prediction, settings, site, tolerance};
@@ -115,7 +115,7 @@ impl Study {
         let mut instances = effects::read(&root, &model, &dataset)?;
         let free_masses = effects::masses(&graph, &model, &instances);
         instances.extend(free_masses);
-        mechanism::check(&model, &instances).map_err(|(dof, e)| {
+        held(&model, &instances).map_err(|(dof, e)| {
             let table = graph::table_of(&root, &graph, &model.bodies[model.dofs[dof].body].name);
             table.unwrap_or_else(|| root.clone()).refuse(e.to_string(), e.accepted())
         })?;
@@ -172,13 +172,9 @@ impl Study {
         use crate::model::ModelError;
         let site = self.site(effect, at)?;
         let law = find(effect).map_err(|e| ModelError::invalid(effect, e.to_string(), e.accepted()))?;
-        let info = law.info();
         if let Effect::Formula(_) = law {
             let accepted = "an [[effect]] in study.toml with its expression and parameters";
             return Err(ModelError::invalid(effect, "a formula has no law of its own: it stands in study.toml", accepted).into());
-        }
-        if let Some((name, _)) = values.iter().find(|(name, _)| info.param(name).is_none()) {
-            return Err(ModelError::no_such("parameter", name, info.params.iter().map(|p| p.name.to_string())).into());
         }
         let target = match (law, of) {
             (Effect::Coefficient(_), Some(of)) => {
@@ -196,13 +192,9 @@ impl Study {
             }
             _ => None,
         };
-        let param = |p: &crate::effect::Param| {
-            let value = values.iter().find(|(name, _)| *name == p.name).map_or(p.default, |v| v.1);
-            ParamValue::of(p, value)
-        };
         let at = at.split(',').map(str::trim).collect::<Vec<_>>().join(",");
-        let mut instance = Instance { target, ..Instance::new(law, at, site, info.params.iter().map(param).collect()) };
-        effects::series_has_company(&self.system.model, &instance, &self.system.instances)?;
+        let mut instance = Instance { target, ..Instance::with_values(law, at, site, values)? };
+        instance.has_company(&self.system.model, &self.system.instances)?;
         for p in 0..instance.params.len() {
             let unit = super::unit_of(&self.system, &self.dataset, &instance, p);
             instance.params[p].unit = (unit.symbol, unit.factor);

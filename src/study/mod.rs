@@ -24,7 +24,7 @@
 //! | `per = "i"` in an effect | values of its own at every value of the condition, `monotone = "rising"` or `"falling"` their order; `only = { i = "0.3 mm" }`: the values at one |
 //! | `[[order]]` | `order = [names of free parameters, rising]`, `gap` |
 //! | `[[prediction]]` | `case`, `quantity` and its keys ([`Predicted`]), `conditions`, `reference` |
-//! | `[tolerance]` | the cases of an energy test of another `dataset`: `test`, `reference`, `interference = [{ name, area, resolution }]`, `housing`, `cycle`, `condition`, `range`, `quantities`, `terms`, `permutations`, `surface` ([`ToleranceSpec`]); tolerances of parts as distributions: `parts`, `correlations`, `bands`, `assembly`, `synthesis` ([`Parts`]) |
+//! | `[tolerance]` | the cases of an energy test of another `dataset`: `test`, `reference`, `interference = [{ name, area, resolution }]`, `housing`, `cycle`, `condition`, `range`, `quantities`, `terms`, `permutations`, `surface` ([`ToleranceSpec`]); tolerances of parts as distributions: `parts`, `correlations`, `bands`, `modes`, `assembly`, `synthesis` ([`Parts`]) |
 //!
 //! # Parts that turn far
 //! These tables replace `[[body]]`; degrees of freedom are `part.x`, `.y`, `.z` (displacement of the part's origin along fixed axes) and

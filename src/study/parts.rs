@@ -19,15 +19,33 @@ pub enum Banded {
     /// Stiffness of the cycle, range of force over range of displacement along the branch-mean force: range^2 / (2 W_s) under force control, 2 W_s / range^2
     /// under displacement control [N/m, N m/rad].
     Stiffness,
+    /// Natural frequency of a mode, from 1, of small motion at the conditions of the assembly [Hz].
+    Frequency(u32),
 }
 
 impl Banded {
-    /// The words of study.toml and of the results.
-    pub const WORDS: [(&'static str, Banded); 3] = [("W_D", Banded::Dissipated), ("W_s", Banded::Stored), ("stiffness", Banded::Stiffness)];
+    /// The words of study.toml and of the results; the mode of a frequency stands beside its word.
+    const WORDS: [(&'static str, Banded); 4] = [
+        ("W_D", Banded::Dissipated),
+        ("W_s", Banded::Stored),
+        ("stiffness", Banded::Stiffness),
+        ("natural_frequency", Banded::Frequency(1)),
+    ];
 
     /// The word.
     pub fn word(self) -> &'static str {
-        Self::WORDS.iter().find(|w| w.1 == self).map_or("", |w| w.0)
+        let same = |other: Banded| std::mem::discriminant(&other) == std::mem::discriminant(&self);
+        Self::WORDS.iter().find(|w| same(w.1)).map_or("", |w| w.0)
+    }
+
+    /// The mode of a frequency.
+    pub fn mode(self) -> Option<u32> {
+        if let Banded::Frequency(mode) = self { Some(mode) } else { None }
+    }
+
+    /// The word with the mode, for people.
+    pub fn name(self) -> String {
+        self.mode().map_or_else(|| self.word().to_string(), |mode| format!("natural frequency {mode}"))
     }
 }
 
@@ -73,6 +91,8 @@ pub struct Parts {
     pub correlations: Vec<(usize, usize, f64)>,
     /// Bands.
     pub bands: Vec<Band>,
+    /// Modes whose natural frequencies are computed, from 1, rising: those asked for and those that a band bounds.
+    pub modes: Vec<u32>,
     /// Contact area, where deviations act through it.
     pub assembly: Option<Assembly>,
     /// Synthesis, where asked for.
@@ -80,7 +100,10 @@ pub struct Parts {
 }
 
 /// Keys of `[tolerance]` read here.
-pub(super) const KEYS: [&str; 5] = ["parts", "correlations", "bands", "assembly", "synthesis"];
+pub(super) const KEYS: [&str; 6] = ["parts", "correlations", "bands", "modes", "assembly", "synthesis"];
+
+/// Highest mode that may be asked for.
+const HIGHEST: i64 = 1000;
 
 /// Most parts: two independent draws of all of them and of the rest fill the dimensions of the sequence.
 const MOST: usize = sequence::DIMENSIONS / 2 - 1;
@@ -117,6 +140,13 @@ pub(super) fn read(table: &TableView<'_>) -> Result<Option<Parts>, TomlError> {
         return Err(at.refuse(e.to_string(), crate::explain::Explain::accepted(&e)));
     }
     let bands = table.tables("bands")?.iter().map(band).collect::<Result<Vec<Band>, _>>()?;
+    let mut modes = match table.get("modes") {
+        Some(v) => v.list()?.iter().map(mode).collect::<Result<Vec<u32>, _>>()?,
+        None => vec![],
+    };
+    modes.extend(bands.iter().filter_map(|b| b.quantity.mode()));
+    modes.sort_unstable();
+    modes.dedup();
     let assembly = table.optional("assembly", |v| assembly(&v.table()?))?;
     let synthesis = table.optional("synthesis", |v| synthesis(&v.table()?, &v))?;
     if synthesis.is_some() {
@@ -127,7 +157,11 @@ pub(super) fn read(table: &TableView<'_>) -> Result<Option<Parts>, TomlError> {
             return Err(value.refuse("a synthesis without a cost", "cost = 1.0 for each tolerance that may be chosen"));
         }
     }
-    Ok(Some(Parts { parts, correlations, bands, assembly, synthesis }))
+    Ok(Some(Parts { parts, correlations, bands, modes, assembly, synthesis }))
+}
+
+fn mode(v: &ValueView<'_>) -> Result<u32, TomlError> {
+    v.integer(1, HIGHEST).map(|n| n as u32)
 }
 
 fn above(v: &ValueView<'_>, what: &str) -> Result<f64, TomlError> {
@@ -195,12 +229,19 @@ fn correlation(t: &TableView<'_>, parts: &[PartTolerance]) -> Result<(usize, usi
 }
 
 fn band(t: &TableView<'_>) -> Result<Band, TomlError> {
-    t.only(&["quantity", "min", "max"])?;
-    let quantity = t.require("quantity", "W_D, W_s or stiffness")?.word("quantity", &Banded::WORDS)?;
+    t.only(&["quantity", "mode", "min", "max"])?;
+    let mut quantity = t.require("quantity", "W_D, W_s, stiffness or natural_frequency")?.word("quantity", &Banded::WORDS)?;
+    match (quantity, t.get("mode")) {
+        (Banded::Frequency(_), Some(v)) => quantity = Banded::Frequency(mode(&v)?),
+        (Banded::Frequency(_), None) => return Err(t.refuse("a natural frequency without its mode", "mode = 1")),
+        (_, Some(v)) => return Err(v.refuse(format!("{} has no mode", quantity.word()), "mode with quantity = \"natural_frequency\"")),
+        (_, None) => {}
+    }
     let mut unit = None;
     let mut limit = |key: &str, none: f64| -> Result<f64, TomlError> {
         let read = |v: ValueView<'_>| match quantity {
             Banded::Stiffness => v.quantity_of(&[Dimension::FORCE.over(Dimension::LENGTH), Dimension::MOMENT.over(Dimension::ANGLE)]),
+            Banded::Frequency(_) => v.quantity(Dimension::FREQUENCY),
             _ => v.quantity(Dimension::ENERGY),
         };
         let q = t.optional(key, read)?;
@@ -293,6 +334,8 @@ enum BandedWord {
     Stored,
     #[schemars(rename = "stiffness")]
     Stiffness,
+    #[schemars(rename = "natural_frequency")]
+    Frequency,
 }
 
 /// A band that a quantity is to keep.
@@ -302,6 +345,8 @@ enum BandedWord {
 pub(in crate::study) struct BandTable {
     /// What is bounded.
     quantity: BandedWord,
+    /// Mode of a natural frequency, from 1.
+    mode: Option<u32>,
     /// Least value.
     min: Option<Quantity>,
     /// Greatest value.

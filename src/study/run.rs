@@ -4,7 +4,6 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::parallel;
@@ -13,7 +12,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::data::{FrfDoubt, OUT_OF_FAMILY, frf_doubts, out_of_family};
 use crate::diagnose::results::{Finding, SplitName, TestResult};
-use crate::diagnose::{Case, DiagnoseError, Search, Slack};
+use crate::diagnose::{Case, DiagnoseError, Search};
 use crate::effect::formula::Motion;
 use crate::explain::Explain;
 use crate::identify::Tolerances;
@@ -56,15 +55,11 @@ impl Case {
         let motions = |instance: &Instance| plans.iter().flat_map(|(p, _)| motions(p, &study.system, instance)).collect();
         formula::examine(&study.system, motions).map_err(|(i, e)| formula::located(&study.system.instances[i], &e))?;
         Ok(Case {
-            name: study.title.clone(),
-            plans: Arc::new(plans),
-            system: study.system.clone(),
             of_data: of_data(study),
             orders: study.orders.iter().map(|o| (o.below.clone(), o.above.clone(), o.gap)).collect(),
             loss: study.fit.loss,
             max_iterations: study.fit.max_iterations.map_or(Tolerances::default().max_iterations, |n| n as u64),
             starts: study.fit.starts,
-            seed,
             search: Search {
                 effects: study.search.effects.clone(),
                 places: study.search.places.clone(),
@@ -73,10 +68,7 @@ impl Case {
                 mass_slack: study.graph.mass_slack(),
                 rig: study.dataset.rig,
             },
-            f_tol: None,
-            worth: None,
-            memo: None,
-            deviations: Slack::default(),
+            ..Case::new(study.title.clone(), study.system.clone(), plans, seed)
         })
     }
 }

@@ -56,28 +56,7 @@ pub(super) fn resolve(finder: &Finder, dataset: &Dataset, effect: &Effect, at: &
             }
         };
     }
-    let mut places: Vec<usize> = Vec::new();
-    let mut seen = std::collections::HashSet::new();
-    let model = finder.model;
-    for (i, entry) in at.iter().enumerate() {
-        for place in finder.places_at(entry).map_err(|e| (i, e))? {
-            if !seen.insert(place) {
-                let name = model.place_name(place);
-                let e = ModelError::invalid(*entry, format!("`{name}` stands twice among the places of one effect"), "each place once");
-                return Err((i, e));
-            }
-            places.push(place);
-        }
-    }
-    let turning = |p: &usize| model.places[*p].axis.rotational();
-    if let Some(odd) = places.iter().find(|p| turning(p) != places.first().is_some_and(turning)) {
-        let message = format!("`{}` turns and `{}` does not: no value has both units", model.place_name(*odd), model.place_name(places[0]));
-        return Err((
-            at.len().saturating_sub(1),
-            ModelError::invalid(at.join(","), message, "one [[effect]] for translations, one for rotations"),
-        ));
-    }
-    Ok(Site::Places(places))
+    finder.all_places(at).map(Site::Places)
 }
 
 /// Refuses an effect of the load cell on what is no load cell.

@@ -1,6 +1,6 @@
 //! Known-truth recovery: random models and tests with hidden effects, and how often the search finds them.
 //!
-//! The truth comes from laws, integrators and a frequency-domain solution of this module's own ([`law`], [`connector`], [`chain`]); what
+//! The truth comes from laws, integrators and a frequency-domain solution of this module's own (`law`, `connector`, `chain`); what
 //! the search gets is a study folder, read as any other. Every case follows from seed and index alone.
 
 mod bench;

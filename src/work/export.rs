@@ -6,7 +6,6 @@ use crate::data::Test;
 use crate::diagnose::Fitted;
 use crate::diagnose::results::FitResult;
 use crate::export::{CalibratedSet, EXPORTERS, Source};
-use crate::identify::uncertainty;
 use crate::model::Level;
 use crate::study::Study;
 use crate::study::run::RunFolder;
@@ -60,7 +59,7 @@ pub fn export(
     formats: &[&str],
     folder: &RunFolder,
 ) -> Result<(Vec<String>, Vec<String>), Failure> {
-    let spread = uncertainty(&fitted.outcome, &fitted.options, &fitted.judgement())?;
+    let spread = fitted.uncertainty()?;
     let source = crate::limits::bytes(&study.file, crate::limits::CONFIG_BYTES)
         .map_err(|e| Failure::new("study", study.file.display().to_string(), e.to_string(), "a study.toml that can be read"))?;
     let set = CalibratedSet::new(&source, result, fitted, &spread.covariance);

@@ -1,5 +1,6 @@
 //! Verbs called from a program: the results of the command line, told and stopped through a watcher.
 
+use std::ffi::OsString;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
@@ -26,6 +27,9 @@ impl Watcher for Heard {
     }
     fn iteration(&self, _: &Progress) {
         self.iterations.fetch_add(1, Ordering::Relaxed);
+    }
+    fn program(&self) -> Option<Vec<OsString>> {
+        Some(vec![env!("CARGO_BIN_EXE_misfit").into()])
     }
     fn tests(&self, tests: &[TestResult]) {
         self.channels.store(tests.iter().map(|t| t.curves.len()).sum(), Ordering::Relaxed);
@@ -60,6 +64,37 @@ fn a_flag_stops_a_call_with_the_best_state() {
 }
 
 #[test]
+fn a_trial_and_a_campaign_are_called_and_stopped() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = |name: &str| dir.path().join(name).display().to_string();
+    let trial = ["trial", "--cases", "2", "--models", "connector", "--kinds", "none", "--threads", "1", "--out", &out("trial")];
+    let heard = Arc::new(Heard::default());
+    let done = call(&trial, heard.clone()).unwrap();
+    assert!(done.code == 0 && done.json["cases"] == 2 && !heard.words.lock().unwrap().is_empty(), "{}", done.json);
+    let rig = Rig::new();
+    let file = rig.path("many.toml");
+    // A ladder takes longer than the campaign is given.
+    let text = |verb: &str| format!("schema = 1\nverb = \"{verb}\"\nstudies = [\".\"]\n[grid]\nseed = [1, 2, 3]\n");
+    std::fs::write(&file, text("fit")).unwrap();
+    let words = ["campaign".to_string(), file.display().to_string(), "--out".into(), out("fits")];
+    let done = call(&words, Arc::new(Heard::default())).unwrap();
+    assert!(done.code == 0 && done.json["done"] == 3 && done.json["failed"].as_array().unwrap().is_empty(), "{}", done.json);
+    std::fs::write(&file, text("ladder")).unwrap();
+    let heard = Arc::new(Heard::default());
+    let flag = heard.flag.clone();
+    let begun = std::time::Instant::now();
+    let stop = std::thread::spawn(move || {
+        std::thread::sleep(std::time::Duration::from_millis(60));
+        flag.store(true, Ordering::Relaxed);
+    });
+    let words = ["campaign".to_string(), file.display().to_string(), "--out".into(), out("ladders"), "--threads".into(), "1".into()];
+    let done = call(&words, heard).unwrap();
+    stop.join().unwrap();
+    assert!(done.code == 130 && done.json["interrupted"] == true && done.json["failed"].as_array().unwrap().is_empty(), "{}", done.json);
+    assert!(done.json["done"].as_u64().unwrap() < 3 && begun.elapsed().as_secs() < 30, "{}", done.json);
+}
+
+#[test]
 fn wrong_words_and_verbs_of_the_command_line_are_refused() {
     let rig = Rig::new();
     let study = rig.folder().display().to_string();
@@ -67,7 +102,8 @@ fn wrong_words_and_verbs_of_the_command_line_are_refused() {
         (vec!["fitt", &study], "fitt"),
         (vec!["fit", &study, "--sed", "1"], "--sed"),
         (vec!["serve", &study], "command line"),
-        (vec!["trial"], "command line"),
+        (vec!["trial", "--kinds", "three"], "three"),
+        (vec!["campaign", "/no/such/campaign.toml"], "No such file"),
         (vec!["fit", "/no/such/study"], "No such file"),
     ] {
         let failure = call(&words, Arc::new(Heard::default())).unwrap_err();

@@ -7,6 +7,7 @@ mod committed;
 mod conditions;
 mod damage;
 mod distant;
+mod examples;
 mod formula;
 mod hammer;
 mod handbook;

@@ -67,25 +67,7 @@ fn mean_spread_yield_and_synthesis_are_those_of_the_closed_form() {
     for (k, t) in WIDTHS.iter().enumerate() {
         let name = (k + 1).to_string();
         let case = result["cases"].as_array().unwrap().iter().find(|c| c["case"] == name.as_str() && c["quantity"] == "W_D").unwrap();
-        // Simpson's rule over +-8 sigma, sigma = 1/6.
-        let moment = |f: &dyn Fn(f64) -> f64| {
-            let n = 400;
-            let step = 16.0 / f64::from(n);
-            let at = |j: i32| {
-                let z = -8.0 + step * f64::from(j);
-                let weight = if j == 0 || j == n {
-                    1.0
-                } else if j % 2 == 1 {
-                    4.0
-                } else {
-                    2.0
-                };
-                weight * f(energy(*t, z / 6.0)) * (-0.5 * z * z).exp()
-            };
-            (0..=n).map(at).sum::<f64>() * step / 3.0 / std::f64::consts::TAU.sqrt()
-        };
-        let mean = moment(&|w| w);
-        let std = moment(&|w| (w - mean).powi(2)).sqrt();
+        let (mean, std) = mean_and_deviation(&|s| energy(*t, s));
         let number = |key: &str| case[key].as_f64().unwrap();
         assert!((number("mean") / mean - 1.0).abs() < 5e-3, "case {}: {} for {mean}", k + 1, number("mean"));
         assert!((number("std") / std - 1.0).abs() < 0.02, "case {}: {} for {std}", k + 1, number("std"));
@@ -111,6 +93,105 @@ fn mean_spread_yield_and_synthesis_are_those_of_the_closed_form() {
     let width = found["tolerances"][0]["width"].as_f64().unwrap();
     assert!((width / 0.25e-3 - 1.0).abs() < 0.04, "{width}");
     assert!((found["yield"].as_f64().unwrap() - 0.9).abs() < 5e-3, "{found}");
+    // A yield costs more than a lower one; that of 90 % is the one above, 1 / 0.25 mm.
+    let curve: Vec<(f64, f64)> =
+        found["curve"].as_array().unwrap().iter().map(|p| (p["asked"].as_f64().unwrap(), p["cost"].as_f64().unwrap())).collect();
+    assert!(curve.len() >= 3 && curve.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1), "{curve:?}");
+    let same = curve.iter().find(|p| p.0 == 0.9).unwrap();
+    assert!((same.1 / 4e3 - 1.0).abs() < 0.06, "{curve:?}");
+    assert!(page.contains("Cost against yield"));
+}
+
+/// Mean and standard deviation of a quantity of a normal deviation of standard deviation 1/6: Simpson's rule over +-8 of it.
+fn mean_and_deviation(of: &dyn Fn(f64) -> f64) -> (f64, f64) {
+    let moment = |f: &dyn Fn(f64) -> f64| {
+        let n = 400;
+        let step = 16.0 / f64::from(n);
+        let at = |j: i32| {
+            let z = -8.0 + step * f64::from(j);
+            let weight = if j == 0 || j == n {
+                1.0
+            } else if j % 2 == 1 {
+                4.0
+            } else {
+                2.0
+            };
+            weight * f(of(z / 6.0)) * (-0.5 * z * z).exp()
+        };
+        (0..=n).map(at).sum::<f64>() * step / 3.0 / std::f64::consts::TAU.sqrt()
+    };
+    let mean = moment(&|w| w);
+    (mean, moment(&|w| (w - mean).powi(2)).sqrt())
+}
+
+/// A second body on a spring whose stiffness follows the interference: `f = sqrt(k/m)/(2 pi)`, `k = k0 exp(b (i - 0.2 mm))`.
+#[test]
+fn natural_frequencies_are_those_of_the_closed_form() {
+    const SECOND: &str = "[[body]]\nname = \"m\"\nmass = \"20 kg\"\nfree = [\"x\"]\n[[connector]]\nname = \"c2\"\nfrom = \"ground\"\nto = \"m\"\n\
+        [[effect]]\neffect = \"linear_stiffness\"\nat = \"c2.x\"\nk = { start = \"50 N/mm\", fixed = true }\n\
+        [[effect]]\neffect = \"interference_law\"\nat = \"c2.x\"\nof = \"linear_stiffness.k\"\ncondition = \"i\"\nreference = \"0.2 mm\"\n\
+        a = { start = \"3 1/mm\", fixed = true }\n";
+    let over = |i: f64| (50e3 * (3e3 * (i - 0.2e-3)).exp() / 20.0).sqrt() / std::f64::consts::TAU;
+    let frequency = |t: f64, s: f64| over(I0 * (t * s).exp());
+    let band = format!(
+        "cost = 1.0\n[[tolerance.bands]]\nquantity = \"natural_frequency\"\nmode = 1\nmax = \"{:.6} Hz\"\n\
+         [tolerance.synthesis]\ncase = \"3\"\nyield = \"90 %\"\n",
+        frequency(0.25, 1.281_55 / 6.0)
+    );
+    let dir = folder(&format!("{PART}{band}{SECOND}"));
+    let (code, result) = run(dir.path());
+    assert_eq!(code, Some(0), "{result}");
+    for (k, t) in WIDTHS.iter().enumerate() {
+        let name = (k + 1).to_string();
+        let all = result["cases"].as_array().unwrap();
+        let case = all.iter().find(|c| c["case"] == name.as_str() && c["quantity"] == "natural_frequency").unwrap();
+        let (mean, std) = mean_and_deviation(&|s| frequency(*t, s));
+        let number = |key: &str| case[key].as_f64().unwrap();
+        assert!(case["mode"] == 1 && case["unit"] == "Hz", "{case}");
+        assert!((number("mean") / mean - 1.0).abs() < 1e-4, "case {name}: {case} for {mean}");
+        assert!((number("std") / std - 1.0).abs() < 0.02, "case {name}: {case} for {std}");
+        // At the mean of the least and the greatest interference.
+        assert!((number("at_mean") / over(I0 * (0.5 * t).cosh()) - 1.0).abs() < 1e-6, "{case}");
+        let worst = case["worst_case"][1].as_f64().unwrap();
+        assert!((worst / frequency(*t, 0.5) - 1.0).abs() < 1e-4, "{worst}");
+    }
+    assert!(result["surrogate"]["error_frequency"].as_f64().unwrap() < 1e-4, "{}", result["surrogate"]);
+    let width = result["synthesis"]["tolerances"][0]["width"].as_f64().unwrap();
+    assert!((width / 0.25e-3 - 1.0).abs() < 0.04, "{width}");
+    let shares = result["contributions"].as_array().unwrap();
+    assert!(
+        shares.iter().any(|s| s["quantity"] == "natural_frequency" && s["mode"] == 1 && s["first"].as_f64().unwrap() > 0.99),
+        "{shares:?}"
+    );
+    // Without a band, `modes` asks for it.
+    let dir = folder(&format!("{PART}{SECOND}"));
+    let study = dir.path().join("study.toml");
+    let text = std::fs::read_to_string(&study).unwrap();
+    std::fs::write(&study, text.replacen("[tolerance]\n", "[tolerance]\nmodes = [1]\n", 1)).unwrap();
+    let schema = Command::new(env!("CARGO_BIN_EXE_misfit")).args(["schema", "study", "--json"]).output().unwrap().stdout;
+    let schema: Value = serde_json::from_slice(&schema).unwrap();
+    for dir in [&folder(&format!("{PART}{band}{SECOND}")), &dir] {
+        let written = super::schema::json(&std::fs::read_to_string(dir.path().join("study.toml")).unwrap());
+        let wrong = super::schema::against(&schema, &schema, &written, "");
+        assert!(wrong.is_empty(), "{wrong:#?}");
+    }
+    let (_, result) = run(dir.path());
+    assert!(result["cases"].as_array().unwrap().iter().any(|c| c["quantity"] == "natural_frequency" && c["yield"].is_null()), "{result}");
+    let ask = |more: &str| run(folder(&format!("{PART}{more}{SECOND}")).path());
+    let wrong = [
+        ("[[tolerance.bands]]\nquantity = \"natural_frequency\"\nmax = \"9 Hz\"\n", "without its mode", "mode = 1"),
+        ("[[tolerance.bands]]\nquantity = \"W_D\"\nmode = 1\nmax = \"9 mJ\"\n", "W_D has no mode", "natural_frequency"),
+        (
+            "[[tolerance.bands]]\nquantity = \"natural_frequency\"\nmode = 7\nmax = \"9 Hz\"\n",
+            "the model has 1 flexible modes",
+            "at least 7",
+        ),
+    ];
+    for (more, message, accepted) in wrong {
+        let (code, result) = ask(more);
+        let text = |key: &str| result["error"][key].as_str().unwrap_or_default().to_string();
+        assert!(code == Some(1) && text("message").contains(message) && text("accepted").contains(accepted), "{more}: {result}");
+    }
 }
 
 /// Abramowitz and Stegun 7.1.26, to 1.5e-7.

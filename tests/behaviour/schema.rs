@@ -5,6 +5,8 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use super::rig::Rig;
+
 #[allow(dead_code)]
 #[path = "../../src/study/tests/every_key.rs"]
 mod every_key;
@@ -99,7 +101,7 @@ pub fn against(root: &Value, schema: &Value, value: &Value, at: &str) -> Vec<Str
     wrong
 }
 
-fn json(toml: &str) -> Value {
+pub fn json(toml: &str) -> Value {
     serde_json::to_value(toml.parse::<toml::Table>().unwrap()).unwrap()
 }
 
@@ -181,19 +183,27 @@ fn a_misspelt_key_is_refused_wherever_it_stands() {
     }
 }
 
+/// Runs a verb and holds what it prints to its schema.
+fn fits(verb: &str, more: &[&str]) -> Value {
+    let schema = misfit(&["schema", verb]);
+    let printed = misfit(&[&[verb], more].concat());
+    let wrong = against(&schema, &schema, &printed, "");
+    assert!(wrong.is_empty(), "{verb}: {wrong:#?}");
+    // A result of another shape is seen, whichever key is missing.
+    for key in schema["required"].as_array().unwrap_or_else(|| panic!("{verb}: {schema}")) {
+        let mut less = printed.clone();
+        less.as_object_mut().unwrap().remove(key.as_str().unwrap());
+        assert!(!against(&schema, &schema, &less, "").is_empty(), "{verb} without {key}");
+    }
+    printed
+}
+
 #[test]
 fn what_the_verbs_print_fits_their_schemas() {
     let dir = super::tolerance::folder(&[0.1, 0.2, 0.3], &[0.2, 0.25]);
     let study = dir.path().to_str().unwrap();
     for verb in ["check", "fit", "compare", "predict"] {
-        let schema = misfit(&["schema", verb]);
-        let mut value = misfit(&[verb, study]);
-        let wrong = against(&schema, &schema, &value, "");
-        assert!(wrong.is_empty(), "{verb}: {wrong:#?}");
-        // A result of another shape is seen.
-        let key = schema["required"][0].as_str().unwrap();
-        value.as_object_mut().unwrap().remove(key);
-        assert!(!against(&schema, &schema, &value, "").is_empty(), "{verb} without {key}");
+        fits(verb, &[study]);
     }
     for args in [&["effects"][..], &["effects", "coulomb"], &["schema"]] {
         let (schema, value) = (misfit(&["schema", args[0]]), misfit(args));
@@ -205,4 +215,35 @@ fn what_the_verbs_print_fits_their_schemas() {
     let (schema, value) = (misfit(&["schema", "error"]), serde_json::from_slice::<Value>(&run.stdout).unwrap());
     assert!(against(&schema, &schema, &value, "").is_empty(), "{value}");
     assert!(value["error"]["accepted"].as_str().unwrap().contains("study, dataset"), "{value}");
+}
+
+/// A friction that the model lacks, so that there is something to diagnose and to add.
+#[test]
+fn what_the_searching_and_writing_verbs_print_fits_their_schemas() {
+    let rig = Rig::hiding(|_, v| 2.0 * (v / 0.05).tanh());
+    let study = rig.folder().to_str().unwrap();
+    assert!(!fits("diagnose", &[study])["candidates"].as_array().unwrap().is_empty());
+    assert!(!fits("ladder", &[study])["missing"].as_array().unwrap().is_empty());
+    for options in [&["--to", "json,csv,parquet,adams,exudyn"][..], &["--to", "json"]] {
+        fits("export", &[&[study], options].concat());
+    }
+    fits("report", &[study]);
+    fits("simulate", &[study, "--noise", "1 %", "--out", rig.path("rig").to_str().unwrap()]);
+    fits("add", &[study, "coulomb", "--at", "c1.x"]);
+    let (made, csv) = (rig.path("made"), rig.path("data/loop1.csv"));
+    fits("new", &[made.to_str().unwrap(), "--from", csv.to_str().unwrap()]);
+    let broken = rig.path("broken.csv");
+    std::fs::write(&broken, "t,x,F\n0,1\n").unwrap();
+    let some = fits("new", &[rig.path("some").to_str().unwrap(), "--from", csv.to_str().unwrap(), broken.to_str().unwrap()]);
+    assert_eq!(some["left_out"].as_array().map(Vec::len), Some(1));
+}
+
+#[test]
+fn what_trial_prints_fits_its_schema() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = |name: &str| dir.path().join(name).display().to_string();
+    let clean = ["--cases", "2", "--models", "connector", "--kinds", "one,none"];
+    assert_eq!(fits("trial", &[&clean[..], &["--out", &out("clean")]].concat())["cases"], 2);
+    let real = fits("trial", &["--cases", "2", "--models", "connector", "--kinds", "none", "--only", "white", "--out", &out("real")]);
+    assert!(real["realistic"].is_object());
 }

@@ -38,7 +38,25 @@ pub struct Kept {
     pub programmes: usize,
     /// Where it is infeasible: what stands in the way, in words.
     pub in_the_way: Option<String>,
+    /// What other yields cost, rising.
+    pub curve: Vec<Priced>,
 }
+
+/// The cost of the loosest tolerances that keep a yield.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Priced {
+    /// Yield asked for.
+    pub asked: f64,
+    /// Yield on draws of their own.
+    pub reached: f64,
+    /// Cost.
+    pub cost: f64,
+}
+
+/// Yields whose cost is told beside that of the one asked for.
+const YIELDS: [f64; 8] = [0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.9973, 0.999];
+/// Draws at most behind each of these costs.
+const FEW: usize = 20_000;
 
 /// Tolerances the synthesis may choose.
 fn chosen(whole: &Whole) -> Vec<usize> {
@@ -81,15 +99,9 @@ pub(super) fn kept(whole: &Whole, case: usize, spec: &SynthesisSpec, draws: &[f6
     let value = |q: Banded| move |x: f64| whole.at(case, q, x);
     let slope = |q: Banded| {
         move |x: f64| {
-            let (lost, stored) = surrogate.slopes(x);
-            whole.at(case, q, x)
-                * match q {
-                    Banded::Dissipated => lost,
-                    Banded::Stored => stored,
-                    // k over 1 / W_s under force control, over W_s under displacement control.
-                    Banded::Stiffness if whole.range.1 == crate::data::Control::Force => -stored,
-                    Banded::Stiffness => stored,
-                }
+            // k over 1 / W_s under force control, over W_s under displacement control.
+            let falls = q == Banded::Stiffness && whole.range.1 == crate::data::Control::Force;
+            whole.at(case, q, x) * surrogate.slope(whole.which(q), x) * if falls { -1.0 } else { 1.0 }
         }
     };
     type Of<'b> = Box<dyn Fn(f64) -> f64 + Sync + 'b>;
@@ -104,6 +116,7 @@ pub(super) fn kept(whole: &Whole, case: usize, spec: &SynthesisSpec, draws: &[f6
     let question =
         |fixed, slopes| Question { fixed, slopes, costs: &costs, ranges: &ranges, start: &begin, limited: &list, asked: spec.asked };
     let ask = question(&fixed, &slopes);
+    let few = how.draws.min(FEW);
     let least: Vec<f64> = ranges.iter().map(|r| r.0).collect();
     let (widths, programmes, in_the_way) = match ask.answer() {
         Synthesis::Found { widths, programmes, .. } => (widths, programmes, None),
@@ -121,6 +134,15 @@ pub(super) fn kept(whole: &Whole, case: usize, spec: &SynthesisSpec, draws: &[f6
     let others = deviation::draws(&whole.all, &whole.factor, how.draws, how.seed.wrapping_add(0x7fff));
     let (other_fixed, other_slopes) = split(&others);
     let reached = question(&other_fixed, &other_slopes).reached(&widths);
+    // The same question on fewer draws for every other yield, until one is out of reach.
+    let m = chosen.len();
+    let price = |asked: f64| match (Question { asked, ..question(&fixed[..few], &slopes[..few * m]) }).answer() {
+        Synthesis::Found { widths, cost, .. } => {
+            Some(Priced { asked, cost, reached: question(&other_fixed[..few], &other_slopes[..few * m]).reached(&widths) })
+        }
+        Synthesis::Infeasible { .. } => None,
+    };
+    let curve = crate::parallel::map(&YIELDS, |y| price(*y)).into_iter().map_while(|p| p).collect();
     Kept {
         case: spec.case.clone(),
         asked: spec.asked,
@@ -135,5 +157,6 @@ pub(super) fn kept(whole: &Whole, case: usize, spec: &SynthesisSpec, draws: &[f6
             .collect(),
         programmes,
         in_the_way,
+        curve,
     }
 }

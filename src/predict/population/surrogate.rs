@@ -1,4 +1,5 @@
-//! The calibrated model over ln of the area: ln W_D and ln W_s at Chebyshev points, with what the fit and the model's own error leave open of them.
+//! The calibrated model over ln of the area: ln W_D, ln W_s and ln of the natural frequencies at Chebyshev points, with what the fit and the model's own error
+//! leave open of them.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use rand::{Rng, SeedableRng};
@@ -6,31 +7,34 @@ use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::data::Conditions;
+use crate::model::{FreeParam, System};
+use crate::parallel;
 use crate::study::ToleranceTable;
 use crate::tolerance::{Chebyshev, ModelError, surrogate::nodes};
 
-use super::super::cases::energies;
+use super::super::cases::{Answer, energies};
+use super::super::value::frequencies;
 use super::super::{Calibrated, Found, PredictError};
 use super::Asked;
 
-/// Energies over ln of the area [J].
+/// Place of W_D among the values; W_s and the natural frequencies follow.
+pub(super) const LOST: usize = 0;
+/// Place of W_s.
+pub(super) const STORED: usize = 1;
+/// Place of the first natural frequency.
+pub(super) const MODES: usize = 2;
+
+/// W_D, W_s [J] and natural frequencies [Hz] over ln of the area.
 pub(super) trait Values {
-    fn lost(&self, x: f64) -> f64;
-    fn stored(&self, x: f64) -> f64;
+    fn at(&self, which: usize, x: f64) -> f64;
 }
 
-/// Energies that are what they are.
-pub(super) struct Constant {
-    pub lost: f64,
-    pub stored: f64,
-}
+/// Values that are what they are.
+pub(super) struct Constant(pub Vec<f64>);
 
 impl Values for Constant {
-    fn lost(&self, _: f64) -> f64 {
-        self.lost
-    }
-    fn stored(&self, _: f64) -> f64 {
-        self.stored
+    fn at(&self, which: usize, _: f64) -> f64 {
+        self.0[which]
     }
 }
 
@@ -45,6 +49,8 @@ pub struct Fit {
     pub lost: f64,
     /// Largest relative error of W_s there.
     pub stored: f64,
+    /// Largest relative error of a natural frequency there; 0 where none is asked for.
+    pub frequency: f64,
     /// Whether a parameter that matters is not identified.
     pub open: bool,
 }
@@ -57,35 +63,45 @@ impl Fit {
             exact: self.exact + other.exact,
             lost: self.lost.max(other.lost),
             stored: self.stored.max(other.stored),
+            frequency: self.frequency.max(other.frequency),
             open: self.open || other.open,
         }
     }
 }
 
-/// Both energies of one group of cases.
+/// All values of one group of cases.
 pub(super) struct Surrogate {
-    pair: [Chebyshev; 2],
-    /// At the points: ln of the energy, and its slopes in independent standard normal variables, model error last.
-    at: [Vec<(f64, Vec<f64>)>; 2],
+    all: Vec<Chebyshev>,
+    /// At the points: ln of the value, and its slopes in independent standard normal variables, model error last.
+    at: Vec<Vec<(f64, Vec<f64>)>>,
     pub open: bool,
 }
 
-impl Values for [Chebyshev; 2] {
-    fn lost(&self, x: f64) -> f64 {
-        self[0].value(x).exp()
-    }
-    fn stored(&self, x: f64) -> f64 {
-        self[1].value(x).exp()
+impl Values for Vec<Chebyshev> {
+    fn at(&self, which: usize, x: f64) -> f64 {
+        self[which].value(x).exp()
     }
 }
 
 impl Values for Surrogate {
-    fn lost(&self, x: f64) -> f64 {
-        self.pair.lost(x)
+    fn at(&self, which: usize, x: f64) -> f64 {
+        self.all.at(which, x)
     }
-    fn stored(&self, x: f64) -> f64 {
-        self.pair.stored(x)
-    }
+}
+
+/// W_D, W_s and natural frequencies by the model itself at conditions, one row each.
+pub(super) fn exact(
+    table: &ToleranceTable,
+    modes: &[u32],
+    system: &System,
+    free: &[FreeParam],
+    rows: Vec<(String, Conditions)>,
+) -> Result<Vec<Vec<Found>>, PredictError> {
+    let reading = table.stored.unwrap_or(crate::data::StoredEnergy::Slope);
+    let tones = parallel::map(&rows, |(_, c)| frequencies(modes, c.clone(), system, free));
+    let found = energies(&table.cycle.quantity, reading, rows, system, free)?;
+    let one = |(a, tones): (Answer, Result<Vec<Found>, PredictError>)| Ok([vec![a.dissipated, a.stored], tones?].concat());
+    found.into_iter().zip(tones).map(one).collect()
 }
 
 /// Points tried, until the error on the exact runs is small enough.
@@ -97,6 +113,7 @@ impl Surrogate {
     /// Over `domain`, held against exact runs at some of `drawn`; `at` gives the conditions at ln of the area.
     pub fn new(
         table: &ToleranceTable,
+        modes: &[u32],
         model: &Calibrated,
         error: Option<ModelError>,
         domain: (f64, f64),
@@ -107,16 +124,15 @@ impl Surrogate {
         // A population without deviations is one point.
         let half = (0.5 * (domain.1 - domain.0)).max(1e-6);
         let domain = (0.5 * (domain.0 + domain.1) - half, 0.5 * (domain.0 + domain.1) + half);
-        let reading = table.stored.unwrap_or(crate::data::StoredEnergy::Slope);
         let run = |xs: &[f64], slopes: bool| {
             let rows = xs.iter().map(|x| (format!("at {:.4}", x.exp()), at(*x))).collect();
-            let found = energies(&table.cycle.quantity, reading, rows, model.system, if slopes { model.free } else { &[] })?;
-            let odd = found.iter().position(|a| !(a.dissipated.value > 0.0 && a.stored.value > 0.0));
+            let found = exact(table, modes, model.system, if slopes { model.free } else { &[] }, rows)?;
+            let odd = found.iter().position(|a| !(a[LOST].value > 0.0 && a[STORED].value > 0.0));
             match odd {
                 None => Ok(found),
                 Some(k) => {
                     let set: Vec<String> = at(xs[k]).iter().map(|(n, c)| format!("{n} = {}", c.quantity())).collect();
-                    let message = format!("the model dissipates {} J and stores {} J", found[k].dissipated.value, found[k].stored.value);
+                    let message = format!("the model dissipates {} J and stores {} J", found[k][LOST].value, found[k][STORED].value);
                     Err(PredictError::Case {
                         case: set.join(", "),
                         message,
@@ -128,62 +144,66 @@ impl Surrogate {
         };
         let mut rng = ChaCha8Rng::seed_from_u64(how.seed ^ 0x5e);
         let probes: Vec<f64> = (0..how.exact).map(|_| drawn[rng.random_range(0..drawn.len())]).collect();
-        let exact = run(&probes, false)?;
+        let held = run(&probes, false)?;
         let mut fit = Fit { exact: how.exact, ..Fit::default() };
         for n in SIZES {
             let xs = nodes(domain.0, domain.1, n);
             let found = run(&xs, false)?;
-            let of = |pick: &dyn Fn(usize) -> f64| Chebyshev::new(domain.0, domain.1, &(0..n).map(|k| pick(k).ln()).collect::<Vec<_>>());
-            let pair = [of(&|k| found[k].dissipated.value), of(&|k| found[k].stored.value)];
-            let worst = |pick: &dyn Fn(usize) -> f64| (0..probes.len()).map(pick).fold(0.0, f64::max);
-            fit.lost = worst(&|k| (pair.lost(probes[k]) / exact[k].dissipated.value - 1.0).abs());
-            fit.stored = worst(&|k| (pair.stored(probes[k]) / exact[k].stored.value - 1.0).abs());
-            fit.nodes = n;
-            if fit.lost.max(fit.stored) < SMALL {
+            let of = |q: usize| Chebyshev::new(domain.0, domain.1, &found.iter().map(|f| f[q].value.ln()).collect::<Vec<_>>());
+            let all: Vec<Chebyshev> = (0..MODES + modes.len()).map(of).collect();
+            let off = |q: usize| (0..probes.len()).map(|k| (all.at(q, probes[k]) / held[k][q].value - 1.0).abs()).fold(0.0, f64::max);
+            (fit.lost, fit.stored, fit.nodes) = (off(LOST), off(STORED), n);
+            fit.frequency = (MODES..all.len()).map(off).fold(0.0, f64::max);
+            if fit.lost.max(fit.stored).max(fit.frequency) < SMALL {
                 break;
             }
         }
         let xs = nodes(domain.0, domain.1, fit.nodes);
         let found = run(&xs, true)?;
         let factor = factor(model);
-        fit.open = found.iter().any(|a| a.dissipated.deviation(model.covariance, model.p).is_none());
+        fit.open = found.iter().any(|a| a[LOST].deviation(model.covariance, model.p).is_none());
         let slopes = |f: &Found, own: f64| -> (f64, Vec<f64>) {
             let along = |row: &Vec<f64>| row.iter().zip(&f.slopes).map(|(r, s)| r * s).sum::<f64>() / f.value;
             (f.value.ln(), factor.iter().map(along).chain([own]).collect())
         };
         // The model's own error of W_D is one of the loss ratio.
-        let lost = found.iter().map(|a| slopes(&a.dissipated, error.map_or(0.0, |e| e.loss_ratio * a.stored.value / a.dissipated.value)));
-        let stored = found.iter().map(|a| slopes(&a.stored, error.map_or(0.0, |e| e.stored)));
-        let at: [Vec<(f64, Vec<f64>)>; 2] = [lost.collect(), stored.collect()];
-        let plain = |v: &[(f64, Vec<f64>)]| Chebyshev::new(domain.0, domain.1, &v.iter().map(|v| v.0).collect::<Vec<_>>());
-        let surrogate = Surrogate { pair: [plain(&at[0]), plain(&at[1])], at, open: fit.open };
-        Ok((surrogate, fit))
+        let own = |q: usize, a: &[Found]| match (q, error) {
+            (LOST, Some(e)) => e.loss_ratio * a[STORED].value / a[LOST].value,
+            (STORED, Some(e)) => e.stored,
+            // The loops say nothing of the model's own error of a frequency.
+            _ => 0.0,
+        };
+        let of = |q: usize| found.iter().map(|a| slopes(&a[q], own(q, a))).collect();
+        let at: Vec<Vec<(f64, Vec<f64>)>> = (0..MODES + modes.len()).map(of).collect();
+        let plain = |v: &Vec<(f64, Vec<f64>)>| Chebyshev::new(domain.0, domain.1, &v.iter().map(|v| v.0).collect::<Vec<_>>());
+        Ok((Surrogate { all: at.iter().map(plain).collect(), at, open: fit.open }, fit))
     }
 
-    /// Slope of ln of an energy times the energy, for the synthesis.
-    pub fn slopes(&self, x: f64) -> (f64, f64) {
-        (self.pair[0].slope(x), self.pair[1].slope(x))
+    /// Slope of ln of a value, for the synthesis.
+    pub fn slope(&self, which: usize, x: f64) -> f64 {
+        self.all[which].slope(x)
     }
 
     /// Surrogates with parameters and model error drawn.
-    pub fn replicates(&self, n: usize, seed: u64) -> Vec<[Chebyshev; 2]> {
+    pub fn replicates(&self, n: usize, seed: u64) -> Vec<Vec<Chebyshev>> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x9a);
         let normal = Normal::standard();
         let variables = self.at[0].first().map_or(0, |v| v.1.len());
         let mut draw = || normal.inverse_cdf(rng.random_range(1e-12..1.0));
-        let (low, high) = self.pair[0].domain();
+        let (low, high) = self.all[LOST].domain();
         let one = |_| {
             let z: Vec<f64> = (0..variables).map(|_| draw()).collect();
             // The model's errors of W_D and of W_s are errors of their own.
             let own = draw();
-            [0, 1].map(|q| {
+            let replicate = |q: usize| {
                 let value = |(v, slopes): &(f64, Vec<f64>)| {
                     let last = slopes.len() - 1;
                     let shared: f64 = slopes[..last].iter().zip(&z).map(|(s, z)| s * z).sum();
-                    v + shared + slopes[last] * if q == 0 { z[last] } else { own }
+                    v + shared + slopes[last] * if q == LOST { z[last] } else { own }
                 };
                 Chebyshev::new(low, high, &self.at[q].iter().map(value).collect::<Vec<_>>())
-            })
+            };
+            (0..self.at.len()).map(replicate).collect()
         };
         (0..n).map(one).collect()
     }

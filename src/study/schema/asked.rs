@@ -122,6 +122,8 @@ pub(super) struct Tolerance {
     correlations: Option<Vec<parts::CorrelationTable>>,
     /// Bands that the quantities are to keep.
     bands: Option<Vec<parts::BandTable>>,
+    /// Modes whose natural frequencies are computed, from 1.
+    modes: Option<Vec<u32>>,
     /// How deviations of parts act on the conditions.
     assembly: Option<parts::AssemblyTable>,
     /// The loosest tolerances that keep a yield.

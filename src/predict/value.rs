@@ -7,19 +7,54 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use crate::data::{
-    Channel, Control, EnergyRow, EnergyTable, Frf, FrfQuantity, ModalTable, ModeRow, Record, Role, StoredEnergy, TableValue, Test,
-    TimeRecord,
+    Channel, Conditions, Control, EnergyRow, EnergyTable, Frf, FrfQuantity, ModalTable, ModeRow, Record, Role, StoredEnergy, TableValue,
+    Test, TimeRecord,
 };
+use crate::diagnose::Fitted;
 use crate::model::{FreeParam, Site, System};
-use crate::predict::Found;
-use crate::report::Sweep;
 use crate::response::Plan;
 use crate::study::{CycleQuantity, Predicted, PredictionSpec, Study};
 use crate::units::{Dimension, Unit};
 
-use crate::work::Failure;
+use super::{Found, PredictError, Sweep};
 
-pub(super) fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
+/// A `[[prediction]]` of a study with what its calibrated model says.
+pub struct Prediction<'a> {
+    /// What was asked for.
+    pub spec: &'a PredictionSpec,
+    /// Value [SI] and slopes.
+    pub found: Found,
+    /// Standard deviation by that of the parameters [SI]; none where the value depends on a parameter that the data leave open.
+    pub std: Option<f64>,
+    /// The history of a sweep.
+    pub sweep: Option<Sweep>,
+}
+
+/// Every `[[prediction]]` of a study by its calibrated model.
+///
+/// # Errors
+/// As [`evaluate`]; a fit whose uncertainty cannot be computed.
+pub fn predictions<'a>(study: &'a Study, fitted: &Fitted) -> Result<Vec<Prediction<'a>>, PredictError> {
+    if study.predictions.is_empty() {
+        return Ok(vec![]);
+    }
+    let covariance = fitted.uncertainty()?.covariance;
+    let one = |spec: &'a PredictionSpec| {
+        let (sweep, found) = match sweep(spec, &fitted.system, &fitted.free)? {
+            Some((sweep, range)) => (Some(sweep), range),
+            None => (None, evaluate(spec, study, &fitted.system, &fitted.free)?),
+        };
+        let std = found.deviation(&covariance, &fitted.outcome.p);
+        Ok(Prediction { spec, found, std, sweep })
+    };
+    study.predictions.iter().map(one).collect()
+}
+
+/// A prediction of a study by its model at the values of `system`, with slopes with respect to `free`.
+///
+/// # Errors
+/// A cycle, a mode or a response that the model does not have.
+pub fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, free: &[FreeParam]) -> Result<Found, PredictError> {
     let system = structure(system);
     match &spec.quantity {
         Predicted::Cycle { quantity, at, control, limits, frequency } => {
@@ -81,28 +116,47 @@ pub(super) fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, fr
     }
 }
 
-fn compute(spec: &PredictionSpec, record: Record, system: &System, free: &[FreeParam]) -> Result<Vec<Found>, Failure> {
-    let test = Test { id: spec.case.clone(), description: None, conditions: spec.conditions.clone(), record, line: spec.line };
-    let plan = Plan::new(&test, &system.model)?;
-    let computed = plan.evaluate_plain(system, free)?;
-    let n = free.len();
-    let one = |(row, v): (usize, &f64)| Found { value: *v, slopes: computed.slopes[row * n..(row + 1) * n].to_vec() };
-    let all: Vec<Found> = computed.values.iter().enumerate().map(one).collect();
+fn compute(spec: &PredictionSpec, record: Record, system: &System, free: &[FreeParam]) -> Result<Vec<Found>, PredictError> {
+    let test = Test { conditions: spec.conditions.clone(), line: spec.line, ..Test::new(&spec.case, record) };
+    let all = of_test(&test, system, free)?;
     if all.is_empty() { Err(refused(spec, "nothing was computed")) } else { Ok(all) }
 }
 
-/// Frequency or damping of one mode.
-fn mode_of(spec: &PredictionSpec, mode: u32, damping: bool, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
+/// Every value of a test by the model.
+fn of_test(test: &Test, system: &System, free: &[FreeParam]) -> Result<Vec<Found>, PredictError> {
+    let plan = Plan::new(test, &system.model)?;
+    let computed = plan.evaluate_plain(system, free)?;
+    let n = free.len();
+    let one = |(row, v): (usize, &f64)| Found { value: *v, slopes: computed.slopes[row * n..(row + 1) * n].to_vec() };
+    Ok(computed.values.iter().enumerate().map(one).collect())
+}
+
+/// A table of these modes of value 1; only their numbers matter here.
+fn table(modes: &[u32], damping: bool, place: &str) -> Record {
     let one = |dimension| TableValue { value: 1.0, unit: Unit::si(dimension), sigma: Some(1.0), rounding: 0.0 };
-    let row = ModeRow {
-        mode,
+    let row = |mode: &u32| ModeRow {
+        mode: *mode,
         frequency: one(Dimension::FREQUENCY),
         damping: damping.then(|| one(Dimension::DIMENSIONLESS)),
         family: None,
         description: None,
-        place: spec.case.clone(),
+        place: place.into(),
     };
-    let mut all = compute(spec, Record::Modal(ModalTable { rows: vec![row] }), system, free)?;
+    Record::Modal(ModalTable { rows: modes.iter().map(row).collect() })
+}
+
+/// Natural frequencies [Hz] of these modes, from 1, in small motion at the given conditions.
+pub(super) fn frequencies(modes: &[u32], conditions: Conditions, system: &System, free: &[FreeParam]) -> Result<Vec<Found>, PredictError> {
+    if modes.is_empty() {
+        return Ok(vec![]);
+    }
+    let test = Test { conditions, ..Test::new("natural frequencies", table(modes, false, "")) };
+    of_test(&test, &structure(system), free)
+}
+
+/// Frequency or damping of one mode.
+fn mode_of(spec: &PredictionSpec, mode: u32, damping: bool, system: &System, free: &[FreeParam]) -> Result<Found, PredictError> {
+    let mut all = compute(spec, table(&[mode], damping, &spec.case), system, free)?;
     all.pop().ok_or_else(|| refused(spec, "the mode was not computed"))
 }
 
@@ -112,7 +166,7 @@ const SAMPLES: f64 = 40.0;
 const MOST: f64 = 1e6;
 
 /// The history of a sweep and its range; none for other quantities.
-pub(super) fn sweep(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<Option<(Sweep, Found)>, Failure> {
+fn sweep(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<Option<(Sweep, Found)>, PredictError> {
     let Predicted::Sweep { at, respond, mean, amplitude, frequencies, .. } = &spec.quantity else { return Ok(None) };
     let (time, all) = march(spec, &structure(system), free)?;
     let sweep = Sweep {
@@ -128,7 +182,7 @@ pub(super) fn sweep(spec: &PredictionSpec, system: &System, free: &[FreeParam]) 
 }
 
 /// Greatest minus least.
-fn range(spec: &PredictionSpec, all: &[Found]) -> Result<Found, Failure> {
+fn range(spec: &PredictionSpec, all: &[Found]) -> Result<Found, PredictError> {
     let by_value = |a: &&Found, b: &&Found| a.value.total_cmp(&b.value);
     let (Some(low), Some(high)) = (all.iter().min_by(by_value), all.iter().max_by(by_value)) else {
         return Err(refused(spec, "nothing was computed"));
@@ -137,7 +191,7 @@ fn range(spec: &PredictionSpec, all: &[Found]) -> Result<Found, Failure> {
 }
 
 /// Times of a sweep [s] and the displacement at each.
-fn march(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<(Vec<f64>, Vec<Found>), Failure> {
+fn march(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<(Vec<f64>, Vec<Found>), PredictError> {
     let Predicted::Sweep { at, respond, mean, amplitude, frequencies: (from, to), duration } = &spec.quantity else {
         return Err(refused(spec, "it is no sweep"));
     };
@@ -149,24 +203,23 @@ fn march(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<(
     // The force sets in at zero of its sine: the march starts at rest, or in the equilibrium under the loads that stay.
     let phase = |t: f64| TAU * (from * t + 0.5 * (to - from) / duration * t * t);
     let force: Vec<f64> = time.iter().map(|t| mean + amplitude * phase(*t).sin()).collect();
-    let channel = |role, at: &str, dimension, input, values| Channel {
-        role,
-        at: at.into(),
-        unit: Unit::si(dimension),
-        sigma: Some(1.0),
-        input,
-        values,
-    };
     let channels = vec![
-        channel(Role::Force, at, Dimension::FORCE, true, force),
-        channel(Role::Displacement, respond, Dimension::LENGTH, false, vec![0.0; time.len()]),
+        Channel::new(Role::Force, at, force).drives(),
+        Channel::new(Role::Displacement, respond, vec![0.0; time.len()]).with_sigma(1.0),
     ];
     let record = TimeRecord::new(&spec.case, std::path::PathBuf::new(), Control::Force, None, time.clone(), channels);
     Ok((time, compute(spec, Record::Transient(record), system, free)?))
 }
 
 /// Frequency of a mode as a modal test pairs it.
-fn in_table(spec: &PredictionSpec, study: &Study, test: &str, mode: u32, system: &System, free: &[FreeParam]) -> Result<Found, Failure> {
+fn in_table(
+    spec: &PredictionSpec,
+    study: &Study,
+    test: &str,
+    mode: u32,
+    system: &System,
+    free: &[FreeParam],
+) -> Result<Found, PredictError> {
     let missing = || refused(spec, &format!("test `{test}` pairs no mode {mode} with the model"));
     let test = study.dataset.test(test).ok_or_else(missing)?;
     let plan = Plan::new(test, &system.model)?;
@@ -191,26 +244,15 @@ fn structure(system: &System) -> System {
 
 /// One line of an FRF of value 1; only its frequency matters here.
 fn line(spec: &PredictionSpec, quantity: FrfQuantity, excite: &str, respond: &str, frequency: f64, excitation: Option<f64>) -> Frf {
-    let one = vec![Complex64::new(1.0, 0.0)];
-    Frf {
-        test: spec.case.clone(),
-        file: std::path::PathBuf::new(),
-        excite: excite.into(),
-        respond: respond.into(),
-        quantity,
-        unit: Unit::si(spec.dimension()),
-        excitation,
-        frequency: vec![frequency],
-        measured: one.clone(),
-        sigma: vec![1.0],
-        receptance: one,
-        receptance_sigma: vec![1.0],
-        coherence: None,
-        notes: vec![],
-    }
+    let frf = Frf::new(&spec.case, excite, respond, quantity, vec![frequency], vec![Complex64::new(1.0, 0.0)], vec![1.0]);
+    Frf { excitation, ..frf }
 }
 
-fn refused(spec: &PredictionSpec, message: &str) -> Failure {
-    let place = format!("study.toml, line {}, prediction {}", spec.line, spec.case);
-    Failure::new("response", place, message, "a mode the model has, a cycle that moves, or |H| of a response that moves")
+fn refused(spec: &PredictionSpec, message: &str) -> PredictError {
+    PredictError::Case {
+        case: spec.case.clone(),
+        message: message.into(),
+        accepted: "a mode the model has, a cycle that moves, or |H| of a response that moves".into(),
+        place: format!("study.toml, line {}, prediction {}", spec.line, spec.case),
+    }
 }
