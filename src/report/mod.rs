@@ -41,7 +41,6 @@ pub use error::ReportError;
 pub use page::PLOTLY;
 pub use population::population;
 pub use shapes::{outline, swings};
-pub use sweeps::Sweep;
 pub use text::esc as escaped;
 
 /// What a report is made of. A part that is not there is left out of the page.
