@@ -9,7 +9,6 @@ use super::candidates::Name;
 use super::case::{Case, Fitted, begin};
 use super::fault::of_channel;
 use super::horizon;
-use super::loosened::Loose;
 use super::results::Rung;
 use super::search::{Against, Move, Step, Stood, step};
 use super::settings::Settings;
@@ -111,9 +110,9 @@ impl<'a> Climb<'a> {
     }
 
     /// Gives slack to what the study ties or fixes where that gains more than `than`. Whether it did.
-    pub fn loosen(&mut self, loose: Option<Loose>, than: f64, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
+    pub fn loosen(&mut self, than: f64, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
         let watch = self.monitor.watch();
-        if !self.slacken(loose, than) {
+        if !parallel::watched(&watch, || self.slacken(than)) {
             return Ok(false);
         }
         self.refresh(rungs)?;
@@ -139,15 +138,12 @@ impl<'a> Climb<'a> {
         let (monitor, watch) = (self.monitor, self.watch);
         let near = in_step(&self.scale.case.at(&self.now.fitted.system), monitor)?;
         let added = self.added.iter().map(|a| &a.name).collect();
-        // What slack gains is known before candidates are refitted: those that cannot come near it are not.
-        let loose = self.loosening();
-        let beside = loose.as_ref().map(|l| l.gain).filter(|gain| *gain > self.settings.tie).unwrap_or(0.0);
         let found = match near {
             Some(near) => horizon::near(&self.scale, &near, &self.now, added, monitor, watch)?,
-            None => step(&Against { scale: &self.scale, base: &self.now, need: None, beside, added, monitor, watch })?,
+            None => step(&Against { scale: &self.scale, base: &self.now, need: None, added, monitor, watch })?,
         };
         self.tried = found.tried.max(1.0);
-        Ok(Step { loose, ..found })
+        Ok(found)
     }
 
     /// Takes what a step found, with what came close to it.

@@ -31,7 +31,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
     let step = parallel::watched(&monitor.watch(), || {
         let mut step = climb.step()?;
-        if climb.slacken(step.loose.take(), step.taken.as_ref().map_or(0.0, |t| t.gain)) {
+        if climb.slacken(step.taken.as_ref().map_or(0.0, |t| t.gain)) {
             step = climb.step()?;
         }
         if let Some(taken) = &step.taken {
@@ -173,7 +173,7 @@ pub fn ladder_keeping(
             keep(&climb.slack.held(&climb.now.fitted.system));
         }
         watch(&format!("rung {}", rungs.len()));
-        let mut step = match parallel::watched(&monitor.watch(), || climb.step()) {
+        let step = match parallel::watched(&monitor.watch(), || climb.step()) {
             Err(_) if trace::stopped(monitor) => break End::Stopped,
             Err(why) if !climb.added.is_empty() => break End::Cannot(why.to_string()),
             found => found?,
@@ -182,7 +182,7 @@ pub fn ladder_keeping(
             (last.candidates, last.second_opinion, last.effort) = (step.candidates.clone(), step.second_opinion.clone(), step.effort);
         }
         let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
-        if climb.loosen(step.loose.take(), than, &mut rungs)? {
+        if climb.loosen(than, &mut rungs)? {
             continue;
         }
         let Some(taken) = &step.taken else {

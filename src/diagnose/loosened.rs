@@ -22,43 +22,31 @@ struct Former {
     scale: Scale,
 }
 
-/// A model with slack, as a move.
-pub struct Loose {
-    slack: Slack,
-    scale: Scale,
-    weighed: Weighed,
-    /// Nats beyond its price.
-    pub gain: f64,
-}
-
 impl Climb<'_> {
-    /// The model with slack in what the study ties or fixes, and what it gains at the price of its widths; none where slack is no move.
-    pub fn loosening(&self) -> Option<Loose> {
+    /// Gives slack to what the study ties or fixes where that gains more than what a step has found: a move like any other, whose price is that
+    /// of its widths. It has to gain more by a tie, since an effect is the smaller statement. It then stands in every model that follows. Whether it was given.
+    pub fn slacken(&mut self, than: f64) -> bool {
         let (s, e) = (&self.settings, &self.settings.evidence);
         let seen = self.now.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least;
         if !seen || self.loosened || !self.slack.is_empty() || self.case.search.slack == Some(false) || trace::stopped(self.monitor) {
-            return None;
+            return false;
         }
         let present = &self.now.fitted.system;
         let study = System { instances: present.instances[..self.base].to_vec(), ..present.clone() };
         let (given, slack) = slack::given(&self.case, &study, true, s);
         if slack.is_empty() {
-            return None;
+            return false;
         }
         (self.watch)(&format!("weighing {} deviations of what the study ties or fixes", slack.len()));
         let system = present.with(self.base, given.instances[self.base..].to_vec());
         let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
         let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
-        let weighed = self.loose(&scale, &loose)?;
+        let Some(weighed) = self.loose(&scale, &loose) else { return false };
         // Its parameters are paid for by their widths.
         let gain = weighed.likelihood - self.now.likelihood;
-        Some(Loose { slack, scale, weighed, gain })
-    }
-
-    /// Gives slack where that gains more than what a step has found: a move like any other. It has to gain more by a tie, since an effect is the smaller
-    /// statement. It then stands in every model that follows. Whether it was given.
-    pub fn slacken(&mut self, loose: Option<Loose>, than: f64) -> bool {
-        let Some(Loose { slack, scale, weighed, gain }) = loose.filter(|l| l.gain > than.max(0.0) + self.settings.tie) else { return false };
+        if gain <= than.max(0.0) + s.tie {
+            return false;
+        }
         (self.watch)(&format!("what the study ties or fixes has slack: {gain:.1} nats"));
         self.case.deviations = slack.clone();
         (self.base, self.scale, self.slack, self.now) = (self.base + slack.len(), scale, slack, weighed);
@@ -78,7 +66,7 @@ impl Climb<'_> {
     }
 
     /// Takes slack that a move has given back where the model without it, its effects exchanged once for what does their work there, is within a
-    /// tie of it, or where a model with more effects is better by a tie: what slack took up before an effect was found may have bent the effect to a neighbour's law. `searched`: what is missing without
+    /// tie of it: what slack took up before an effect was found may have bent the effect to a neighbour's law. `searched`: what is missing without
     /// slack is looked for as well, since slack may have been taken for two effects of which the first alone gained less than it. The rungs of the
     /// model without it.
     pub fn tighten(&mut self, searched: bool) -> Option<Vec<Rung>> {
@@ -106,18 +94,14 @@ impl Climb<'_> {
         self.case.deviations = Slack::default();
         (self.base, self.slack, self.now) = (study, Slack::default(), small);
         self.forget();
-        let mut rungs = self.without_slack(searched, former.added.len());
-        let mut gain = self.slack_above(&former, &loose);
-        // Within a tie the smaller statement stands: with as many effects, the model without slack; with more, slack, which every structure has.
-        let found = self.added.len() > former.added.len();
-        let most = if found { -self.settings.tie } else { self.settings.tie };
-        // The laws that were found one after another are exchanged once more where that may decide.
-        if found && gain > most && gain <= most + self.settings.decisive {
-            rungs = rungs.and_then(|rungs| self.exchanged(rungs));
-            gain = self.slack_above(&former, &loose);
-        }
+        let rungs = self.exchanged(searched);
+        let whole = Scale { case: loose, ..self.scale.again() }.weigh(&former.now.fitted.system, &former.now.v, self.monitor);
+        // Deviations have paid by their widths; what was looked for was paid for when it was found.
+        let found = self.added.len() as f64 - former.added.len() as f64;
+        let extra = 0.5 * former.slack.len() as f64 * self.scale.counts.n.ln() + found * self.tried.max(1.0).ln();
+        let gain = whole.map_or(f64::INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now));
         // What is interrupted decides nothing.
-        if gain > most || rungs.is_err() || trace::stopped(self.monitor) {
+        if gain > self.settings.tie || rungs.is_err() || trace::stopped(self.monitor) {
             (self.case, self.base, self.slack, self.added) = (former.case, former.base, former.slack, former.added);
             (self.order, self.now, self.scale) = (former.order, former.now, former.scale);
             return None;
@@ -126,34 +110,20 @@ impl Climb<'_> {
         rungs.ok()
     }
 
-    /// Nats by which the model with slack is above the present one, under the counts of that. Deviations have paid by their widths; what was looked for was
-    /// paid for when it was found.
-    fn slack_above(&self, former: &Former, loose: &Case) -> f64 {
-        let scale = Scale { case: loose.clone(), ..self.scale.again() };
-        let whole = scale.weigh(&former.now.fitted.system, &former.now.v, self.monitor);
-        let found = self.added.len() as f64 - former.added.len() as f64;
-        let extra = 0.5 * former.slack.len() as f64 * self.scale.counts.n.ln() + found * self.tried.max(1.0).ln();
-        whole.map_or(f64::INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now))
-    }
-
-    /// The effects exchanged for what does their work now.
-    fn exchanged(&mut self, mut rungs: Vec<Rung>) -> Result<Vec<Rung>, DiagnoseError> {
-        let (added, removed) = if self.added.is_empty() { None } else { self.swap() }.unzip();
-        if added.is_some() || rungs.is_empty() {
-            rungs.push(self.rung(added, removed.into_iter().collect())?);
-        }
-        Ok(rungs)
-    }
-
-    /// The same, and what else is missing looked for: as many effects as slack may stand for beside the `former` ones.
-    fn without_slack(&mut self, searched: bool, former: usize) -> Result<Vec<Rung>, DiagnoseError> {
-        let mut rungs = self.exchanged(vec![])?;
-        let most = (former + self.settings.slack_effects).min(self.settings.max_added);
-        while searched && self.effects() < most && rungs.len() <= 2 * self.settings.max_added {
+    /// The effects exchanged for what does their work now, and what else is missing looked for.
+    fn exchanged(&mut self, searched: bool) -> Result<Vec<Rung>, DiagnoseError> {
+        let mut rungs = Vec::new();
+        loop {
+            let (added, removed) = if self.added.is_empty() { None } else { self.swap() }.unzip();
+            if added.is_some() || rungs.is_empty() {
+                rungs.push(self.rung(added, removed.into_iter().collect())?);
+            }
+            if !searched || self.effects() >= self.settings.max_added || rungs.len() > 2 * self.settings.max_added {
+                return Ok(rungs);
+            }
             let step = self.step()?;
-            let Some(taken) = &step.taken else { break };
+            let Some(taken) = &step.taken else { return Ok(rungs) };
             rungs.push(self.taken(taken, &step)?);
         }
-        Ok(rungs)
     }
 }

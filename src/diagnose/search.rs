@@ -7,7 +7,6 @@ use crate::parallel;
 
 use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::Case;
-use super::loosened::Loose;
 use super::pairs::in_pairs;
 use super::picks;
 use super::reason::Reason;
@@ -57,8 +56,6 @@ pub struct Step {
     pub visible: Vec<(Name, f64)>,
     /// Independent candidates that it tried.
     pub tried: f64,
-    /// The model with slack, where that is a move.
-    pub loose: Option<Loose>,
 }
 
 /// What a step weighs against.
@@ -69,8 +66,6 @@ pub struct Against<'a> {
     pub base: &'a Weighed,
     /// Nats that a candidate must gain on that to be of interest, where that is not its price: what stands in its place gains so much.
     pub need: Option<f64>,
-    /// Nats that another move gains: a candidate that cannot come near it is not refitted.
-    pub beside: f64,
     /// What was added: no law acts twice, and one friction with memory at a place.
     pub added: Vec<&'a Name>,
     /// Watch over the fits.
@@ -138,7 +133,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let positions: Vec<usize> = tied.iter().filter_map(|t| names.iter().position(|n| n == *t)).collect();
     let second_opinion = listed.second_opinion(first.or(best.first().map(|s| trials[s.trial].candidate)), &positions);
     let visible = visible(&scores.list, &names, &trials);
-    Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible, tried: price.all, loose: None })
+    Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible, tried: price.all })
 }
 
 /// Every candidate with its score.
@@ -239,11 +234,11 @@ impl<'a> Price<'a> {
     }
 
     fn promises(&self, candidate: usize, drop: f64) -> bool {
-        self.bound(candidate, drop) >= self.price(candidate) + self.against.beside.max(0.0) - self.against.scale.settings.tie
+        self.bound(candidate, drop) >= self.price(candidate) - self.against.scale.settings.tie
     }
 
     fn left_out(&self, candidate: usize, drop: f64) -> Reason {
-        if self.bound(candidate, drop) >= self.price(candidate) - self.against.scale.settings.tie {
+        if self.promises(candidate, drop) {
             return Reason::NotTried;
         }
         Reason::Hopeless { bound: self.bound(candidate, drop), price: self.price(candidate) }

@@ -71,8 +71,6 @@ pub struct Settings {
     pub slack_damper: f64,
     /// ...and of either at least.
     pub slack_least: f64,
-    /// Effects for which slack may have been taken: of two the first alone can gain less than slack does.
-    pub slack_effects: usize,
     /// Deviations that are given without being asked for, at most: each costs a column in every evaluation.
     pub slack_members: usize,
     /// Part of a value by which it may deviate at most: beyond it, it is not that part.
@@ -183,7 +181,6 @@ impl Default for Settings {
             slack_mass: 0.03,
             slack_damper: 0.05,
             slack_least: 0.002,
-            slack_effects: 2,
             slack_members: 40,
             slack_reach: 0.9,
             correction_least: 0.01,
