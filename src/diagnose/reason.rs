@@ -77,7 +77,9 @@ impl Reason {
             Reason::Gains { nats } => format!("gains {nats:.1} nats beyond its price"),
             Reason::TooLittle { nats } => format!("falls {:.1} nats short of its price", -nats),
             Reason::InTurn { nats, turns } => {
-                format!("{nats:+.1} nats beyond its price, which does not decide; tests left out in turn are foretold {turns:+.1} nats better")
+                format!(
+                    "{nats:+.1} nats beyond its price, which does not decide; tests left out in turn are foretold {turns:+.1} nats better"
+                )
             }
             Reason::Hopeless { bound, price } => format!("can gain {bound:.1} nats at most, and its price is {price:.1}"),
             Reason::NotInRecord { fault } => format!("not seen in the record: {}", fault.describe()),
