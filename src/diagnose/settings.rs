@@ -44,8 +44,6 @@ pub struct Settings {
     /// Parts at most into which the fitted tests are cut, each left out in its turn, where a gain lies within a tie of nothing: half a dozen refits of
     /// two models say what a dozen would.
     pub turns: usize,
-    /// Facts up to which that is asked: the criterion is an expansion for many.
-    pub few_facts: f64,
     /// Nats by which an alternative must be better to take the place of what stands.
     pub swap: f64,
     /// Ties named at most.
@@ -170,7 +168,6 @@ impl Default for Settings {
             pairs_from: 2.0,
             tie: 1.5,
             turns: 6,
-            few_facts: 100.0,
             swap: 0.5,
             ties: 5,
             held_out_nats: 1.0,

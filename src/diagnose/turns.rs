@@ -40,12 +40,12 @@ impl Scale {
         Better { yes: together(gain, turns, self.settings.tie) > 0.0, turns: turns.map(|t| t.0) }
     }
 
-    /// Nats by which the larger model foretells each part of the fitted tests better that is left out in its turn; none where there is only one, where
-    /// there are facts enough, or where a model cannot be fitted without one.
+    /// Nats by which the larger model foretells each part of the fitted tests better that is left out in its turn; none where there is only one, or
+    /// where a model cannot be fitted without one.
     fn turns(&self, larger: &Weighed, smaller: &Weighed, monitor: &Monitor) -> Option<Vec<f64>> {
         let tests = self.evidence.records.len();
         let turns = tests.min(self.settings.turns);
-        if turns < 2 || self.counts.n > self.settings.few_facts {
+        if turns < 2 {
             return None;
         }
         let of = |turn: usize| -> Option<f64> {

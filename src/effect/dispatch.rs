@@ -161,9 +161,6 @@ impl<L> Dispatch<L> {
 /// Largest number of states and of parameters a law may have.
 const MAX: usize = 32;
 
-/// As many as most laws have: room for more would be moved about in every evaluation, and is taken from the heap where it is needed.
-const INLINE: usize = 8;
-
 #[inline]
 fn seed<const N: usize>(value: f64, next: &mut usize) -> DualSVec64<N> {
     let dual = DualSVec64::<N>::from_re(value).derivative(*next);
@@ -219,8 +216,8 @@ fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &m
     };
     let inputs = Inputs { x: pick(ports.x, u.x, 0), v: pick(ports.v, u.v, 1), a: pick(ports.a, u.a, 2), dx: pick(ports.dx, u.dx, 3) };
     // As many as there are and no more: an array of the most there may be costs more to fill than most laws to evaluate.
-    let params: SmallVec<[DualSVec64<N>; INLINE]> = (0..np).map(|k| pick(active(k), p[k], INPUTS + ns + k)).collect();
-    let mut states: SmallVec<[DualSVec64<N>; INLINE]> = SmallVec::new();
+    let params: SmallVec<[DualSVec64<N>; MAX]> = (0..np).map(|k| pick(active(k), p[k], INPUTS + ns + k)).collect();
+    let mut states: SmallVec<[DualSVec64<N>; MAX]> = SmallVec::new();
     if A::PARALLEL {
         let mut own = next;
         let shared = seed::<N>(0.0, &mut own);

@@ -56,14 +56,6 @@ pub fn phi1<T: Num>(u: T) -> T {
     if u.re().abs() < 1e-5 { (u / 3.0 + 1.0) * u * 0.5 + 1.0 } else { u.exp_m1() / u }
 }
 
-/// Hyperbolic sine and cosine of one exponential, the sine to rounding near 0 as well.
-#[inline]
-pub fn sinh_cosh<T: Num>(u: T) -> (T, T) {
-    let less = u.exp_m1();
-    let inverse = (less + 1.0).recip();
-    ((less + less * inverse) * 0.5, (less + 1.0 + inverse) * 0.5)
-}
-
 /// Hyperbolic tangent that is exactly +-1 where it is so to rounding: the quotient of sinh and cosh that dual numbers take has no value
 /// far out.
 #[inline]
