@@ -60,7 +60,7 @@ impl Element {
         Ok((z / denominator, dz * outer, by_x * outer / (1.0 + slope * z.re)))
     }
 
-    /// The value of [`Element::stiffness_about`] alone, which candidates have no part in: without derivatives a law costs a tenth.
+    /// The value of [`Element::stiffness_about`] alone, which candidates have no part in.
     pub fn stiffness_at(&self, s: Complex64, x: f64, f: f64) -> Result<Complex64, EffectError> {
         let (open, slope) = self.opened(f);
         let mut z = Complex64::new(0.0, 0.0);
