@@ -888,13 +888,17 @@ class Settings(msgspec.Struct, kw_only=True):
     telling: Telling
     """What is told of a model beside the verdict."""
     tie: float | None
-    """Nats within which two laws cannot be told apart; what stands is taken out only below minus this."""
+    """Nats within which two laws cannot be told apart, and within which nothing is decided by a gain alone; what stands is taken out only below
+    minus this."""
     ties: int
     """Ties named at most."""
     turned_gives: float | None
     """Sine of the loss angle below which a loop gives energy beyond any delay of a channel: its force is turned round..."""
     turned_stands: float | None
     """...where the correlation of force and displacement is below this: a late channel turns the loss and leaves the stiffness."""
+    turns: int
+    """Parts at most into which the fitted tests are cut, each left out in its turn, where a gain lies within a tie of nothing: half a dozen
+    refits of two models say what a dozen would."""
     visible: float | None
     """...where it is more than this many times the noise..."""
     visible_least: float | None
