@@ -103,7 +103,8 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                         let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else {
                             continue;
                         };
-                        if !allowed(&target.at) {
+                        // A deviation that follows a condition would be one place's part of the law that its group follows.
+                        if !allowed(&target.at) || super::slack::deviates(target.effect) {
                             continue;
                         }
                         for param in followed(target) {
@@ -186,7 +187,8 @@ fn bodies(case: &Case, system: &System, inertial: bool) -> Vec<(String, Vec<usiz
     let joined = |dof: Option<usize>| (0..model.places.len()).any(|p| model.on_connector(p) && grounded(&model.places[p]) == dof);
     let guides = |i: &Instance, p: usize| {
         let info = i.effect.info();
-        info.role == Role::Force && info.family != "inertial" && matches!(&i.site, Site::Places(list) if list.contains(&p))
+        let law = info.role == Role::Force && info.family != "inertial" && !super::slack::deviates(i.effect);
+        law && matches!(&i.site, Site::Places(list) if list.contains(&p))
     };
     let guided = |p: usize| system.instances.iter().any(|i| guides(i, p));
     let asked = |at: &str| case.search.places.as_ref().is_some_and(|list| list.iter().any(|p| p == at));

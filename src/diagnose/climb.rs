@@ -9,6 +9,7 @@ use super::candidates::Name;
 use super::case::{Case, Fitted, begin};
 use super::fault::of_channel;
 use super::horizon;
+use super::loosened::Beside;
 use super::results::Rung;
 use super::search::{Against, Move, Step, Stood, step};
 use super::settings::Settings;
@@ -56,6 +57,8 @@ pub struct Climb<'a> {
     pub slack: Slack,
     /// Whether that was given by a move, which may be taken back once.
     pub loosened: bool,
+    /// What was found beside slack when it was given.
+    pub beside: Option<Beside>,
     /// What models are weighed on, under the counts of the model before the last addition.
     pub scale: Scale,
     /// The study's own model.
@@ -99,6 +102,7 @@ impl<'a> Climb<'a> {
             base,
             slack,
             loosened: false,
+            beside: None,
             scale,
             first,
             now,
@@ -109,14 +113,18 @@ impl<'a> Climb<'a> {
         })
     }
 
-    /// Gives slack to what the study ties or fixes where that gains more than `than`. Whether it did.
-    pub fn loosen(&mut self, than: f64, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
+    /// Gives slack to what the study ties or fixes where that gains more than what a step has found. Whether it did.
+    pub fn loosen(&mut self, step: &Step, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
         let watch = self.monitor.watch();
-        if !parallel::watched(&watch, || self.slacken(than)) {
+        if !parallel::watched(&watch, || self.slacken(step)) {
             return Ok(false);
         }
         self.refresh(rungs)?;
-        // What was added stands beside slack now: something else may do its work better, and its ties are others.
+        // What was added stands beside slack now: some of it may be superfluous, something else may do its work better, and its ties are others.
+        let gone = parallel::watched(&watch, || self.remove(0));
+        if !gone.is_empty() {
+            rungs.push(self.rung(None, gone)?);
+        }
         if !self.added.is_empty()
             && let Some((added, removed)) = parallel::watched(&watch, || self.swap())
         {

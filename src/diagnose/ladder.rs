@@ -31,7 +31,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
     let step = parallel::watched(&monitor.watch(), || {
         let mut step = climb.step()?;
-        if climb.slacken(step.taken.as_ref().map_or(0.0, |t| t.gain)) {
+        if climb.slacken(&step) {
             step = climb.step()?;
         }
         if let Some(taken) = &step.taken {
@@ -181,8 +181,7 @@ pub fn ladder_keeping(
         if let Some(last) = rungs.last_mut() {
             (last.candidates, last.second_opinion, last.effort) = (step.candidates.clone(), step.second_opinion.clone(), step.effort);
         }
-        let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
-        if climb.loosen(than, &mut rungs)? {
+        if climb.loosen(&step, &mut rungs)? {
             continue;
         }
         let Some(taken) = &step.taken else {
@@ -223,7 +222,7 @@ impl Climb<'_> {
         for n in &taken.names {
             (self.watch)(&format!("added {} at {}: {:.1} nats", n.effect, n.at, taken.gain));
         }
-        let removed = parallel::watched(&watch, || self.remove());
+        let removed = parallel::watched(&watch, || self.remove(1));
         self.rung(taken.names.last().map(named), removed)
     }
 

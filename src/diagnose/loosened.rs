@@ -2,9 +2,11 @@
 //! found beside it do its work.
 
 use super::DiagnoseError;
+use super::candidates::Name;
 use super::case::{Case, begin};
 use super::climb::{Added, Climb};
 use super::results::Rung;
+use super::search::{Move, Step};
 use super::slack::{self, Slack};
 use super::trace;
 use super::weigh::{Scale, Weighed};
@@ -22,10 +24,20 @@ struct Former {
     scale: Scale,
 }
 
+/// What a step found beside slack when that was given instead.
+pub struct Beside {
+    /// The additions that stood then, effect and place.
+    added: Vec<Name>,
+    /// What it would have added.
+    taken: Option<Move>,
+    tried: f64,
+}
+
 impl Climb<'_> {
     /// Gives slack to what the study ties or fixes where that gains more than what a step has found: a move like any other, whose price is that
     /// of its widths. It has to gain more by a tie, since an effect is the smaller statement. It then stands in every model that follows. Whether it was given.
-    pub fn slacken(&mut self, than: f64) -> bool {
+    pub fn slacken(&mut self, step: &Step) -> bool {
+        let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
         let (s, e) = (&self.settings, &self.settings.evidence);
         let seen = self.now.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least;
         if !seen || self.loosened || !self.slack.is_empty() || self.case.search.slack == Some(false) || trace::stopped(self.monitor) {
@@ -51,6 +63,8 @@ impl Climb<'_> {
         self.case.deviations = slack.clone();
         (self.base, self.scale, self.slack, self.now) = (self.base + slack.len(), scale, slack, weighed);
         self.loosened = true;
+        self.beside =
+            Some(Beside { added: self.added.iter().map(|a| a.name.clone()).collect(), taken: step.taken.clone(), tried: step.tried });
         self.forget();
         true
     }
@@ -66,7 +80,7 @@ impl Climb<'_> {
     }
 
     /// Takes slack that a move has given back where the model without it, its effects exchanged once for what does their work there, is within a
-    /// tie of it: what slack took up before an effect was found may have bent the effect to a neighbour's law. `searched`: what is missing without
+    /// tie of it, or one with more effects is better by a tie: what slack took up before an effect was found may have bent the effect to a neighbour's law. `searched`: what is missing without
     /// slack is looked for as well, since slack may have been taken for two effects of which the first alone gained less than it. The rungs of the
     /// model without it.
     pub fn tighten(&mut self, searched: bool) -> Option<Vec<Rung>> {
@@ -94,36 +108,59 @@ impl Climb<'_> {
         self.case.deviations = Slack::default();
         (self.base, self.slack, self.now) = (study, Slack::default(), small);
         self.forget();
-        let rungs = self.exchanged(searched);
-        let whole = Scale { case: loose, ..self.scale.again() }.weigh(&former.now.fitted.system, &former.now.v, self.monitor);
-        // Deviations have paid by their widths; what was looked for was paid for when it was found.
-        let found = self.added.len() as f64 - former.added.len() as f64;
-        let extra = 0.5 * former.slack.len() as f64 * self.scale.counts.n.ln() + found * self.tried.max(1.0).ln();
-        let gain = whole.map_or(f64::INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now));
+        let rungs = self.exchanged(searched, &former, &loose);
+        let gain = self.slack_above(&former, &loose);
+        // Within a tie the smaller statement stands: with as many effects the model without slack, with more effects slack, which every structure has.
+        let most = if self.added.len() > former.added.len() { -self.settings.tie } else { self.settings.tie };
         // What is interrupted decides nothing.
-        if gain > self.settings.tie || rungs.is_err() || trace::stopped(self.monitor) {
+        if gain > most || rungs.is_err() || trace::stopped(self.monitor) {
             (self.case, self.base, self.slack, self.added) = (former.case, former.base, former.slack, former.added);
             (self.order, self.now, self.scale) = (former.order, former.now, former.scale);
             return None;
         }
         (self.watch)(&format!("what the study ties or fixes has no slack beside these effects: it would gain {gain:.1} nats"));
+        self.list_ties();
         rungs.ok()
     }
 
-    /// The effects exchanged for what does their work now, and what else is missing looked for.
-    fn exchanged(&mut self, searched: bool) -> Result<Vec<Rung>, DiagnoseError> {
+    /// Nats by which the model with slack is above the present one, under the counts of that. Deviations have paid by their widths; what was looked
+    /// for was paid for when it was found.
+    fn slack_above(&self, former: &Former, loose: &Case) -> f64 {
+        let scale = Scale { case: loose.clone(), ..self.scale.again() };
+        let whole = scale.weigh(&former.now.fitted.system, &former.now.v, self.monitor);
+        let found = self.added.len() as f64 - former.added.len() as f64;
+        let extra = 0.5 * former.slack.len() as f64 * self.scale.counts.n.ln() + found * self.tried.max(1.0).ln();
+        whole.map_or(f64::INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now))
+    }
+
+    /// The effects exchanged for what does their work now, and what else is missing looked for. What was found here is exchanged where that may decide
+    /// between it and slack.
+    fn exchanged(&mut self, searched: bool, former: &Former, loose: &Case) -> Result<Vec<Rung>, DiagnoseError> {
         let mut rungs = Vec::new();
         loop {
-            let (added, removed) = if self.added.is_empty() { None } else { self.swap() }.unzip();
+            let open = rungs.is_empty() || self.slack_above(former, loose) <= self.settings.tie + self.settings.decisive;
+            let (added, removed) = if self.added.is_empty() || !open { None } else { self.replace() }.unzip();
             if added.is_some() || rungs.is_empty() {
                 rungs.push(self.rung(added, removed.into_iter().collect())?);
             }
             if !searched || self.effects() >= self.settings.max_added || rungs.len() > 2 * self.settings.max_added {
                 return Ok(rungs);
             }
-            let step = self.step()?;
+            let step = self.step_without_slack()?;
             let Some(taken) = &step.taken else { return Ok(rungs) };
             rungs.push(self.taken(taken, &step)?);
+        }
+    }
+
+    /// A step; where the additions are those beside which slack was given, what was found then.
+    fn step_without_slack(&mut self) -> Result<Step, DiagnoseError> {
+        let same = |b: &Beside| b.added.iter().eq(self.added.iter().map(|a| &a.name));
+        match self.beside.take().filter(same) {
+            Some(Beside { taken, tried, .. }) => {
+                self.tried = tried.max(1.0);
+                Ok(Step { taken, tried, ..Step::default() })
+            }
+            None => self.step(),
         }
     }
 }

@@ -33,10 +33,11 @@ impl Climb<'_> {
         Some((scale, small, whole))
     }
 
-    /// Takes out what would not be added again to what else is there, the worst first, and what has fallen to zero; the effects that are gone.
-    pub fn remove(&mut self) -> Vec<EffectAt> {
+    /// Takes out what would not be added again to what else is there, the worst first, and what has fallen to zero, as long as more than `kept` are
+    /// there; the effects that are gone.
+    pub fn remove(&mut self, kept: usize) -> Vec<EffectAt> {
         let mut removed = Vec::new();
-        while self.added.len() > 1 && !trace::stopped(self.monitor) {
+        while self.added.len() > kept && !trace::stopped(self.monitor) {
             let weigh = |k: usize| -> Option<(f64, Weighed)> {
                 let (scale, small, whole) = self.beside_smaller(k)?;
                 let gain = scale.gain(&whole, &small, self.tried);
@@ -55,9 +56,25 @@ impl Climb<'_> {
         removed
     }
 
-    /// Lists what every addition is tied with, and exchanges the one for which something is better by [`super::settings::Settings::swap`], once;
+    /// Exchanges the addition for which something is better by [`super::settings::Settings::swap`], once, and lists what every addition is tied with;
     /// what was exchanged for what.
     pub fn swap(&mut self) -> Option<(EffectAt, EffectAt)> {
+        let exchanged = self.replace();
+        self.list_ties();
+        exchanged
+    }
+
+    /// Lists what every addition is tied with, where that is not known.
+    pub fn list_ties(&mut self) {
+        let law = |k: usize| self.now.fitted.system.instances.get(self.base + k).is_some_and(|i| !of_channel(i));
+        if self.added.iter().enumerate().any(|(k, a)| a.without.is_none() && law(k)) {
+            let found = self.alternatives();
+            self.tie(found);
+        }
+    }
+
+    /// The exchange alone; where nothing is better, ties are listed on the way.
+    pub fn replace(&mut self) -> Option<(EffectAt, EffectAt)> {
         let mut found = self.alternatives();
         let best = found.iter_mut().filter_map(|a| Some((a.of, a.better.take()?))).max_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let Some((k, (nats, name, weighed))) = best else {
@@ -77,8 +94,6 @@ impl Climb<'_> {
         if let Ok(again) = self.scale.weigh(&self.now.fitted.system, &self.now.v, self.monitor) {
             self.now = again;
         }
-        let found = self.alternatives();
-        self.tie(found);
         Some(exchanged)
     }
 

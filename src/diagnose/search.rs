@@ -30,6 +30,7 @@ pub struct Stood {
 }
 
 /// What is added.
+#[derive(Clone)]
 pub struct Move {
     /// One effect or two.
     pub names: Vec<Name>,

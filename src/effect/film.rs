@@ -3,7 +3,7 @@
 use num_complex::Complex;
 
 use super::info::{Dim, Grid, Info, Param, Ports, Role, Sign};
-use super::num::bdf2;
+use super::num::{bdf2, sinh_cosh};
 use super::{Force, Inputs, Num};
 
 /// Shear-thinning lubricant film in series with its contact stiffness.
@@ -40,23 +40,31 @@ impl Force for Film {
     const LOOKS_BACK: usize = 1;
 
     fn advance<T: Num>(u: &Inputs<T>, dt: f64, s: &mut [T], p: &[T]) -> T {
-        // v - d (3 u - 4 u1 + u2)/(2 dt) = v0 sinh(u): monotone in u, so Newton from the rigid answer is safe; one Newton step in
-        // the number type at the converged point carries the exact derivatives.
+        // v - d (3 u - 4 u1 + u2)/(2 dt) = v0 sinh(u), a rising function of u that is convex away from zero, solved in plain numbers; one step of
+        // Newton's method in the number type at the solution carries the exact derivatives.
         let (u1, u2) = (s[0], s[1]);
-        let slope = |w: T| p[1] * w.cosh() + p[2] * (1.5 / dt);
-        let gap = |w: T| p[1] * w.sinh() + p[2] * bdf2(w, u1, u2, dt) - u.v;
-        let mut w = T::from(((u.v + p[2] * (u1 * 4.0 - u2) * (0.5 / dt)) / p[1]).asinh().re());
-        if p[2].re() > 0.0 {
-            // The elastic term only pulls the answer towards zero, and the residual is convex away from it: steps are monotone.
-            for _ in 0..60 {
-                let step = (gap(w) / slope(w)).re();
-                w = T::from(w.re() - step);
-                if step.abs() <= 1e-14 * (1.0 + w.re().abs()) {
-                    break;
-                }
+        let (v0, d, rate) = (p[1].re(), p[2].re(), 1.5 / dt);
+        let (elastic, pull) = (d * rate, u.v.re() + d * (u1.re() * 4.0 - u2.re()) * (0.5 / dt));
+        // With sinh(u) >= u the answer is not beyond that of a linear film, nor beyond the rigid one.
+        let mut w = pull / (v0 + elastic);
+        if w.abs() > 1.0 || d <= 0.0 {
+            let x = pull.abs() / v0;
+            w = w.abs().min((x + (x * x + 1.0).sqrt()).ln()).copysign(pull);
+        }
+        // Halley's method; the step of Newton's method is at most doubled.
+        for _ in 0..60 {
+            let (sinh, cosh) = sinh_cosh(w);
+            let slope = v0 * cosh + elastic;
+            let newton = (v0 * sinh + elastic * w - pull) / slope;
+            let step = newton / (1.0 - 0.5 * newton * v0 * sinh / slope).max(0.5);
+            w -= step;
+            if step.abs() <= 1e-5 {
+                break;
             }
         }
-        w -= gap(w) / slope(w);
+        let ((sinh, cosh), w) = (sinh_cosh(w), T::from(w));
+        let gap = p[1] * sinh + p[2] * bdf2(w, u1, u2, dt) - u.v;
+        let w = w - gap / (p[1] * cosh + p[2] * rate);
         (s[0], s[1]) = (w, u1);
         p[0] * w
     }

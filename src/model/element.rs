@@ -359,7 +359,8 @@ impl Element {
     fn solve_opening(&self, u: &Inputs<f64>, dt: f64, s: &[f64], scratch: &mut ElementScratch) -> f64 {
         let (e1, e2) = (s[0], s[1]);
         let (mut lo, mut hi) = (f64::NEG_INFINITY, f64::INFINITY);
-        let mut e = e1;
+        // The line through the last two.
+        let mut e = 2.0 * e1 - e2;
         let mut reach = 0.0;
         for _ in 0..200 {
             let inner = inside(u, dt, e, e1, e2);
@@ -391,7 +392,8 @@ impl Element {
             }
             let derivative = 1.0 + slope * stiffness;
             let mut next = if derivative > 0.0 { e - residual / derivative } else { f64::NAN };
-            if !(next > lo && next < hi) {
+            let bracketed = next > lo && next < hi;
+            if !bracketed {
                 reach = if reach == 0.0 { residual.abs() } else { 2.0 * reach };
                 next = match (lo.is_finite(), hi.is_finite()) {
                     (true, true) => 0.5 * (lo + hi),
@@ -401,7 +403,9 @@ impl Element {
             }
             let step = next - e;
             e = next;
-            if step.abs() <= 4e-16 * (e.abs() + e1.abs()) || step == 0.0 {
+            // What a step of Newton's method leaves is its square.
+            let settled = if bracketed { 1e-9 } else { 4e-16 };
+            if step.abs() <= settled * (e.abs() + e1.abs()) || step == 0.0 {
                 return e;
             }
         }

@@ -201,16 +201,11 @@ fn truth(case: &Generated) -> String {
                 writeln!(text, "[[part]]\nnumber = {k}\nstiffness = {:.4}\ndamping = {:.4}\nmass = {:.4}", p.stiffness, p.damping, p.mass);
         }
         for (t, l) in case.tests.iter().zip(&life.tests) {
+            let stated = l.stated.map_or(String::new(), |factor| format!("\nstated = {factor:.3}"));
             let _ = writeln!(
                 text,
-                "[[test]]\nid = \"{}\"\nnoise = {:.4}\ncorrelation = {:.3}\nstated = {:.3}\nparameters = {:.4?}\neffects = {:.4?}\ngains = {:.4?}",
-                t.id,
-                t.noise,
-                l.correlation,
-                l.stated.unwrap_or(f64::NAN),
-                l.params,
-                l.effects,
-                l.gains
+                "[[test]]\nid = \"{}\"\nnoise = {:.4}\ncorrelation = {:.3}{stated}\nparameters = {:.4?}\neffects = {:.4?}\ngains = {:.4?}",
+                t.id, t.noise, l.correlation, l.params, l.effects, l.gains
             );
         }
     }

@@ -95,6 +95,9 @@ pub(super) struct Aft {
     force_at: Vec<f64>,
     s: Vec<f64>,
     start: Vec<f64>,
+    /// Series of the last motion, and whether its periodic start is one to begin the next from.
+    at: Vec<f64>,
+    warm: bool,
     state_scale: Vec<f64>,
     fs: Vec<f64>,
     /// Columns: displacement coefficients, states at the start, parameters. Rows: states.
@@ -106,6 +109,8 @@ pub(super) struct Aft {
     sums: Vec<f64>,
     path: Vec<f64>,
     start_slopes: Vec<f64>,
+    /// Columns of these.
+    kept: usize,
     monodromy: Vec<f64>,
     fixed: FixedPoint,
     sensed: Sensed,
@@ -113,8 +118,13 @@ pub(super) struct Aft {
 }
 
 /// Change of the states over a cycle, relative to their largest value, at which they count as periodic.
-const PERIODIC: f64 = 1e-12;
+pub(super) const PERIODIC: f64 = 1e-12;
+/// Part of a difference between states that a cycle must take away for the next motion to begin where this one ends: what sticks remembers the path from
+/// rest.
+const FORGETS: f64 = 0.1;
 const CYCLES: usize = 40;
+/// Factor by which a cycle must bring that change down for its derivatives to serve once more.
+const FAST: f64 = 0.1;
 
 fn sized(v: &mut Vec<f64>, len: usize) {
     v.clear();
@@ -130,35 +140,72 @@ fn combine(out: &mut [f64], weights: [f64; 3], rows: [&[f64]; 3]) {
 }
 
 impl Aft {
-    /// Force at the displacement series `x` and the circular frequency `omega`. Derivatives stay those of the motion before until
-    /// [`Aft::differentiate`] or [`Aft::parameters`].
-    pub fn evaluate(&mut self, element: &Element, basis: &Basis, omega: f64, x: &[f64]) -> Result<(), EngineError> {
+    /// Force at the displacement series `x` and the circular frequency `omega`, the states periodic to `within` of their largest value. Derivatives
+    /// stay those of the motion before until [`Aft::differentiate`] or [`Aft::parameters`].
+    pub fn evaluate(&mut self, element: &Element, basis: &Basis, omega: f64, x: &[f64], within: f64) -> Result<(), EngineError> {
         let (n, ns) = (basis.samples, element.n_states());
         let dt = TAU / omega / n as f64;
         self.known = Known::Force;
         self.sample(element, basis, omega, x);
-        self.rest(element);
-        if ns > 0 {
-            for k in 0..=n {
+        if ns == 0 || !self.follow(x) || !self.settle(element, n, dt, within, true).unwrap_or(false) {
+            self.rest(element);
+            for k in 0..=if ns > 0 { n } else { 0 } {
                 let u = self.inputs(k, n);
                 element.value(&u, dt, &mut self.s, &mut self.scratch);
             }
+            self.start.clone_from(&self.s);
+            self.settle(element, n, dt, within, false)?;
         }
-        self.start.clone_from(&self.s);
+        self.at.clear();
+        self.at.extend_from_slice(x);
+        self.warm = ns > 0 && self.monodromy.len() == ns * ns && self.fixed.decays_by(&self.monodromy, &self.state_scale, FORGETS);
+        sized(&mut self.f, basis.width);
+        let force = DVectorView::from_slice(&self.force_at, n);
+        DVectorViewMut::from_slice(&mut self.f, basis.width).gemv_tr(1.0, &basis.back, &force, 0.0);
+        Ok(())
+    }
+
+    /// Moves the start of the last motion as its derivatives say; whether there is one to begin from.
+    fn follow(&mut self, x: &[f64]) -> bool {
+        if !std::mem::take(&mut self.warm) || self.at.len() != x.len() {
+            return false;
+        }
+        if self.kept >= x.len() && self.start_slopes.len() == self.start.len() * self.kept {
+            for (i, start) in self.start.iter_mut().enumerate() {
+                let slopes = &self.start_slopes[i * self.kept..];
+                *start += x.iter().zip(&self.at).zip(slopes).map(|((x, at), slope)| slope * (x - at)).sum::<f64>();
+            }
+        }
+        self.s.resize(self.start.len(), 0.0);
+        self.state_scale.iter_mut().for_each(|s| *s = 0.0);
+        true
+    }
+
+    /// Cycles from `start` until the states return; false where they do so at once, though begun where another motion left them (`followed`): what
+    /// sticks keeps what the path from rest leaves, which this is not.
+    fn settle(&mut self, element: &Element, n: usize, dt: f64, within: f64, followed: bool) -> Result<bool, EngineError> {
+        let ns = element.n_states();
+        // Derivatives of a cycle, of this motion or of the one before, serve as long as they bring the change down fast.
+        let mut derived = self.monodromy.len() == ns * ns;
         let mut change = f64::INFINITY;
         for round in 0..CYCLES {
             // A plain cycle is enough for what is periodic after the first. Newton's method may hover between the branches of a law with
             // kinks; a plain cycle now and then leads out of it.
-            let plain = round % 4 == 0;
-            self.cycle(element, n, dt, !plain);
+            let plain = round % 4 == 0 && (round > 0 || !derived);
+            let derive = !plain && !derived;
+            self.cycle(element, n, dt, derive);
             if !self.force_at.iter().all(|f| f.is_finite()) {
                 return Err(EngineError::NotFinite { step: 0 });
             }
             // A state that never leaves 0 has no scale of its own.
             self.state_scale.iter_mut().filter(|s| **s == 0.0).for_each(|s| *s = 1.0);
+            let before = change;
             change = (0..ns).map(|i| (self.s[i] - self.start[i]).abs() / self.state_scale[i]).fold(0.0, f64::max);
+            if followed && round == 0 && change == 0.0 {
+                return Ok(false);
+            }
             if change <= PERIODIC {
-                break;
+                return Ok(true);
             }
             if plain {
                 self.start.clone_from(&self.s);
@@ -166,17 +213,27 @@ impl Aft {
             }
             self.next.clear();
             self.next.extend(self.s.iter().zip(&self.start).map(|(end, start)| end - start));
-            self.take_monodromy(ns, ns, 0);
+            if derive {
+                self.take_monodromy(ns, ns, 0);
+            }
             self.fixed.solve(&self.monodromy, &self.state_scale, &mut self.next, 1);
+            let step = self.next.iter().zip(&self.state_scale).map(|(d, scale)| d.abs() / scale).fold(0.0, f64::max);
+            // Those of another motion may ask for more than a state can be.
+            let far = !derive && step > 1.0;
+            derived = derive || (change < FAST * before && !far);
+            if far {
+                self.start.clone_from(&self.s);
+                continue;
+            }
             self.start.iter_mut().zip(&self.next).for_each(|(s, d)| *s += d);
+            if step.max(change) <= within && derived {
+                return Ok(true);
+            }
         }
         if change > 1e-7 {
             return Err(EngineError::NotPeriodic { change, cycles: CYCLES });
         }
-        sized(&mut self.f, basis.width);
-        let force = DVectorView::from_slice(&self.force_at, n);
-        DVectorViewMut::from_slice(&mut self.f, basis.width).gemv_tr(1.0, &basis.back, &force, 0.0);
-        Ok(())
+        Ok(true)
     }
 
     /// The Jacobian at the motion of the last [`Aft::evaluate`].
@@ -345,7 +402,7 @@ impl Aft {
             } else {
                 self.fixed.solve(&self.monodromy, &self.state_scale, &mut b, kept);
             }
-            (self.start_slopes, self.path) = (b, path);
+            (self.start_slopes, self.path, self.kept) = (b, path, kept);
         }
         self.jacobian.clear();
         self.by_param.clear();

@@ -9,12 +9,14 @@ use crate::model::{Bound, Model};
 
 use super::super::EngineError;
 use super::Settings;
-use super::aft::{Aft, Basis};
+use super::aft::{Aft, Basis, PERIODIC};
 use super::structure::{Drive, Flexibility, Structure};
 
 /// What is accepted where rounding in a stiff law ends the descent earlier.
 const ACCEPTED: f64 = 1e-9;
 const ITERATIONS: usize = 60;
+/// How near the states of the laws are brought to their periodic values: this part of the residual, and so much at most.
+const WITHIN: (f64, f64) = (1e-4, 1e-6);
 /// Factor by which a step must bring the residual down for its derivatives to serve once more.
 const REUSED: f64 = 0.2;
 
@@ -34,6 +36,10 @@ pub(super) struct Balance<'a> {
     pub(super) residual: DVector<f64>,
     pub(super) matrix: DMatrix<f64>,
     known: bool,
+    /// Frequency and solution of the line before the last.
+    earlier: Option<(f64, DVector<f64>)>,
+    /// How near the states of the laws are brought to their periodic values.
+    within: f64,
     /// Change of the displacements, against the largest of their element, at which the balance holds.
     tolerance: f64,
     /// Whether the derivatives of the laws have been taken, at whatever motion.
@@ -59,6 +65,8 @@ impl<'a> Balance<'a> {
             residual: DVector::zeros(size),
             matrix: DMatrix::zeros(size, size),
             known: false,
+            earlier: None,
+            within: PERIODIC,
             tolerance: settings.tolerance,
             derived: false,
         })
@@ -93,23 +101,33 @@ impl<'a> Balance<'a> {
         Ok(())
     }
 
-    /// Solves the balance at a frequency, starting from the line before.
+    /// Solves the balance at a frequency, starting from where the two lines before lead, else from the line before.
     pub fn line(&mut self, omega: f64) -> Result<(), EngineError> {
-        let before = (self.known.then_some(self.omega), self.x.clone());
+        let (from, last) = (self.known.then_some(self.omega), self.x.clone());
         self.condense(omega)?;
         if self.m() == 0 {
             return Ok(());
         }
         let mut residual = f64::INFINITY;
-        if self.known && self.newton(1.0, &mut residual) {
-            return Ok(());
-        }
-        if let Some(from) = before.0.filter(|from| *from != omega) {
-            self.x.copy_from(&before.1);
+        if let Some(from) = from.filter(|from| *from != omega) {
+            let led = self.lead(from, omega);
+            if led && self.newton(1.0, &mut residual) {
+                self.earlier = Some((from, last));
+                return Ok(());
+            }
+            self.x.copy_from(&last);
+            if self.newton(1.0, &mut residual) {
+                self.earlier = Some((from, last));
+                return Ok(());
+            }
+            self.earlier = None;
+            self.x.copy_from(&last);
             if self.raise_frequency(from, omega, &mut residual)? {
                 return Ok(());
             }
             self.condense(omega)?;
+        } else if from.is_some() && self.newton(1.0, &mut residual) {
+            return Ok(());
         }
         self.linear_start();
         if self.newton(1.0, &mut residual) || self.raise_force(&mut residual) || self.follow_force(&mut residual) {
@@ -117,6 +135,18 @@ impl<'a> Balance<'a> {
             return Ok(());
         }
         Err(self.failed(residual))
+    }
+
+    /// Moves the solution along the straight line through the last two, where the next frequency is not much further than they are apart.
+    fn lead(&mut self, from: f64, omega: f64) -> bool {
+        let Some((earlier, before)) = &self.earlier else { return false };
+        let ahead = (omega - from) / (from - earlier);
+        if !(ahead.is_finite() && ahead.abs() <= 2.0) {
+            return false;
+        }
+        self.x *= 1.0 + ahead;
+        self.x.axpy(-ahead, before, 1.0);
+        true
     }
 
     /// Solves the balance at a frequency from the response with the stand-in stiffnesses, the drive raised in steps where that is too far.
@@ -253,12 +283,24 @@ impl<'a> Balance<'a> {
         own.iter().map(|s| s.max(1e-6 * largest).max(f64::MIN_POSITIVE)).collect()
     }
 
-    /// Evaluates the laws and the residual `x - x_lin + G (f - z x)` at `x`; its size against the scales, `None` where a law gives up.
+    /// Evaluates the laws and the residual `x - x_lin + G (f - z x)` at `x`; its size against the scales, `None` where a law gives up. The states of
+    /// the laws are brought as near to their periodic values as the last residual asks for, and nearer where this one is small.
     pub(super) fn balance(&mut self, share: f64, scales: &[f64]) -> Option<f64> {
+        let mut norm = self.balance_within(share, scales)?;
+        let remembers = self.structure.nonlinear.iter().any(|e| self.structure.bound.elements[*e].n_states() > 0);
+        if remembers && self.within > PERIODIC && norm < 10.0 * self.within {
+            self.within = PERIODIC;
+            norm = self.balance_within(share, scales)?;
+        }
+        self.within = (WITHIN.0 * norm).clamp(PERIODIC, WITHIN.1);
+        Some(norm)
+    }
+
+    fn balance_within(&mut self, share: f64, scales: &[f64]) -> Option<f64> {
         let (w, m) = (self.basis.width, self.m());
         for a in 0..m {
             let element = &self.structure.bound.elements[self.structure.nonlinear[a]];
-            self.aft[a].evaluate(element, &self.basis, self.omega, &self.x.as_slice()[a * w..(a + 1) * w]).ok()?;
+            self.aft[a].evaluate(element, &self.basis, self.omega, &self.x.as_slice()[a * w..(a + 1) * w], self.within).ok()?;
         }
         self.residual.copy_from(&self.x);
         for a in 0..m {

@@ -41,6 +41,14 @@ impl FixedPoint {
         self.pivot_of.iter().any(Option::is_none)
     }
 
+    /// Whether every direction loses this part of itself in a cycle.
+    pub fn decays_by(&mut self, monodromy: &[f64], scale: &[f64], part: f64) -> bool {
+        let n = scale.len();
+        self.load(monodromy, scale);
+        self.eliminate(n, &mut [], 0);
+        self.pivot_of.iter().enumerate().all(|(c, row)| row.is_some_and(|r| self.a[r * n + c].abs() > part))
+    }
+
     fn load(&mut self, monodromy: &[f64], scale: &[f64]) {
         let n = scale.len();
         self.a.clear();

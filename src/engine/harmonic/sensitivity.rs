@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 use num_complex::Complex64;
 
 use super::super::EngineError;
-use super::aft::Aft;
+use super::aft::{Aft, PERIODIC};
 use super::balance::{Balance, put};
 use super::structure::Part;
 
@@ -19,7 +19,7 @@ impl Balance<'_> {
             if self.structure.parts[e] == Part::Candidate {
                 let mut x = vec![0.0; w];
                 harmonics.iter().zip(&motion).for_each(|(k, q)| put(&mut x, *k, self.structure.relative(e, q)));
-                candidate.evaluate(element, &self.basis, omega, &x)?;
+                candidate.evaluate(element, &self.basis, omega, &x, PERIODIC)?;
                 candidate.parameters(element, &self.basis, omega);
             }
             if let Part::Nonlinear(a) = self.structure.parts[e] {

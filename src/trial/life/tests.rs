@@ -25,6 +25,10 @@ fn a_realistic_case_follows_from_seed_and_index() {
     let first = written(2);
     assert_eq!(first, written(2));
     assert_ne!(first, written(12));
+    for index in 0..12 {
+        let truth: toml::Table = toml::from_str(&written(index)[1]).unwrap();
+        assert!(truth["noncentrality"].is_float(), "{index}");
+    }
     assert!(first[1].contains("[[quirk]]") && first[1].contains("stated"), "{}", first[1]);
 }
 
