@@ -58,7 +58,7 @@ pub use unexplained::{Missed, Unexplained};
 /// What tests of whole studies look into.
 #[cfg(test)]
 pub(crate) mod testing {
-    pub use super::candidates::{Scene, candidates};
+    pub use super::candidates::{Name, Scene, candidates};
     pub(crate) use super::next::within;
     pub use super::refit::{Bench, cost, whitened};
     pub use super::score::{Score, score};

@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn hyperbolic_functions_keep_their_digits_on_both_sides_of_zero() {
-        for k in -300..=300 {
+        for k in -300i32..=300 {
             // From 1e-12 to 40.
             let w = if k == 0 { 0.0 } else { f64::from(k.signum()) * 1e-12 * 10f64.powf(f64::from(k.abs()) / 300.0 * 13.6) };
             let (sinh, cosh) = sinh_cosh(w);

@@ -116,6 +116,28 @@ fn the_response_equals_the_marched_steady_cycle() {
     }
 }
 
+/// A line begins where the lines before lead, and its states where those of the last motion ended; alone it begins from rest.
+#[test]
+fn a_line_does_not_depend_on_those_before() {
+    let omega: Vec<f64> = (0..8).map(|k| 12.0 + 1.7 * f64::from(k)).collect();
+    let laws: [(&str, &[f64]); 6] = [
+        ("film", &[0.5, 0.02, 2e-4]),
+        ("bouc_wen", &[1.2, 4e-4, 1.5, 0.5]),
+        ("lugre", &[1.2, 4e-4, 0.02, 0.5]),
+        ("pinched_bouc_wen", &[1.2, 4e-4]),
+        ("backlash", &[2e-4, 0.5]),
+        ("elastic_slip", &[1.2, 4e-4]),
+    ];
+    for (name, values) in laws {
+        let system = with(&[(name, "c1.x", values)]);
+        let together = run(&system, &omega, 2, 4.0, &[2], Settings::default());
+        for (w, h) in omega.iter().zip(together) {
+            let alone = run(&system, &[*w], 2, 4.0, &[2], Settings::default())[0];
+            assert!((h - alone).norm() < 1e-8 * alone.norm(), "{name} at {w} rad/s: {h} after others, {alone} alone");
+        }
+    }
+}
+
 fn receptance_of(system: &System, omega: &[f64]) -> Option<Complex64> {
     receptance(&system.model, &bind(system), omega, &[2], &[2], false).ok().map(|r| r.h[0])
 }

@@ -2,7 +2,7 @@
 
 use super::{CHAIN, FRF, Folder};
 use crate::diagnose::Case;
-use crate::diagnose::testing::{Scene, candidates};
+use crate::diagnose::testing::{Name, Scene, candidates, given};
 use crate::response::Plan;
 
 /// A guide that brakes the third body, FRFs under two preloads: a relaxing spring is looked for in the guide, not at bodies that slide on nothing, and
@@ -22,6 +22,19 @@ fn guides_are_places_and_any_force_is_a_load() {
     let over = |k: usize| trials.iter().find(|t| t.candidate == k).and_then(|t| t.instance.target.as_ref()).map(|t| t.condition.as_str());
     let load = names.iter().position(|n| n.effect == "load_stiffness").unwrap();
     assert_eq!(over(load), Some("preload"));
+}
+
+/// What deviates is no guide of its body, and no coefficient that follows a condition: beside slack the same is looked for as without it.
+#[test]
+fn slack_offers_nothing_to_look_for() {
+    let study = Folder::new(CHAIN, &format!("{FRF}{}", FRF.replace("frf-a", "frf-b").replace("80 N", "120 N"))).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let plans: Vec<&Plan> = case.plans.iter().map(|(p, _)| p).collect();
+    let (loose, slack) = given(&case, &study.system, true, &case.search.settings);
+    assert!(slack.len() > 4, "{}", slack.len());
+    let [without, beside] = [&study.system, &loose].map(|s| candidates(&case, s, &plans, &Scene::new(&plans, s)).0);
+    let named = |n: &Name| format!("{} at {} {:?}", n.effect, n.at, n.of);
+    assert_eq!(without.iter().map(named).collect::<Vec<_>>(), beside.iter().map(named).collect::<Vec<_>>());
 }
 
 /// A test of another unit is no load.
