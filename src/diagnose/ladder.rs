@@ -267,12 +267,12 @@ impl Climb<'_> {
 
     /// What the verdict rests on.
     fn grounds(&self, held_out: Option<(super::held_out::Word, f64, f64)>, stopped: bool) -> Grounds {
-        let of = |fault: bool| (0..self.added.len()).any(|k| self.is_fault(k) == fault);
+        let any = |of: &dyn Fn(usize) -> bool| (0..self.added.len()).any(of);
         let tests = self.case.plans_of(SplitName::HeldOut);
         let floors: Vec<f64> = (0..self.scale.evidence.records.len()).map(|t| self.scale.noise(t)).collect();
         Grounds {
-            added: of(false),
-            faults: of(true),
+            added: any(&|k| self.is_physics(k)),
+            faults: any(&|k| self.is_fault(k)),
             gain: self.added.iter().map(|a| a.gain).sum(),
             held_out,
             tests_held_out: !tests.is_empty(),
@@ -294,7 +294,7 @@ impl Climb<'_> {
 
     /// The test that separates what is tied, or why there is none; the search for it takes a share of the time since `started`.
     fn next_test(&self, started: std::time::Instant) -> (Option<NextTest>, Option<String>) {
-        let tie = self.added.iter().enumerate().find(|(k, a)| !a.tied.is_empty() && !self.is_fault(*k)).map(|(_, a)| a);
+        let tie = self.added.iter().enumerate().find(|(k, a)| !a.tied.is_empty() && self.is_physics(*k)).map(|(_, a)| a);
         let Some(added) = tie.filter(|_| !trace::stopped(self.monitor)) else { return (None, None) };
         (self.watch)("looking for the test that separates what is tied");
         let case = self.scale.under(&self.now.seen, &self.now.v, &self.scale.evidence.independent());
@@ -317,6 +317,9 @@ impl Climb<'_> {
         started: std::time::Instant,
     ) -> Result<(LadderResult, System), DiagnoseError> {
         let stopped = matches!(end, End::Stopped);
+        if !stopped {
+            self.veto(&mut rungs)?;
+        }
         // The model without additions is still that of its rung.
         if !self.added.is_empty() {
             self.refresh(&mut rungs)?;
@@ -365,7 +368,7 @@ impl Climb<'_> {
             why,
             missing,
             instruments: self.instruments(),
-            corrections: self.slack.corrections(&self.now.fitted, &self.settings),
+            corrections: self.corrections(),
             remainder: left,
             model_error: self.scale.model_error(&self.now),
             scatter: self.scale.scatter(&self.now),
@@ -426,7 +429,7 @@ impl Climb<'_> {
             let proven = held.and_then(|(h, last)| Some(last.density > h.look(a.without.as_ref()?)?.density));
             Missing { effect: a.name.effect.into(), at: a.name.at.clone(), of: a.name.of.clone(), tied_with: tied_with(a), proven }
         };
-        self.order.iter().filter(|k| !self.is_fault(**k)).map(of).collect()
+        self.order.iter().filter(|k| self.is_physics(**k)).map(of).collect()
     }
 
     /// Instruments at fault, with what the record says.

@@ -5,7 +5,8 @@ use super::DiagnoseError;
 use super::candidates::Name;
 use super::case::{Case, begin};
 use super::climb::{Added, Climb};
-use super::results::Rung;
+use super::fault::of_channel;
+use super::results::{Correction, Rung};
 use super::search::{Move, Step};
 use super::slack::{self, Slack};
 use super::trace;
@@ -162,5 +163,22 @@ impl Climb<'_> {
             }
             None => self.step(),
         }
+    }
+
+    /// What an addition corrects, where it says no more than slack grants.
+    fn corrects(&self, k: usize) -> Option<Correction> {
+        slack::correction(&self.case, &self.now.fitted, self.base, self.base + k, &self.settings)
+    }
+
+    /// Whether an addition is an effect: no fault of an instrument, and no correction of what the study says.
+    pub(super) fn is_physics(&self, k: usize) -> bool {
+        !self.now.fitted.system.instances.get(self.base + k).is_some_and(of_channel) && self.corrects(k).is_none()
+    }
+
+    /// What deviates from what the study says, by slack and by what was added.
+    pub(super) fn corrections(&self) -> Vec<Correction> {
+        let mut told = self.slack.corrections(&self.now.fitted, &self.settings);
+        told.extend((0..self.added.len()).filter_map(|k| self.corrects(k)));
+        told
     }
 }

@@ -59,9 +59,10 @@ pub use unexplained::{Missed, Unexplained};
 #[cfg(test)]
 pub(crate) mod testing {
     pub use super::candidates::{Name, Scene, candidates};
+    pub use super::case::begin;
     pub(crate) use super::next::within;
     pub use super::refit::{Bench, cost, whitened};
     pub use super::score::{Score, score};
     pub use super::settings::Settings;
-    pub use super::slack::given;
+    pub use super::slack::{correction, given};
 }

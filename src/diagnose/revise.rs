@@ -3,10 +3,12 @@
 use crate::effect::Role;
 use crate::parallel;
 
+use super::DiagnoseError;
 use super::candidates::Name;
 use super::climb::{Added, Climb};
 use super::fault::of_channel;
-use super::results::EffectAt;
+use super::held_out::HeldOutTests;
+use super::results::{EffectAt, Rung, SplitName};
 use super::search::{Against, Step, step};
 use super::trace;
 use super::weigh::{Scale, Weighed};
@@ -95,6 +97,30 @@ impl Climb<'_> {
             self.now = again;
         }
         Some(exchanged)
+    }
+
+    /// Takes out what gained little and without which the held-out tests are foretold better, the most so first: their veto, addition by addition.
+    pub fn veto(&mut self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
+        while self.added.len() > 1 && !trace::stopped(self.monitor) {
+            let plans = self.case.plans_of(SplitName::HeldOut);
+            let held = HeldOutTests::new(plans, &self.scale.evidence, &self.first, &self.now, &self.settings);
+            let Some((held, last)) = held.as_ref().and_then(|h| Some((h, h.look(&self.now)?))) else { return Ok(()) };
+            let density = |k: usize| -> Option<f64> {
+                let weak = self.added[k].gain < self.settings.decisive && self.is_physics(k);
+                let without = self.added[k].without.as_ref().filter(|_| weak)?;
+                held.look(without).map(|look| look.density).filter(|d| *d >= last.density)
+            };
+            let found = (0..self.added.len()).filter_map(|k| Some((k, density(k)?)));
+            let Some((k, nats)) = found.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, d)| (k, d - last.density)) else { return Ok(()) };
+            let gone = self.added.remove(k);
+            (self.watch)(&format!("removed {} at {}: held-out tests say {nats:.1} nats against it", gone.name.effect, gone.name.at));
+            let Some(without) = gone.without else { return Ok(()) };
+            self.now = without;
+            self.forget();
+            self.list_ties();
+            rungs.push(self.rung(None, vec![EffectAt { effect: gone.name.effect.into(), at: gone.name.at }])?);
+        }
+        Ok(())
     }
 
     fn tie(&mut self, found: Vec<Alternatives>) {

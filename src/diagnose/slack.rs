@@ -157,6 +157,30 @@ fn masses(case: &Case, system: &System, all: bool) -> Vec<Nominal> {
     (0..model.bodies.len()).filter_map(of).collect()
 }
 
+/// What an added mass, spring or damper says where it is no more than what slack grants to a nominal value: a correction of that value.
+pub fn correction(case: &Case, fitted: &Fitted, base: usize, instance: usize, settings: &Settings) -> Option<Correction> {
+    let own = &fitted.system.instances[instance];
+    let parameter = match own.name() {
+        "added_mass" => MASS,
+        "linear_stiffness" => SPRING,
+        "viscous" => DAMPER,
+        _ => return None,
+    };
+    let (Site::Places(places), value) = (&own.site, own.params.first()?.value) else { return None };
+    let [place] = places[..] else { return None };
+    let model = &fitted.system.model;
+    // A connector to the ground and its body are one place.
+    let grounded = |p: usize| model.places[p].from.xor(model.places[p].to);
+    let same = |p: &usize| *p == place || (grounded(*p).is_some() && grounded(*p) == grounded(place));
+    let study = System { instances: fitted.system.instances[..base].to_vec(), ..fitted.system.clone() };
+    let mut nominal = tied(&study, true);
+    nominal.extend(masses(case, &study, true));
+    let of = |n: &Nominal| n.parameter == parameter && n.places.iter().any(same) && value.abs() <= widest(parameter, settings) * n.value;
+    let n = nominal.into_iter().find(of)?;
+    let std = Covariance::of(fitted).variance(&[(instance, 1.0 / n.value)]).sqrt();
+    Some(Correction { parameter: parameter.into(), at: n.at, relative: value / n.value, std })
+}
+
 impl Slack {
     /// Whether nothing deviates.
     pub fn is_empty(&self) -> bool {

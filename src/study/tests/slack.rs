@@ -1,7 +1,10 @@
 //! What deviates of what a study ties or fixes.
 
 use crate::diagnose::Case;
-use crate::diagnose::testing::{Settings, given};
+use crate::diagnose::testing::{Settings, begin, correction, given};
+use crate::effect::find;
+use crate::identify::Monitor;
+use crate::model::{Instance, ParamValue, Site};
 
 use super::{Folder, cycle};
 
@@ -62,4 +65,32 @@ fn what_a_study_states_stands_where_nothing_else_is_given_or_too_much_would_be()
         let places: Vec<&str> = found.iter().map(|d| d.1.as_str()).collect();
         assert_eq!(places, ["c1.x", "d1.x"]);
     }
+}
+
+/// An added mass or spring within what slack grants corrects a nominal value; beyond it, and of any other law, it is an effect.
+#[test]
+fn what_slack_would_grant_is_a_correction() {
+    let study = Folder::new(PLANE, &cycle(1.0, "")).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let mut fitted = begin(&case, &Monitor::default()).unwrap().fitted;
+    let base = fitted.system.instances.len();
+    let stiffness = fitted.system.instances[0].params[0].value;
+    let mut told = |effect: &str, at: &str, value: f64| {
+        fitted.system.instances.truncate(base);
+        let places = fitted.system.model.places_at(at).unwrap();
+        let instance = Instance::new(find(effect).unwrap(), at, Site::Places(places), vec![ParamValue::fixed(value)]);
+        fitted.system.instances.push(instance);
+        correction(&case, &fitted, base, base, &Settings::default()).map(|c| (c.parameter, c.at, c.relative))
+    };
+    // The connector from the ground to m1 is m1 for a mass.
+    for at in ["m1.x", "c1.x"] {
+        let (parameter, body, relative) = told("added_mass", at, -0.0014).unwrap();
+        assert_eq!((parameter.as_str(), body.as_str()), ("mass", "m1"));
+        assert!((relative + 0.014).abs() < 1e-12, "{relative}");
+    }
+    let (parameter, at, relative) = told("linear_stiffness", "d1.x", 0.04 * stiffness).unwrap();
+    assert_eq!((parameter.as_str(), at.as_str()), ("linear_stiffness.k", "d1.x"));
+    assert!((relative - 0.04).abs() < 1e-12, "{relative}");
+    assert!(told("added_mass", "m1.x", 0.0031).is_none() && told("linear_stiffness", "d1.x", 0.06 * stiffness).is_none());
+    assert!(told("cubic_stiffness", "d1.x", 1.0).is_none());
 }
