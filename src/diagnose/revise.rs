@@ -99,19 +99,21 @@ impl Climb<'_> {
         Some(exchanged)
     }
 
-    /// Takes out what gained little and without which the held-out tests are foretold better, the most so first: their veto, addition by addition.
+    /// Takes out what gained little and without which the held-out tests are foretold better, in density and in error, the most so first: their
+    /// veto, addition by addition.
     pub fn veto(&mut self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
         while self.added.len() > 1 && !trace::stopped(self.monitor) {
             let plans = self.case.plans_of(SplitName::HeldOut);
             let held = HeldOutTests::new(plans, &self.scale.evidence, &self.first, &self.now, &self.settings);
             let Some((held, last)) = held.as_ref().and_then(|h| Some((h, h.look(&self.now)?))) else { return Ok(()) };
-            let density = |k: usize| -> Option<f64> {
+            let against = |k: usize| -> Option<f64> {
                 let weak = self.added[k].gain < self.settings.decisive && self.is_physics(k);
-                let without = self.added[k].without.as_ref().filter(|_| weak)?;
-                held.look(without).map(|look| look.density).filter(|d| *d >= last.density)
+                let without = held.look(self.added[k].without.as_ref().filter(|_| weak)?)?;
+                let word = held.word(&without, &last);
+                (word.nats <= 0.0 && word.fall.0 <= 0.0).then_some(-word.nats)
             };
-            let found = (0..self.added.len()).filter_map(|k| Some((k, density(k)?)));
-            let Some((k, nats)) = found.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, d)| (k, d - last.density)) else { return Ok(()) };
+            let found = (0..self.added.len()).filter_map(|k| Some((k, against(k)?)));
+            let Some((k, nats)) = found.max_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(()) };
             let gone = self.added.remove(k);
             (self.watch)(&format!("removed {} at {}: held-out tests say {nats:.1} nats against it", gone.name.effect, gone.name.at));
             let Some(without) = gone.without else { return Ok(()) };
@@ -167,6 +169,13 @@ impl Climb<'_> {
                 Some((scale.worth(&weighed) - stands, name.clone(), weighed))
             }));
             others.sort_by(|a, b| b.0.total_cmp(&a.0));
+            // A rival may have been weighed by the step as well.
+            let mut told: Vec<Name> = vec![own.clone()];
+            others.retain(|o| {
+                let first = !told.contains(&o.1);
+                told.push(o.1.clone());
+                first
+            });
             let better = others.first().filter(|o| o.0 > self.settings.swap).cloned();
             let tied = others.into_iter().filter(|o| o.0 > -self.settings.tie).take(self.settings.ties).map(|(_, n, w)| (n, w)).collect();
             Some(Alternatives { of: k, tied, better, without: small })
