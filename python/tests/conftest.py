@@ -1,6 +1,7 @@
 """Small studies that the tests share."""
 
 import pathlib
+import signal
 
 import numpy as np
 import pytest
@@ -8,6 +9,12 @@ import pytest
 import misfit
 
 ROOT = pathlib.Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True, scope="session")
+def ctrl_c():
+    """A shell that runs the tests in the background has Ctrl-C ignored, and Python does not ask for it then."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def loop(frequency, amplitude=1e-3, force=None, cycles=4, seed=0):
