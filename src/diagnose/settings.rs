@@ -52,8 +52,9 @@ pub struct Settings {
     pub held_out_nats: f64,
     /// Part by which their error must fall beside that.
     pub held_out_fall: f64,
-    /// Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; a test that
-    /// separates two laws by so much breaks their tie; effects that are to take the place of slack are exchanged while they are within so much of it.
+    /// Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; of several
+    /// additions one that gained less, and without which they are foretold better, is taken out; a test that separates two laws by so much breaks
+    /// their tie; effects that are to take the place of slack are exchanged while they are within so much of it.
     pub decisive: f64,
     /// Pieces into which the held-out tests are cut at least, for the standard error of the fall of their error: fewer give no spread.
     pub held_out_pieces: usize,

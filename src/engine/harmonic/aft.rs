@@ -4,7 +4,7 @@
 //! The law is marched over equal samples of the cycle after one cycle from rest: its states start at 0, one step leads to the first
 //! sample (the declared loading path of laws that remember). States that have not settled after that cycle are brought to their
 //! periodic value by Newton's method with the monodromy matrix `M` of the cycle; directions that never decay (an element that stays
-//! stuck) keep what the path left there.
+//! stuck) keep what the path left there. A law that forgets begins where its last motion ended instead.
 
 use std::f64::consts::TAU;
 
@@ -149,9 +149,11 @@ impl Aft {
         self.sample(element, basis, omega, x);
         if ns == 0 || !self.follow(x) || !self.settle(element, n, dt, within, true).unwrap_or(false) {
             self.rest(element);
-            for k in 0..=if ns > 0 { n } else { 0 } {
-                let u = self.inputs(k, n);
-                element.value(&u, dt, &mut self.s, &mut self.scratch);
+            if ns > 0 {
+                for k in 0..=n {
+                    let u = self.inputs(k, n);
+                    element.value(&u, dt, &mut self.s, &mut self.scratch);
+                }
             }
             self.start.clone_from(&self.s);
             self.settle(element, n, dt, within, false)?;

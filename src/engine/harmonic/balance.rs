@@ -110,13 +110,12 @@ impl<'a> Balance<'a> {
         }
         let mut residual = f64::INFINITY;
         if let Some(from) = from.filter(|from| *from != omega) {
-            let led = self.lead(from, omega);
-            if led && self.newton(1.0, &mut residual) {
-                self.earlier = Some((from, last));
-                return Ok(());
+            let mut found = self.lead(from, omega) && self.newton(1.0, &mut residual);
+            if !found {
+                self.x.copy_from(&last);
+                found = self.newton(1.0, &mut residual);
             }
-            self.x.copy_from(&last);
-            if self.newton(1.0, &mut residual) {
+            if found {
                 self.earlier = Some((from, last));
                 return Ok(());
             }

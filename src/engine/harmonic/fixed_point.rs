@@ -36,9 +36,7 @@ impl FixedPoint {
 
     /// Whether some direction returns unchanged after a cycle.
     pub fn never_decays(&mut self, monodromy: &[f64], scale: &[f64]) -> bool {
-        self.load(monodromy, scale);
-        self.eliminate(scale.len(), &mut [], 0);
-        self.pivot_of.iter().any(Option::is_none)
+        !self.decays_by(monodromy, scale, 0.0)
     }
 
     /// Whether every direction loses this part of itself in a cycle.

@@ -9,8 +9,8 @@
 //! `x_k = x_lin,k - G_k (f_k(x) - z_k x_k)`, `G_k = B' Z(ikw)^-1 B`,
 //!
 //! where a stand-in stiffness `z_k` is put into `Z` and taken out of the force again, so that a structure that only a nonlinear
-//! element holds can be condensed too. Newton's method takes the exact derivatives of the sampled law; each line starts from the one
-//! before, so a response with several branches is followed in the order of the lines. Where Newton's method fails, the frequency is
+//! element holds can be condensed too. Newton's method takes the exact derivatives of the sampled law; each line starts where the two
+//! before lead, so a response with several branches is followed in the order of the lines. Where Newton's method fails, the frequency is
 //! raised in steps, then the force, at last along the curve of solutions past its folds. Sensitivities follow from the implicit function theorem at the solution.
 //!
 //! The mean `x_0` is part of the solution (asymmetric laws). Stuck friction remembers: the loading path goes from rest to the first
