@@ -19,7 +19,9 @@ use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{INTERRUPTED, Outcome, fit, report, scatter, text};
 use crate::work::Failure;
+use shifts::{Shift, over_none};
 
+mod shifts;
 mod told;
 pub(super) mod tolerance;
 
@@ -75,7 +77,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     folder.study(study, &fitted.system)?;
     folder.residuals(&result.tests)?;
     session.show(&result.tests);
-    let mut value = json!({ "fit": fit::plain(&result)?, "shift_error_over_none": listed.shifts });
+    let mut value = json!({ "fit": fit::plain(&result)?, "shift_error_over_none": over_none(listed.shifts.iter()) });
     let mut predictions = Vec::new();
     // The tolerance cases are what a reader asks for first.
     if let (Some(outcome), Some(spec)) = (&outcome, &study.tolerance) {
@@ -91,7 +93,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if !listed.sweeps.is_empty() {
         write_sweeps(&listed.sweeps, &folder)?;
     }
-    value["shifts"] = listed.of_modes.into();
+    let shift = |s: &Shift| json!({ "test": s.test, "mode": s.mode, "measured": s.measured, "computed": s.computed });
+    value["shifts"] = listed.shifts.iter().map(shift).collect();
     value["predictions"] = predictions.into();
     let input = ReportInput { study, system: Some(&fitted.system), fit: Some(&result), diagnosis: None, ladder: None };
     folder.write(report::FILE, html_with(&input, outcome.as_ref(), &listed.sweeps)?.as_bytes())?;
@@ -158,17 +161,14 @@ pub(super) fn calibrated<'a>(study: &'a Study, fitted: &'a Fitted, covariance: &
 /// What `[[prediction]]` asks for.
 struct Listed {
     json: Vec<Value>,
-    of_modes: Vec<Value>,
+    shifts: Vec<Shift>,
     text: String,
     sweeps: Vec<Sweep>,
-    /// What the shifts are off over what "no shift" would be off.
-    shifts: Option<f64>,
 }
 
 fn listed(study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Result<Listed, Failure> {
     let mut rows = Vec::new();
-    let mut all = Listed { json: vec![], of_modes: vec![], text: String::new(), sweeps: vec![], shifts: None };
-    let (mut off, mut sum) = (0.0, 0.0);
+    let mut all = Listed { json: vec![], shifts: vec![], text: String::new(), sweeps: vec![] };
     for Prediction { spec, found, std, sweep } in predict::predictions(study, fitted)? {
         all.sweeps.extend(sweep);
         let scattered = scattered(spec, study, fitted, replicates);
@@ -179,9 +179,7 @@ fn listed(study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Result<Li
         let (symbol, factor) = spec.reference.as_ref().map_or((unit.clone(), 1.0), |q| (q.unit.symbol.clone(), q.unit.factor));
         let shown = |v: f64| significant(v / factor, 4);
         if let (Predicted::Shift { test, mode, .. }, Some(r)) = (&spec.quantity, reference) {
-            off += (found.value - r).powi(2);
-            sum += r * r;
-            all.of_modes.push(json!({ "test": test, "mode": mode, "measured": r, "computed": found.value }));
+            all.shifts.push(Shift { test: test.clone(), mode: *mode, measured: r, computed: found.value });
         }
         let beyond = beyond(study, spec);
         rows.push(vec![
@@ -205,10 +203,7 @@ fn listed(study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Result<Li
     if !rows.is_empty() {
         all.text += &format!("{}\n", table(&header, &rows));
     }
-    all.shifts = (sum > 0.0).then(|| (off / sum).sqrt());
-    if let Some(ratio) = all.shifts {
-        all.text += &format!("Shifts of frequency: root mean square error over that of no shift {}.\n\n", significant(ratio, 3));
-    }
+    all.text += &shifts::text(&all.shifts);
     Ok(all)
 }
 

@@ -1,6 +1,6 @@
 //! Results as an engineer reads them on the terminal.
 
-use crate::diagnose::results::{FitResult, OwnError, ParameterResult, ScatterOf, SplitName, TestResult};
+use crate::diagnose::results::{FitResult, ModeEnergy, OwnError, ParameterResult, ScatterOf, SplitName, TestResult, words};
 
 use super::table::{percent, significant, table};
 
@@ -48,6 +48,20 @@ pub(super) fn tests(tests: &[TestResult]) -> String {
     for (t, c) in tests.iter().filter_map(|t| Some((t, t.constant_damping.as_ref()?))) {
         text += &format!("{}, {}\n", t.id, c.words());
     }
+    tests.iter().filter(|t| !t.modes.is_empty()).for_each(|t| text += &mode_energies(t));
+    text
+}
+
+/// Where the energy of the modes of a test is.
+fn mode_energies(t: &TestResult) -> String {
+    let row = |m: &ModeEnergy| {
+        let off = percent(m.computed / m.measured - 1.0);
+        vec![m.mode.to_string(), significant(m.measured, 4), significant(m.computed, 4), off, words(&m.strain), words(&m.kinetic)]
+    };
+    let header = ["mode", "measured Hz", "computed Hz", "off", "strain energy", "kinetic energy"];
+    let mut text =
+        format!("\n{}, where the energy of its modes is\n{}", t.id, table(&header, &t.modes.iter().map(row).collect::<Vec<_>>()));
+    t.modes.iter().filter_map(|m| m.finding.as_ref()).for_each(|f| text += &format!("finding: {f}\n"));
     text
 }
 

@@ -32,7 +32,7 @@ impl Channel {
 impl Test {
     /// A test without conditions.
     pub fn new(id: &str, record: Record) -> Test {
-        Test { id: id.into(), description: None, conditions: Conditions::new(), record, line: 0 }
+        Test { id: id.into(), description: None, conditions: Conditions::new(), supports: None, record, line: 0 }
     }
 
     /// A periodic test: `time` [s] and the channels, one of which has the controlled role.

@@ -5,7 +5,7 @@ use super::condition::{Conditions, conditions};
 use super::frf::Frf;
 use super::record::TimeRecord;
 use super::tables::{EnergyTable, ModalTable};
-use super::toml_strict::{TableView, TomlError, TomlFile, TomlProblem, unique};
+use super::toml_strict::{TableView, TomlError, TomlFile, TomlProblem, ValueView, unique};
 use super::{DataError, readers};
 use std::path::{Path, PathBuf};
 
@@ -34,6 +34,8 @@ pub struct Test {
     pub id: String,
     pub description: Option<String>,
     pub conditions: Conditions,
+    /// The supports that hold the structure in this test, of those the study joins to the ground; all of them where nothing is said.
+    pub supports: Option<Vec<String>>,
     pub record: Record,
     /// Line in dataset.toml.
     pub line: usize,
@@ -175,7 +177,7 @@ impl Source<'_> {
 }
 
 /// Keys every test may have.
-pub(super) const COMMON: [&str; 6] = ["id", "kind", "description", "conditions", "record", "header_units"];
+pub(super) const COMMON: [&str; 7] = ["id", "kind", "description", "conditions", "supports", "record", "header_units"];
 
 /// Refuses keys that the kind of test does not know; names the kinds that do.
 pub(super) fn only(table: &TableView<'_>, keys: &[&str]) -> Result<(), TomlError> {
@@ -193,7 +195,9 @@ fn test(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<Test, Da
         TestKind::Energy => Record::Energy(super::tables::energy(table, id, &conditions, source)?),
     };
     let description = table.optional("description", |v| v.string())?.map(str::to_string);
-    Ok(Test { id: id.to_string(), description, conditions, record, line: table.line() })
+    let named = |v: ValueView<'_>| v.strings().map(|list| list.into_iter().map(str::to_string).collect());
+    let supports = table.optional("supports", named)?;
+    Ok(Test { id: id.to_string(), description, conditions, supports, record, line: table.line() })
 }
 
 /// An error about a required channel that is not declared.

@@ -147,7 +147,14 @@ mod tests {
             notes: vec![],
             frequency,
         };
-        Test { id: id.into(), description: None, conditions: Conditions::new(), record: Record::Frf(Box::new(frf)), line: 1 }
+        Test {
+            id: id.into(),
+            description: None,
+            conditions: Conditions::new(),
+            supports: None,
+            record: Record::Frf(Box::new(frf)),
+            line: 1,
+        }
     }
 
     #[test]

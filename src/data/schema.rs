@@ -146,6 +146,8 @@ enum Test {
         description: Option<String>,
         /// Conditions.
         conditions: Option<Conditions>,
+        /// Connectors to the ground that hold the structure in this test; all of them where it is left out, none of them in a free test: [].
+        supports: Option<Vec<String>>,
         /// A function of a universal file.
         record: Option<String>,
         /// Whether units in the file are held against those declared.
@@ -171,6 +173,8 @@ enum Test {
         description: Option<String>,
         /// Conditions.
         conditions: Option<Conditions>,
+        /// Connectors to the ground that hold the structure in this test; all of them where it is left out, none of them in a free test: [].
+        supports: Option<Vec<String>>,
         /// A function of a universal file.
         record: Option<String>,
         /// Whether units in the file are held against those declared.
@@ -192,6 +196,8 @@ enum Test {
         description: Option<String>,
         /// Conditions.
         conditions: Option<Conditions>,
+        /// Connectors to the ground that hold the structure in this test; all of them where it is left out, none of them in a free test: [].
+        supports: Option<Vec<String>>,
         /// A function of a universal file.
         record: Option<String>,
         /// Whether units in the file are held against those declared.
@@ -223,6 +229,8 @@ enum Test {
         description: Option<String>,
         /// Conditions.
         conditions: Option<Conditions>,
+        /// Connectors to the ground that hold the structure in this test; all of them where it is left out, none of them in a free test: [].
+        supports: Option<Vec<String>>,
         /// A function of a universal file.
         record: Option<String>,
         /// Whether units in the file are held against those declared.
@@ -244,6 +252,8 @@ enum Test {
         description: Option<String>,
         /// Conditions.
         conditions: Option<Conditions>,
+        /// Connectors to the ground that hold the structure in this test; all of them where it is left out, none of them in a free test: [].
+        supports: Option<Vec<String>>,
         /// A function of a universal file.
         record: Option<String>,
         /// Whether units in the file are held against those declared.

@@ -1,6 +1,6 @@
 //! The candidates of the search: every effect of the library at every place it may act, over a grid of its shapes.
 
-use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Over, Role, Scales, Sign, own};
+use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Moves, Over, Role, Scales, Sign, own};
 use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
 use crate::response::{BlockKind, Plan};
 use crate::units::{Dimension, Unit};
@@ -124,6 +124,16 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
                     }
                 }
             }
+            Role::Geometry => {
+                let Effect::Geometry(law) = effect else { continue };
+                for at in outlines(system, law.moves()) {
+                    let Ok(outline) = system.model.outline(law.moves(), &at) else { continue };
+                    let taken = system.instances.iter().any(|i| i.name() == info.name && i.site == Site::Outline(outline));
+                    if !taken && allowed(&at) {
+                        push(&mut names, &mut trials, effect, at, Site::Outline(outline), None, None, vec![vec![]]);
+                    }
+                }
+            }
             Role::Channel => {
                 let Effect::Channel(law) = effect else { continue };
                 for site in channels(plans, *law).into_iter().filter(|s| info.name != "drift" || drifts(plans, s)) {
@@ -169,6 +179,21 @@ pub fn sites(case: &Case, system: &System) -> Vec<(String, Vec<usize>)> {
         }
     }
     sites
+}
+
+/// What laws of the geometry may move: the chains of parts, and the points of parts that a load or a connector to the ground holds, in the plane of
+/// the chains.
+fn outlines(system: &System, moves: Moves) -> Vec<String> {
+    let model = &system.model;
+    let Some(space) = model.space.as_ref().filter(|s| !s.stems.is_empty()) else { return vec![] };
+    if moves != Moves::Point {
+        return space.stems.iter().map(|s| s.name.clone()).collect();
+    }
+    let still = |b: usize| model.bodies[b].free.is_empty();
+    let held = |b: usize| model.connectors.iter().any(|c| (c.from == b && still(c.to)) || (c.to == b && still(c.from)));
+    let loaded = |b: usize| model.loads.iter().any(|l| model.dofs[l.dof].body == b);
+    let points = (0..model.bodies.len()).filter(|b| !still(*b) && (held(*b) || loaded(*b)));
+    points.flat_map(|b| ["x", "y"].map(|axis| format!("{}.{axis}", model.bodies[b].name))).collect()
 }
 
 /// Whether a force acts at all of these places, for an effect in series to be in series with.

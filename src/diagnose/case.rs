@@ -2,23 +2,25 @@
 
 use std::sync::Arc;
 
-use crate::data::{Rig, TestKind};
+use nalgebra::DMatrix;
+
+use crate::data::Rig;
 use crate::effect::Dim;
 use crate::identify::{
     self, Constraints, FitOptions, FitOutcome, IdentifyError, Loss, LossBlock, Measure, Monitor, Prior, Uncertainty, UncertaintyOptions,
 };
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
-use crate::parallel::{self, Watch};
-use crate::residual::{Memo, Problem, test_error, to_variable};
-use crate::response::{BlockKind, Computed, Plan};
+use crate::parallel;
+use crate::residual::{Memo, Problem, to_variable};
+use crate::response::Plan;
 use crate::units::Unit;
 
 use super::DiagnoseError;
 use super::approach::approached;
-use super::damping::{constant_damping, fitted_ratio};
-use super::factors::factors;
+use super::compare::compare;
 use super::results::*;
 use super::slack::Slack;
+use super::spread;
 use super::weigh::Scale;
 
 /// What the search for missing effects may use.
@@ -82,6 +84,8 @@ pub struct Fitted {
     pub outcome: FitOutcome,
     /// Options it ran with.
     pub options: FitOptions,
+    /// Change of the residuals per standard deviation of what the tests state of their conditions, a column each.
+    pub spread: DMatrix<f64>,
 }
 
 impl Fitted {
@@ -103,7 +107,8 @@ impl Fitted {
             (false, true) => Measure::Strength,
             (false, false) => Measure::Position,
         };
-        UncertaintyOptions::measured(self.free.iter().map(measure).collect())
+        let measures = self.free.iter().map(measure).collect();
+        UncertaintyOptions { spread: self.spread.clone(), ..UncertaintyOptions::measured(measures) }
     }
 }
 
@@ -199,7 +204,7 @@ impl Case {
         } else {
             identify::fit(&problem, &start, &options, monitor)?
         };
-        Ok(Fitted { system: problem.system_at(&outcome.p), free: problem.free, outcome, options })
+        Ok(Fitted { system: problem.system_at(&outcome.p), free: problem.free, outcome, options, spread: DMatrix::zeros(0, 0) })
     }
 
     /// More iterations for a fit to these tests that has used up its own.
@@ -208,7 +213,7 @@ impl Case {
         let problem = Problem::new(plans, system);
         options.tolerances.max_iterations = self.max_iterations;
         let outcome = identify::go_on(&problem, outcome, &options, monitor)?;
-        Ok(Fitted { system: problem.system_at(&outcome.p), free: problem.free, outcome, options })
+        Ok(Fitted { system: problem.system_at(&outcome.p), free: problem.free, outcome, options, spread: DMatrix::zeros(0, 0) })
     }
 }
 
@@ -246,8 +251,9 @@ pub fn begin(case: &Case, monitor: &Monitor) -> Result<Began, DiagnoseError> {
 pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case, Fitted, FitResult), DiagnoseError> {
     let started = std::time::Instant::now();
     let start = &case.system;
-    let Began { case, fitted, nearer } = begin(case, monitor)?;
+    let Began { case, mut fitted, nearer } = begin(case, monitor)?;
     let case = &case;
+    fitted.spread = parallel::watched(&monitor.watch(), || spread::columns(&case.plans_of(SplitName::Fit), &fitted.system));
     let tests = compare(case, &fitted.system, splits, &monitor.watch())?;
     let (parameters, unidentifiable) = parameters(case, &fitted)?;
     let mut notes = Vec::new();
@@ -324,89 +330,6 @@ pub fn effects(system: &System) -> Vec<EffectAt> {
     system.instances.iter().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() }).collect()
 }
 
-/// Holds the tests of the given splits against a system. What is told of them beyond that and asks for more evaluations is left out once `watch` has ended.
-pub fn compare(case: &Case, system: &System, splits: &[SplitName], watch: &Watch) -> Result<Vec<TestResult>, DiagnoseError> {
-    let wanted: Vec<&(Plan, SplitName)> = case.plans.iter().filter(|(_, split)| splits.contains(split)).collect();
-    let ratio = fitted_ratio(case);
-    let one = |(plan, split): &&(Plan, SplitName)| {
-        let computed = plan.evaluate(system, &[], false)?;
-        let constant_damping = constant_damping(plan, *split, &computed, ratio, case.search.settings.telling.standard_errors);
-        Ok(TestResult {
-            constant_damping,
-            factors: parallel::watched(watch, || factors(plan, system, &computed, &case.search.settings.telling)),
-            ..test_result(plan, *split, &computed)
-        })
-    };
-    parallel::map(&wanted, one).into_iter().collect()
-}
-
-/// One test against a system: its errors and curves, without what asks for further evaluations (factors, constant damping).
-pub fn glance(plan: &Plan, split: SplitName, system: &System) -> Result<TestResult, DiagnoseError> {
-    Ok(test_result(plan, split, &plan.evaluate(system, &[], false)?))
-}
-
-fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult {
-    let e = test_error(plan, &computed.values);
-    let block = &plan.blocks[e.worst.1];
-    let within = e.worst.0 - block.range.start;
-    let axis = match block.kind {
-        BlockKind::Frf => {
-            format!("{:.4} Hz, {}", block.abscissa[within / 2], if within.is_multiple_of(2) { "real" } else { "imaginary" })
-        }
-        BlockKind::Loop => format!("{:.0} deg of the cycle", block.abscissa[within].to_degrees()),
-        BlockKind::Record => format!("{:.4} s", block.abscissa[within]),
-        BlockKind::Table if plan.kind == TestKind::Modal => format!("mode {}", block.abscissa[within]),
-        BlockKind::Table => format!("{} Hz", block.abscissa[within]),
-    };
-    let curves: Vec<Curve> = plan
-        .blocks
-        .iter()
-        .map(|b| Curve {
-            label: b.label.clone(),
-            unit: b.unit.clone(),
-            kind: b.kind,
-            abscissa: b.abscissa.clone(),
-            x: b.x.clone(),
-            v: b.v.clone(),
-            measured: plan.measured[b.range.clone()].iter().map(|v| plain(b.kind, *v)).collect(),
-            computed: computed.values[b.range.clone()].iter().map(|v| plain(b.kind, *v)).collect(),
-            sigma: b.range.clone().map(|i| plan.sigma[i] * if b.kind == BlockKind::Table { plan.measured[i].exp() } else { 1.0 }).collect(),
-        })
-        .collect();
-    TestResult {
-        id: plan.id.clone(),
-        kind: plan.kind.word().into(),
-        split,
-        error: e.error,
-        floor: e.floor,
-        whitened_rms: e.whitened_rms,
-        worst: Worst {
-            place: format!("{} at {axis}", block.label),
-            measured: plain(block.kind, plan.measured[e.worst.0]),
-            computed: plain(block.kind, computed.values[e.worst.0]),
-        },
-        n: plan.len(),
-        largest_difference: curves.iter().map(difference).collect(),
-        factors: vec![],
-        constant_damping: None,
-        curves,
-    }
-}
-
-fn difference(c: &Curve) -> LargestDifference {
-    let over = match c.kind {
-        BlockKind::Loop | BlockKind::Record => "range",
-        BlockKind::Frf => "range of magnitude",
-        BlockKind::Table => "value",
-    };
-    LargestDifference { channel: c.label.clone(), over, fraction: c.largest_difference() }
-}
-
-/// A value as it was measured: tables are compared by their logarithms.
-fn plain(kind: BlockKind, value: f64) -> f64 {
-    if kind == BlockKind::Table { value.exp() } else { value }
-}
-
 /// A number with this many significant digits, in plain notation where that is short.
 fn digits(value: f64, count: i32) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -423,7 +346,7 @@ fn digits(value: f64, count: i32) -> String {
 fn rotational(system: &System, f: &FreeParam) -> bool {
     match &system.instances[f.instance].site {
         Site::Places(p) => p.first().is_some_and(|p| system.model.places[*p].axis.rotational()),
-        Site::Channel(_) => false,
+        Site::Channel(_) | Site::Outline(_) => false,
     }
 }
 

@@ -7,8 +7,9 @@ use crate::parallel;
 use crate::response::Plan;
 
 use super::candidates::Name;
-use super::case::{Began, Case, Fitted, begin, compare, effects, fit, parameters};
+use super::case::{Began, Case, Fitted, begin, effects, fit, parameters};
 use super::climb::{Added, Climb};
+use super::compare::compare;
 use super::fault::of_channel;
 use super::findings::{findings, unsettled};
 use super::held_out::{HeldOutTests, Look};

@@ -84,6 +84,10 @@ pub struct Telling {
     pub term_nats: f64,
     /// ...and points of its picture for each loop at most.
     pub picture: usize,
+    /// Part of a mode's energy below which a place is not told.
+    pub energy: f64,
+    /// Part of a mode's strain energy beyond which the fixture that holds it is told.
+    pub fixture: f64,
 }
 
 impl Default for Fitting {
@@ -136,6 +140,8 @@ impl Default for Telling {
             term: 0.03,
             term_nats: 2.0,
             picture: 200,
+            energy: 0.02,
+            fixture: 0.5,
         }
     }
 }

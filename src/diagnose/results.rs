@@ -3,9 +3,11 @@
 use serde::Serialize;
 
 mod candidate;
+mod energy;
 mod errors;
 
 pub use candidate::{Candidate, NextTest, SecondOpinion, Share};
+pub use energy::{EnergyShare, ModeEnergy, words};
 pub use errors::{Correction, Instrument, OwnError, ScatterOf};
 
 use super::settings::Settings;
@@ -196,6 +198,9 @@ pub struct TestResult {
     /// Of a table of modes that is not fitted, what a constant damping ratio does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub constant_damping: Option<ConstantDamping>,
+    /// Of a table of modes, where the energy of each is.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub modes: Vec<ModeEnergy>,
     /// Its channels.
     #[serde(skip)]
     pub curves: Vec<Curve>,

@@ -3,7 +3,7 @@
 
 use crate::units::Dimension;
 
-/// The four roles an effect can play in a system (design.md section 1).
+/// The five roles an effect can play in a system (design.md section 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// A general force between the two ends of a connector, in parallel with the others there.
@@ -14,6 +14,8 @@ pub enum Role {
     Coefficient,
     /// Acts on a measuring channel, not on the structure.
     Channel,
+    /// Where the parts lie in the reference position.
+    Geometry,
 }
 
 impl Role {
@@ -24,6 +26,7 @@ impl Role {
             Role::Series => "series",
             Role::Coefficient => "coefficient",
             Role::Channel => "channel",
+            Role::Geometry => "geometry",
         }
     }
 }

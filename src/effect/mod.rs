@@ -16,6 +16,7 @@ pub mod coefficient;
 pub mod dispatch;
 pub mod error;
 pub mod formula;
+pub mod geometry;
 pub mod info;
 pub mod num;
 pub mod own;
@@ -30,6 +31,7 @@ mod bouc_wen;
 mod contact;
 mod coulomb;
 mod cubic_stiffness;
+mod curvature;
 mod damping_deviation;
 mod delay;
 mod digressive_damping;
@@ -50,12 +52,14 @@ mod maxwell;
 mod moving_mass;
 mod offset;
 mod pinched_bouc_wen;
+mod point_offset;
 mod power_damping;
 mod preload;
 mod prony;
 mod quadratic_damping;
 mod quadratic_stiffness;
 mod saturating_stiffness;
+mod section_mass;
 mod smooth_coulomb;
 mod springpot;
 mod stiffness_deviation;
@@ -72,6 +76,7 @@ pub use coefficient::{Coefficient, Over};
 pub use dispatch::{ForceLaw, Tangent};
 pub use error::EffectError;
 pub use formula::{Formula, FormulaError};
+pub use geometry::{Geometry, Moves};
 pub use info::{Dim, Grid, Info, Kind, Param, Ports, Role, Scales, Sign};
 pub use iwan::limits as iwan_limits;
 pub use num::Num;
@@ -134,6 +139,8 @@ pub enum Effect {
     Coefficient(&'static dyn Coefficient),
     /// A law of a measuring channel.
     Channel(&'static dyn Channel),
+    /// A law of the geometry.
+    Geometry(&'static dyn Geometry),
     /// A general force whose law the study file holds; [`formula::compile`] makes a [`Effect::Force`] of it.
     Formula(&'static Info),
 }
@@ -146,6 +153,7 @@ impl Effect {
             Effect::Series(e) => e.info(),
             Effect::Coefficient(e) => e.info(),
             Effect::Channel(e) => e.info(),
+            Effect::Geometry(e) => e.info(),
             Effect::Formula(info) => info,
         }
     }
@@ -196,6 +204,9 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Coefficient(&interference_law::InterferenceLaw),
     Effect::Coefficient(&linear_law::LinearLaw),
     Effect::Coefficient(&load_stiffness::LoadStiffness),
+    Effect::Geometry(&curvature::Curvature),
+    Effect::Geometry(&point_offset::PointOffset),
+    Effect::Geometry(&section_mass::SectionMass),
     Effect::Channel(&delay::Delay),
     Effect::Channel(&gain::Gain),
     Effect::Channel(&offset::Offset),

@@ -6,6 +6,8 @@
 //! problems) finds the damped one by block-tridiagonal solves. A start that falls onto a mode found before is taken up again with that
 //! mode projected out.
 
+mod shares;
+
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -17,6 +19,8 @@ use crate::model::{Bound, Model};
 use super::EngineError;
 use super::blocktri::{BlockTri, BlockTriError, Layout, Levels};
 use super::small::Small;
+
+pub use shares::{Shares, shares};
 
 /// One damped mode.
 #[derive(Clone, Debug)]

@@ -34,7 +34,7 @@ pub(super) fn tensioner(tau: f64) -> System {
     };
     let bodies = (0..N).map(|k| Body { name: format!("b{}", k + 1), mass: 0.0, inertia: 0.0, free: free(k) }).collect();
     let connectors = (1..N).map(|k| Connector { name: format!("GF{k}"), from: k - 1, to: k }).collect();
-    let model = Model::spatial(bodies, connectors, Space { parts, frames }).unwrap();
+    let model = Model::spatial(bodies, connectors, Space { parts, frames, stems: vec![] }).unwrap();
     assert_eq!(model.dofs.len(), 123);
     let mut instances = Vec::new();
     let mut put = |name: &str, at: String, value: f64| {

@@ -28,7 +28,7 @@ fn chain(curve: &Curve, n: usize, section: Section, clamped: bool) -> Model {
         connectors.push(Connector { name: "c0".into(), from: n, to: 0 });
         frames.push(curve.frame(0.0));
     }
-    Model::spatial(bodies, connectors, Space { parts, frames }).unwrap()
+    Model::spatial(bodies, connectors, Space { parts, frames, stems: vec![] }).unwrap()
 }
 
 fn straight(length: f64) -> Curve {

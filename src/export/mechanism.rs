@@ -92,6 +92,7 @@ const MODES: usize = 10;
 
 impl Mechanism {
     pub fn new(system: &System, test: &str, conditions: &BTreeMap<String, f64>, format: &'static str) -> Result<Self, ExportError> {
+        let system = &*system.shaped();
         let model = &system.model;
         let acting =
             system.acting(test, conditions).map_err(|e| ExportError { format, reason: format!("{e}; accepted: {}", e.accepted()) })?;

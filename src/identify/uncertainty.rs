@@ -56,11 +56,14 @@ pub struct UncertaintyOptions {
     pub scale: Option<Vec<f64>>,
     /// 1-sigma beyond this many times the size means: not identifiable
     pub vague: f64,
+    /// change of the residuals per standard deviation of what else is known to a deviation alone (a condition), a column each; no rows: nothing. With these
+    /// columns B the covariance is C + C J'B B'J C, C = (J'J)^-1
+    pub spread: DMatrix<f64>,
 }
 
 impl Default for UncertaintyOptions {
     fn default() -> Self {
-        Self { measures: vec![], scale: None, vague: 1e3 }
+        Self { measures: vec![], scale: None, vague: 1e3, spread: DMatrix::zeros(0, 0) }
     }
 }
 
@@ -176,6 +179,7 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
     // square root of the covariance in p: one column per known singular direction
     let zv = &z * &v;
     let root = DMatrix::from_fn(n, known.len(), |i, c| zv[(i, known[c])] / (s[known[c]] * d[i]));
+    let root = with_spread(root, &j, &options.spread);
     let null = DMatrix::from_fn(n, unknown.len(), |i, c| zv[(i, unknown[c])] / (d[i] * sizes[i])); // in relative variables p / size
     let in_null: Vec<bool> = (0..n).map(|i| unknown.iter().map(|&c| zv[(i, c)].powi(2)).sum::<f64>().sqrt() > 1e-6).collect();
 
@@ -239,6 +243,16 @@ pub fn uncertainty(outcome: &FitOutcome, fit: &FitOptions, options: &Uncertainty
     let mut found = Uncertainty { parameters, covariance, unidentifiable, chi2, degrees_of_freedom: degrees };
     found.note_loose();
     Ok(found)
+}
+
+/// The root of a covariance with a column more for each cause whose effect on the residuals is known to a deviation: what it moves the parameters by.
+fn with_spread(root: DMatrix<f64>, j: &DMatrix<f64>, spread: &DMatrix<f64>) -> DMatrix<f64> {
+    let rows = spread.nrows().min(j.nrows());
+    if rows == 0 || spread.ncols() == 0 {
+        return root;
+    }
+    let moved = &root * (root.transpose() * j.rows(0, rows).tr_mul(&spread.rows(0, rows)));
+    DMatrix::from_columns(&root.column_iter().chain(moved.column_iter()).collect::<Vec<_>>())
 }
 
 fn clip(end: Option<f64>, bound: f64, towards: fn(f64, f64) -> f64) -> Option<f64> {

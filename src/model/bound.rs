@@ -98,7 +98,7 @@ impl Bound {
                         }
                     }
                 }
-                (_, Site::Channel(_)) => {}
+                (_, Site::Channel(_) | Site::Outline(_)) => {}
             }
         }
         let value = |level: &Level| match level {

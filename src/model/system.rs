@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, HashSet};
 
-use crate::effect::{Effect, Kind, Param, Sign, find};
+use crate::effect::{Effect, Kind, Moves, Param, Sign, find};
 use crate::explain::Explain;
 use crate::units::{Dimension, Unit, parse_unit};
 
+use super::space::Outline;
 use super::{Model, ModelError};
 
 /// A parameter's number and how it may move.
@@ -89,6 +90,8 @@ pub enum Site {
     Places(Vec<usize>),
     /// On a channel.
     Channel(ChannelSite),
+    /// On the geometry.
+    Outline(Outline),
 }
 
 /// The value of a condition that an instance's values are for.
@@ -289,6 +292,27 @@ impl System {
             }
             if (sign == Sign::NonNegative && value.value < 0.0) || (sign == Sign::Positive && value.value <= 0.0) {
                 return bad(format!("`{}` is {}", f.name, value.value), &format!("a value {}", sign.word()));
+            }
+        }
+        self.unfolded()
+    }
+
+    /// Checks that no chain is bent by a law of the geometry until it meets itself, or left without mass.
+    fn unfolded(&self) -> Result<(), ModelError> {
+        for instance in &self.instances {
+            let (Site::Outline(Outline::Stem(stem)), Some(space)) = (&instance.site, &self.model.space) else { continue };
+            let value = instance.params[0].value;
+            if matches!(instance.effect, Effect::Geometry(law) if law.moves() == Moves::Mass) {
+                if value <= -1.0 {
+                    let message = format!("the parts of `{}` would have no mass: {value}", instance.at);
+                    return Err(ModelError::invalid(&instance.at, message, "a relative change above -1"));
+                }
+                continue;
+            }
+            let swept = space.stems[*stem].curve.bent(1.0 + value).swept();
+            if swept >= std::f64::consts::TAU {
+                let message = format!("the arcs of `{}` turn by {:.1} deg in all: the chain meets itself", instance.at, swept.to_degrees());
+                return Err(ModelError::invalid(&instance.at, message, "a curvature at which they turn by less than 360 deg"));
             }
         }
         Ok(())

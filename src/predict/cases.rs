@@ -85,7 +85,14 @@ pub(super) fn energies(
         stored: Some(reading),
         rows: rows.into_iter().map(row).collect(),
     };
-    let test = Test { id: "cases".into(), description: None, conditions: Conditions::new(), record: Record::Energy(table), line: 0 };
+    let test = Test {
+        id: "cases".into(),
+        description: None,
+        conditions: Conditions::new(),
+        supports: None,
+        record: Record::Energy(table),
+        line: 0,
+    };
     let plan = Plan::new(&test, &system.model)?;
     let computed = plan.evaluate_plain(system, free)?;
     let k = free.len();

@@ -107,10 +107,7 @@ pub fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, free: &[F
             Ok(Found::of(re, im, size, re.value / size, im.value / size))
         }
         Predicted::Sweep { .. } => range(spec, &march(spec, &system, free)?.1),
-        Predicted::Shift { test, against, mode } => {
-            let (a, b) = (in_table(spec, study, test, *mode, &system, free)?, in_table(spec, study, against, *mode, &system, free)?);
-            Ok(Found::of(&a, &b, a.value / b.value - 1.0, 1.0 / b.value, -a.value / b.value.powi(2)))
-        }
+        Predicted::Shift { test, against, mode } => shift(spec, study, (test, against), *mode, &system, free),
         Predicted::Frequency(mode) => mode_of(spec, *mode, false, &system, free),
         Predicted::Damping(mode) => mode_of(spec, *mode, true, &system, free),
     }
@@ -211,23 +208,28 @@ fn march(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<(
     Ok((time, compute(spec, Record::Transient(record), system, free)?))
 }
 
-/// Frequency of a mode as a modal test pairs it.
-fn in_table(
+/// Relative shift of the frequency of a mode in one modal test against another. The mode is paired as the other test pairs it, and followed by its shape.
+fn shift(
     spec: &PredictionSpec,
     study: &Study,
-    test: &str,
+    (test, against): (&str, &str),
     mode: u32,
     system: &System,
     free: &[FreeParam],
 ) -> Result<Found, PredictError> {
-    let missing = || refused(spec, &format!("test `{test}` pairs no mode {mode} with the model"));
-    let test = study.dataset.test(test).ok_or_else(missing)?;
-    let plan = Plan::new(test, &system.model)?;
-    let block = plan.blocks.iter().find(|b| b.role == "natural_frequency").ok_or_else(missing)?;
-    let row = block.abscissa.iter().position(|m| *m == f64::from(mode)).ok_or_else(missing)? + block.range.start;
-    let computed = plan.evaluate_plain(system, free)?;
-    let n = free.len();
-    Ok(Found { value: computed.values[row], slopes: computed.slopes[row * n..(row + 1) * n].to_vec() })
+    let missing = |test: &str| refused(spec, &format!("test `{test}` pairs no mode {mode} with the model"));
+    let plan = |id: &str| -> Result<(Plan, usize), PredictError> {
+        let plan = Plan::new(study.dataset.test(id).ok_or_else(|| missing(id))?, &system.model)?;
+        let block = plan.blocks.iter().find(|b| b.role == "natural_frequency").ok_or_else(|| missing(id))?;
+        let row = block.abscissa.iter().position(|m| *m == f64::from(mode)).ok_or_else(|| missing(id))? + block.range.start;
+        Ok((plan, row))
+    };
+    let ((other, there), (own, here)) = (plan(against)?, plan(test)?);
+    // Computed, times measured over computed of the other test; how well a shift is known does not matter here.
+    let computed = own.shifted_against(&other, 1.0, |m| m == f64::from(mode)).evaluate_plain(system, free)?;
+    let (n, measured) = (free.len(), other.measured[there].exp());
+    let slopes = computed.slopes[here * n..(here + 1) * n].iter().map(|d| d / measured).collect();
+    Ok(Found { value: computed.values[here] / measured - 1.0, slopes })
 }
 
 /// The structure without its measuring channels: a prediction is of the thing, not of the rig. The channel effects stay in the list, so

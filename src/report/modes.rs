@@ -6,6 +6,8 @@ use num_complex::Complex64;
 
 use crate::data::modal_fit::{ModalFit, mac};
 use crate::data::{Record, Test};
+use crate::diagnose::results::words;
+use crate::diagnose::{Telling, mode_energies};
 use crate::engine::modal::{Mode, Range, modes};
 use crate::explain::Explain;
 use crate::model::{Bound, System};
@@ -35,7 +37,7 @@ struct Drawn {
 
 /// Tables, diagrams and pictures; empty where nothing measured speaks of modes.
 pub fn section(input: &ReportInput, charts: &mut Charts) -> String {
-    let system = input.system.unwrap_or(&input.study.system);
+    let system = &*input.system.unwrap_or(&input.study.system).shaped();
     let tests = &input.study.dataset.tests;
     let (mut out, mut drawn) = (String::new(), vec![]);
     for t in tests.iter().filter(|t| matches!(t.record, Record::Modal(_))).take(MOST) {
@@ -108,7 +110,16 @@ fn stated(system: &System, t: &Test, drawn: &mut Vec<Drawn>, charts: &mut Charts
     let header = ["Mode", "Family", "Measured [Hz], 95 %", "Computed [Hz]", "Deviation", "Damping measured", "Damping computed"];
     let bars = bars(&pairs, charts, &format!("Natural frequencies{}", heading(t)));
     drawn.push(Drawn { conditions: heading(t), modes: found.found, families: found.families, measured });
-    format!("{title}{}<div class=\"figures\">{bars}</div>", table("", &header, &[2, 3, 4, 5, 6], &rows))
+    let energy = energies(&plan, system);
+    format!("{title}{}<div class=\"figures\">{bars}</div>{energy}", table("", &header, &[2, 3, 4, 5, 6], &rows))
+}
+
+/// Where the energy of the modes is, and which of them a fixture holds.
+fn energies(plan: &Plan, system: &System) -> String {
+    let modes = mode_energies(plan, system, &Telling::default());
+    let rows: Vec<Vec<String>> = modes.iter().map(|m| vec![m.mode.to_string(), esc(&words(&m.strain)), esc(&words(&m.kinetic))]).collect();
+    let findings: String = modes.iter().filter_map(|m| m.finding.as_ref()).map(|f| format!("<p>{}</p>", esc(f))).collect();
+    table("Where the energy of the modes is", &["Mode", "Strain energy", "Kinetic energy"], &[], &rows) + &findings
 }
 
 /// Measured and computed frequencies side by side, as the paper's Fig. 14.

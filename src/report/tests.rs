@@ -149,6 +149,7 @@ fn result(id: &str, kind: &str, split: SplitName, curve: Curve) -> TestResult {
         largest_difference: vec![LargestDifference { channel: curve.label.clone(), over: "range", fraction: curve.largest_difference() }],
         factors: if curve.kind == BlockKind::Table { vec![factor(&curve.label)] } else { vec![] },
         constant_damping: None,
+        modes: vec![],
         curves: vec![curve],
     }
 }

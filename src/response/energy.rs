@@ -280,6 +280,12 @@ impl EnergyPlan {
         Ok(out)
     }
 
+    /// Moves a condition of the rows that have it at `value`.
+    pub(super) fn beside(&mut self, condition: &str, value: f64, by: f64) {
+        let of = self.rows.iter_mut().filter_map(|r| r.conditions.get_mut(condition));
+        of.filter(|c| **c == value).for_each(|c| *c += by);
+    }
+
     pub(super) fn amplitudes(&self, system: &System, plan: &Plan) -> Result<Vec<Amplitude>, ResponseError> {
         let mut widest = vec![Amplitude::default(); system.model.places.len()];
         for row in &self.rows {

@@ -10,6 +10,7 @@ mod energy;
 mod error;
 mod family;
 mod frf;
+mod geometry;
 mod modal;
 mod settling;
 mod site;
@@ -90,6 +91,8 @@ pub struct Plan {
     pub conditions: BTreeMap<String, f64>,
     /// The units that they are stated in.
     pub condition_units: BTreeMap<String, Unit>,
+    /// Standard deviations of the conditions that state one [SI].
+    pub condition_sigmas: BTreeMap<String, f64>,
     /// Measured values, block after block [SI].
     pub measured: Vec<f64>,
     /// Standard deviation of each.
@@ -161,6 +164,7 @@ impl Plan {
             id: test.id.clone(),
             kind: test.kind(),
             conditions,
+            condition_sigmas: test.conditions.iter().filter_map(|(k, c)| Some((k.clone(), c.sigma?))).collect(),
             condition_units: test.conditions.iter().map(|(k, c)| (k.clone(), c.unit.clone())).collect(),
             measured: vec![],
             sigma: vec![],
@@ -207,6 +211,36 @@ impl Plan {
         }
         self.left_out.extend(&rows);
         !rows.is_empty()
+    }
+
+    /// A modal table whose frequencies are compared as shifts against those of another one, of the modes that `wanted` takes and both have, with the relative
+    /// deviation `sigma`: what is computed is multiplied by measured / computed of the other test. Other tests as they are.
+    pub fn shifted_against(mut self, other: &Plan, sigma: f64, wanted: impl Fn(f64) -> bool) -> Plan {
+        let (Work::Modal(own), Work::Modal(there)) = (&self.work, &other.work) else { return self };
+        let shifted = own.against(&self, there, other, wanted);
+        let rows = shifted.shifted();
+        self.work = Work::Modal(shifted);
+        let Some(block) = self.blocks.iter().find(|b| b.role == "natural_frequency") else { return self };
+        let modes: Vec<String> = rows.iter().map(|k| block.abscissa[*k].to_string()).collect();
+        rows.iter().for_each(|k| self.sigma[block.range.start + k] = sigma);
+        self.notes.push(format!(
+            "the frequencies of modes {} are compared as shifts against `{}`, to {:.3} %: computed, times measured over computed there",
+            modes.join(", "),
+            other.id,
+            100.0 * sigma
+        ));
+        self
+    }
+
+    /// The same test with a condition that lies `by` [SI] beside where it is stated, in rows of a table that have it from the test as well.
+    pub fn beside(&self, condition: &str, by: f64) -> Plan {
+        let mut plan = self.clone();
+        let Some(value) = plan.conditions.get_mut(condition) else { return plan };
+        if let Work::Energy(table) = &mut plan.work {
+            table.beside(condition, *value, by);
+        }
+        *value += by;
+        plan
     }
 
     /// Number of measured values.
@@ -284,30 +318,36 @@ impl Plan {
 
     /// Runs the engine.
     pub fn evaluate(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Computed, ResponseError> {
+        geometry::through(system, free, sensitivities, |system, sensitivities| self.run(system, free, sensitivities))
+    }
+
+    /// The same of a system whose parts lie where they are drawn.
+    fn run(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Computed, ResponseError> {
         let named = |source| ResponseError::Engine { test: self.id.clone(), source };
         match &self.work {
             Work::Cycle(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
             Work::Frf(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
             Work::Transient(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
             Work::Energy(w) => w.evaluate(system, free, self, sensitivities, TableForm::Logarithms),
-            Work::Modal(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities, TableForm::Logarithms),
+            Work::Modal(w) => w.evaluate(system, free, self, sensitivities, TableForm::Logarithms),
         }
     }
 
     /// As [`Plan::evaluate`] with sensitivities, but the rows of a table as they are, not as logarithms: a model without losses
     /// dissipates 0 J and has modes of damping 0.
     pub fn evaluate_plain(&self, system: &System, free: &[FreeParam]) -> Result<Computed, ResponseError> {
-        match &self.work {
-            Work::Energy(w) => w.evaluate(system, free, self, true, TableForm::Plain),
-            Work::Modal(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, true, TableForm::Plain),
-            _ => self.evaluate(system, free, true),
-        }
+        geometry::through(system, free, true, |system, sensitivities| match &self.work {
+            Work::Energy(w) => w.evaluate(system, free, self, sensitivities, TableForm::Plain),
+            Work::Modal(w) => w.evaluate(system, free, self, sensitivities, TableForm::Plain),
+            _ => self.run(system, free, sensitivities),
+        })
     }
 
     /// The modes of the system beside the rows of a modal table; `None` for another kind of test.
     pub fn modes(&self, system: &System) -> Result<Option<TableModes>, ResponseError> {
+        let system = &*system.shaped();
         match &self.work {
-            Work::Modal(w) => w.modes(&system.model, &self.bind(system, &[])?, self).map(Some),
+            Work::Modal(w) => w.modes(system, self).map(Some),
             _ => Ok(None),
         }
     }
@@ -316,12 +356,14 @@ impl Plan {
     /// limit.
     pub fn modes_within(&self, system: &System) -> Option<usize> {
         let Work::Frf(frf) = &self.work else { return None };
+        let system = &*system.shaped();
         let ((low, high), bound) = (frf.band(), self.bind(system, &[]).ok()?);
         modal_modes(&system.model, &bound, Range::Band(low, high), false).ok().map(|modes| modes.len())
     }
 
     /// Amplitudes at every place under this test; `None` for tests that declare none.
     pub fn amplitudes(&self, system: &System) -> Result<Option<Vec<Amplitude>>, ResponseError> {
+        let system = &*system.shaped();
         let named = |source| ResponseError::Engine { test: self.id.clone(), source };
         let bound = self.bind(system, &[])?;
         match &self.work {
@@ -337,6 +379,7 @@ impl Plan {
     /// `enough`: what may be left, in units of sigma.
     pub fn transient(&self, system: &System, enough: f64) -> Result<Option<Transient>, ResponseError> {
         let Work::Cycle(cycle) = &self.work else { return Ok(None) };
+        let system = &*system.shaped();
         let named = |source| ResponseError::Engine { test: self.id.clone(), source };
         settling::transient(cycle, &system.model, &self.bind(system, &[])?, self, enough).map_err(named)
     }

@@ -3,10 +3,15 @@
 //! Where the rows state families, the first mode of a family in the table is the first of that family in the model, and so on; else the
 //! numbers of the rows count the modes of the model. Rigid-body modes are never in a table.
 
+use std::collections::BTreeMap;
+
+use num_complex::Complex64;
+
+use crate::data::modal_fit::mac;
 use crate::data::{ModalTable, ModeRow};
 use crate::engine::EngineError;
-use crate::engine::modal::{Mode, Range, modes};
-use crate::model::{Bound, Model};
+use crate::engine::modal::{Mode, Range, Shares, modes, shares};
+use crate::model::{Bound, FreeParam, Model, System};
 
 use super::family::Family;
 use super::{Block, BlockKind, Computed, Plan, ResponseError, TableForm};
@@ -14,7 +19,18 @@ use super::{Block, BlockKind, Computed, Plan, ResponseError, TableForm};
 /// A modal table made ready.
 #[derive(Clone, Debug)]
 pub struct ModalPlan {
-    rows: Vec<Row>,
+    rows: ModalRows,
+    against: Option<Against>,
+}
+
+/// Another table, against whose frequencies those of a table are compared as shifts.
+#[derive(Clone, Debug)]
+struct Against {
+    id: String,
+    conditions: BTreeMap<String, f64>,
+    rows: ModalRows,
+    /// For every row of the table, the row of the other with its mode and the logarithm of the frequency measured there.
+    same: Vec<Option<(usize, f64)>>,
 }
 
 /// The modes of a model against a table.
@@ -26,7 +42,16 @@ pub struct TableModes {
     pub families: Vec<Family>,
     /// Which of them each row of the table is, in the order of the test's values.
     pub rows: Vec<usize>,
+    /// Where the energy of each of `found` is.
+    pub shares: Vec<Shares>,
 }
+
+/// The rows of a table.
+#[derive(Clone, Debug)]
+struct ModalRows(Vec<Row>);
+
+/// Role of the block of natural frequencies.
+const FREQUENCY: &str = "natural_frequency";
 
 /// The mode of a row by its order from the lowest, in its family where it states one.
 #[derive(Clone, Copy, Debug)]
@@ -98,24 +123,48 @@ impl ModalPlan {
             };
             plan.add_block(block, std::mem::take(&mut values[k]), std::mem::take(&mut sigmas[k]));
         }
-        Ok(ModalPlan { rows })
+        Ok(ModalPlan { rows: ModalRows(rows), against: None })
+    }
+
+    /// The same table with its frequencies compared as shifts against `other`, of the modes that `wanted` takes and that both tables have: what is computed is
+    /// multiplied by measured / computed frequency of the other test, so that an error that both have in common falls out.
+    pub(super) fn against(&self, own: &Plan, other: &ModalPlan, plan: &Plan, wanted: impl Fn(f64) -> bool) -> ModalPlan {
+        let frequencies = |p: &Plan| p.blocks.iter().find(|b| b.role == FREQUENCY).cloned();
+        let (Some(here), Some(there)) = (frequencies(own), frequencies(plan)) else { return self.clone() };
+        let row = |mode: &f64| {
+            let k = there.abscissa.iter().position(|m| m == mode).filter(|_| wanted(*mode))?;
+            Some((k, plan.measured[there.range.start + k]))
+        };
+        let same = here.abscissa.iter().map(row).collect();
+        let against = Against { id: plan.id.clone(), conditions: plan.conditions.clone(), rows: other.rows.clone(), same };
+        ModalPlan { rows: self.rows.clone(), against: Some(against) }
+    }
+
+    /// Rows that are compared as shifts.
+    pub(super) fn shifted(&self) -> Vec<usize> {
+        self.against.iter().flat_map(|a| a.same.iter().enumerate().filter(|s| s.1.is_some()).map(|s| s.0)).collect()
     }
 
     pub(super) fn periods(&self) -> (f64, f64) {
-        let periods = self.rows.iter().map(|r| r.frequency.recip());
+        let periods = self.rows.0.iter().map(|r| r.frequency.recip());
         periods.fold((f64::INFINITY, 0.0), |(lo, hi), t| (lo.min(t), hi.max(t)))
     }
 
     pub(super) fn evaluate(
         &self,
-        model: &Model,
-        bound: &Bound,
+        system: &System,
+        free: &[FreeParam],
         plan: &Plan,
         sensitivities: bool,
         form: TableForm,
     ) -> Result<Computed, ResponseError> {
         let plain = form == TableForm::Plain;
-        let (found, pairs) = self.pair(model, bound, plan, sensitivities)?;
+        let bound = plan.bind(system, free)?;
+        let (found, mut pairs) = self.rows.pair(&system.model, &bound, &plan.id, sensitivities)?;
+        let reference = self.against.as_ref().map(|a| a.modes(system, free, sensitivities)).transpose()?;
+        if let (Some(against), Some(reference)) = (&self.against, &reference) {
+            against.follow(&system.model, reference, &found, &mut pairs);
+        }
         let n_free = if sensitivities { bound.n_free } else { 0 };
         let mut out = Computed::default();
         for &mode in &pairs {
@@ -124,7 +173,10 @@ impl ModalPlan {
             out.values.push(if plain { f } else { f.ln() });
             out.slopes.extend((0..n_free).map(|k| if plain { m.frequency_slope(k) } else { m.frequency_slope(k) / f }));
         }
-        for (&mode, _) in pairs.iter().zip(&self.rows).filter(|(_, r)| r.damping) {
+        if let (Some(against), Some(reference)) = (&self.against, &reference) {
+            against.take_out(reference, n_free, plain, &mut out);
+        }
+        for (&mode, _) in pairs.iter().zip(&self.rows.0).filter(|(_, r)| r.damping) {
             let m = &found[mode];
             if plain {
                 out.values.push(m.damping);
@@ -140,32 +192,85 @@ impl ModalPlan {
     }
 
     /// The modes of the model beside the rows of the table.
-    pub(super) fn modes(&self, model: &Model, bound: &Bound, plan: &Plan) -> Result<TableModes, ResponseError> {
-        let (found, rows) = self.pair(model, bound, plan, false)?;
-        let families = found.iter().map(|m| Family::of(model, &m.shape)).collect();
-        Ok(TableModes { found, families, rows })
+    pub(super) fn modes(&self, system: &System, plan: &Plan) -> Result<TableModes, ResponseError> {
+        let bound = plan.bind(system, &[])?;
+        let (found, mut rows) = self.rows.pair(&system.model, &bound, &plan.id, false)?;
+        if let Some(against) = &self.against {
+            against.follow(&system.model, &against.modes(system, &[], false)?, &found, &mut rows);
+        }
+        let families = found.iter().map(|m| Family::of(&system.model, &m.shape)).collect();
+        let shares = shares(&system.model, &bound, &found).map_err(|source| ResponseError::Engine { test: plan.id.clone(), source })?;
+        Ok(TableModes { found, families, rows, shares })
+    }
+}
+
+/// Modes of a model, and which of them each row of a table is.
+type Paired = (Vec<Mode>, Vec<usize>);
+
+impl Against {
+    /// The modes of the model in the other test.
+    fn modes(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Paired, ResponseError> {
+        let bound = Bound::new(system, free, &self.id, &self.conditions)?;
+        self.rows.pair(&system.model, &bound, &self.id, sensitivities)
     }
 
+    /// A mode that shifts stays the mode it was: the one whose shape is most like that of the other test (MAC, weighted by the square roots of the masses),
+    /// where one is more like it than not and no other row has it.
+    fn follow(&self, model: &Model, (modes, rows): &Paired, found: &[Mode], pairs: &mut [usize]) {
+        let weighted = |m: &Mode| m.shape.iter().zip(&model.dofs).map(|(x, d)| x * d.mass.max(0.0).sqrt()).collect::<Vec<Complex64>>();
+        let shapes: Vec<Vec<Complex64>> = found.iter().map(weighted).collect();
+        let mut best: Vec<(usize, usize, f64)> = Vec::new();
+        for (i, (k, _)) in self.same.iter().enumerate().filter_map(|(i, s)| Some((i, (*s)?))) {
+            let there = weighted(&modes[rows[k]]);
+            best.extend(shapes.iter().enumerate().map(|(m, shape)| (i, m, mac(&there, shape))).filter(|b| b.2 > ALIKE));
+        }
+        for (i, m, _) in best {
+            if pairs.iter().enumerate().all(|(j, p)| j == i || *p != m || self.same[j].is_some()) {
+                pairs[i] = m;
+            }
+        }
+    }
+
+    /// Multiplies frequencies (adds to their logarithms) what the other test was measured at over what is computed of it.
+    fn take_out(&self, (modes, rows): &Paired, n_free: usize, plain: bool, out: &mut Computed) {
+        for (i, (k, measured)) in self.same.iter().enumerate().filter_map(|(i, s)| Some((i, (*s)?))) {
+            let mode = &modes[rows[k]];
+            let f = mode.frequency_hz;
+            let factor = if plain { (measured - f.ln()).exp() } else { 1.0 };
+            let before = out.values[i];
+            out.values[i] = if plain { before * factor } else { before + measured - f.ln() };
+            for (p, slope) in out.slopes[i * n_free..(i + 1) * n_free].iter_mut().enumerate() {
+                let common = mode.frequency_slope(p) / f;
+                *slope = factor * (*slope - common * if plain { before } else { 1.0 });
+            }
+        }
+    }
+}
+
+/// MAC beyond which two shapes are the same mode: no other of an orthogonal set can have as much of it.
+const ALIKE: f64 = 0.5;
+
+impl ModalRows {
     /// The modes of the model, and which of them each row is.
-    fn pair(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<(Vec<Mode>, Vec<usize>), ResponseError> {
-        let named = |source: EngineError| ResponseError::Engine { test: plan.id.clone(), source };
-        let mut count = self.rows.iter().map(|r| r.order + 1).max().unwrap_or(0).max(self.rows.len());
+    fn pair(&self, model: &Model, bound: &Bound, id: &str, sensitivities: bool) -> Result<Paired, ResponseError> {
+        let named = |source: EngineError| ResponseError::Engine { test: id.into(), source };
+        let mut count = self.0.iter().map(|r| r.order + 1).max().unwrap_or(0).max(self.0.len());
         loop {
             let mut found = modes(model, bound, Range::Lowest(count), sensitivities).map_err(named)?;
             let all = found.len() < count || count >= model.dofs.len();
             found.retain(|m| m.frequency_hz > 0.0);
             let families: Vec<Family> = found.iter().map(|m| Family::of(model, &m.shape)).collect();
             let of = |row: &Row| (0..found.len()).filter(|k| row.family.is_none_or(|f| families[*k] == f)).nth(row.order);
-            let pairs: Vec<Option<usize>> = self.rows.iter().map(of).collect();
+            let pairs: Vec<Option<usize>> = self.0.iter().map(of).collect();
             if let Some(pairs) = pairs.iter().copied().collect::<Option<Vec<usize>>>() {
                 return Ok((found, pairs));
             }
             if all {
-                let row = self.rows.iter().zip(&pairs).find(|(_, p)| p.is_none()).map_or(&self.rows[0], |(r, _)| r);
+                let row = self.0.iter().zip(&pairs).find(|(_, p)| p.is_none()).map_or(&self.0[0], |(r, _)| r);
                 let kind = row.family.map_or("flexible", Family::word);
                 let there = families.iter().filter(|f| row.family.is_none_or(|r| r == **f)).count();
                 let message = format!("modes cannot be paired: the model has {there} {kind} modes");
-                return Err(ResponseError::invalid(&plan.id, message, format!("at least {}", row.order + 1)));
+                return Err(ResponseError::invalid(id, message, format!("at least {}", row.order + 1)));
             }
             count = (2 * count).min(model.dofs.len());
         }

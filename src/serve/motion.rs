@@ -19,6 +19,7 @@ const MOST: usize = 12;
 /// Laws without a small motion, and massless bodies that nothing holds.
 pub fn lowest(study: &Study, system: &crate::model::System, test: Option<&str>) -> Result<Value, Failure> {
     let at = Stand::of(study, test)?;
+    let system = &*system.shaped();
     let bound = Bound::new(system, &[], &at.test, &at.conditions)?;
     let mut all = modes(&system.model, &bound, Range::Lowest(MOST), false)?;
     all.retain(|m| m.frequency_hz > 0.0 && m.shape.iter().all(|x| x.re.is_finite() && x.im.is_finite()));

@@ -9,6 +9,7 @@ use crate::report::outline;
 
 /// Bodies with their places on the page, connectors between them, and the effects of the model.
 pub fn structure(system: &System) -> Value {
+    let system = &*system.shaped();
     let model = &system.model;
     let at = positions(model);
     let ends: BTreeMap<usize, [(f64, f64); 2]> = outline(model).into_iter().collect();
@@ -39,11 +40,11 @@ fn effect(model: &Model, i: &Instance) -> Value {
     json!({ "effect": i.name(), "at": i.at, "places": places(model, i), "values": params, "equation": i.effect.info().equation })
 }
 
-/// Names of the places of an effect; none of one that acts on a channel.
+/// Names of the places of an effect; none of one that acts on a channel or on the geometry.
 pub fn places(model: &Model, i: &Instance) -> Vec<String> {
     match &i.site {
         Site::Places(list) => list.iter().map(|p| model.place_name(*p)).collect(),
-        Site::Channel(_) => vec![],
+        Site::Channel(_) | Site::Outline(_) => vec![],
     }
 }
 

@@ -219,11 +219,11 @@ pub(super) fn target_of(
         .ok_or_else(|| ModelError::no_such("parameter", of, known.into_iter().map(|k| k.0)))
 }
 
-/// The places of a site; none for a channel.
+/// The places of a site; none for a channel and for the geometry.
 fn places_of(site: &Site) -> &[usize] {
     match site {
         Site::Places(places) => places,
-        Site::Channel(_) => &[],
+        Site::Channel(_) | Site::Outline(_) => &[],
     }
 }
 

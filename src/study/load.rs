@@ -8,7 +8,9 @@ use crate::explain::Explain;
 use crate::identify::{Constraints, Prior};
 use crate::model::{FreeParam, Instance, Site, System, Target, held};
 
-use super::{CoefficientOf, FitSettings, GraphSpec, LeaveOut, OrderSpec, PredictionSpec, SearchSettings, Split, StudyError, ToleranceSpec};
+use super::{
+    CoefficientOf, FitSettings, GraphSpec, LeaveOut, OrderSpec, PredictionSpec, SearchSettings, ShiftOf, Split, StudyError, ToleranceSpec,
+};
 use super::{channels, effects, graph, mechanism, orders, prediction, settings, site, tolerance};
 
 /// A study: model, measurements, and what is to be done with them.
@@ -32,6 +34,8 @@ pub struct Study {
     pub split: Split,
     /// Rows of tables that are compared with nothing.
     pub leave_out: Vec<LeaveOut>,
+    /// Modal tests that are compared by their shifts.
+    pub shifts: Vec<ShiftOf>,
     /// Monotone orders.
     pub orders: Vec<OrderSpec>,
     /// Options of the fit.
@@ -49,7 +53,7 @@ pub struct Study {
     pub rungs: Vec<PathBuf>,
 }
 
-const KEYS: [&str; 21] = [
+const KEYS: [&str; 22] = [
     "schema",
     "title",
     "dataset",
@@ -57,6 +61,7 @@ const KEYS: [&str; 21] = [
     "assumptions",
     "split",
     "leave_out",
+    "shift",
     "fit",
     "search",
     "body",
@@ -109,7 +114,8 @@ impl Study {
         root.only(&KEYS)?;
         schema(&root)?;
         let folder = folder_of(toml.path());
-        let (graph, model) = graph::read(&root)?;
+        let (graph, mut model) = graph::read(&root)?;
+        mechanism::supported(&mut model, &dataset)?;
         channels::check(&dataset, &model)?;
         let split = settings::split(&root, &dataset)?;
         let mut instances = effects::read(&root, &model, &dataset)?;
@@ -130,6 +136,7 @@ impl Study {
             split,
             orders,
             leave_out: settings::leave_out(&root, &dataset)?,
+            shifts: settings::shifts(&root, &dataset)?,
             fit: settings::fit(&root)?,
             search: settings::search(&root, &system.model, &dataset)?,
             assumptions: root.optional("assumptions", |v| v.strings())?.unwrap_or_default().into_iter().map(str::to_string).collect(),

@@ -3,6 +3,38 @@
 use crate::data::{Dataset, Record, Test};
 use crate::model::{Model, ModelError};
 
+/// Leaves out, in the tests that say which supports they have, the connectors to the ground that they do not name.
+///
+/// # Errors
+/// A name that is no connector to the ground, and a connector that the study says is absent in a test that names it.
+pub(super) fn supported(model: &mut Model, dataset: &Dataset) -> Result<(), ModelError> {
+    let still = |body: usize| model.bodies[body].free.is_empty();
+    let grounded: Vec<usize> = (0..model.declared).filter(|c| still(model.connectors[*c].from) != still(model.connectors[*c].to)).collect();
+    let mut absent: Vec<(usize, Vec<String>)> = Vec::new();
+    for (test, named) in dataset.tests.iter().filter_map(|t| Some((t, t.supports.as_ref()?))) {
+        let name = |c: &usize| model.connectors[*c].name.clone();
+        if let Some(odd) = named.iter().find(|n| !grounded.iter().any(|c| name(c) == **n)) {
+            return Err(ModelError::no_such("support (connector to the ground)", odd, grounded.iter().map(name)));
+        }
+        for c in &grounded {
+            match (named.contains(&name(c)), model.present(*c, &test.id)) {
+                (true, false) => {
+                    let message = format!("test `{}` has the support `{}`, and the study says it is absent there", test.id, name(c));
+                    return Err(ModelError::invalid(
+                        &test.id,
+                        message,
+                        "`absent` of the connector without this test, or `supports` without it",
+                    ));
+                }
+                (false, true) => absent.push((*c, vec![test.id.clone()])),
+                _ => {}
+            }
+        }
+    }
+    model.absent.extend(absent);
+    Ok(())
+}
+
 /// What a spatial model and a dataset ask of each other: tests that `absent` names are there, and a part that is free along an axis has
 /// inertia along it where a test needs that.
 pub(super) fn against(model: &Model, dataset: &Dataset) -> Result<(), ModelError> {

@@ -12,6 +12,7 @@
 //! | `folder = "../raw"` | where the raw files lie, if not where dataset.toml says; `--data` goes before it |
 //! | `split = { select = [...], held_out = [...] }` | test ids; every other test is fitted |
 //! | `[[leave_out]]` | `test`, `quantity` (natural_frequency, modal_damping), `mode`, `why`: a row that is computed and compared with nothing |
+//! | `[[shift]]` | `test`, `against`, `sigma`: a modal test whose frequencies are compared as shifts against those of another |
 //! | `fit = { loss, width, max_iterations, starts, points, frf_tolerance }` | loss: squares, huber, soft_l1, cauchy; width in units of the noise; points of a loop that are compared; part of \|H\| that the model of an FRF may be off by itself, beside the noise |
 //! | `search = { effects, places, max_added, slack }` | what the search for missing effects may try; beside these its constants, by the names of [`crate::diagnose::Settings`], such as `model_error_least`, `scatter_most`, `facts_most` |
 //! | `[[body]]` | `name`, `fixed = true` or `free = ["x", ...]`, `mass` (or `{ start, min, max, slack }`), `inertia`, `count` (then `name1` ... ) |
@@ -68,7 +69,7 @@ pub use load::Study;
 pub use orders::OrderSpec;
 pub use parts::{Assembly, Band, Banded, Parts, SynthesisSpec};
 pub use prediction::{CycleQuantity, Predicted, PredictionSpec};
-pub use settings::{FitSettings, LeaveOut, SearchSettings, Split};
+pub use settings::{FitSettings, LeaveOut, SearchSettings, ShiftOf, Split};
 pub use tolerance::{CaseCondition, ToleranceSpec, ToleranceTable};
 
 #[cfg(test)]

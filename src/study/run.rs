@@ -19,7 +19,7 @@ use crate::identify::Tolerances;
 use crate::model::{Instance, Site, System};
 use crate::response::{self, BlockKind, Plan};
 
-use super::{Study, StudyError, formula};
+use super::{LeaveOut, Study, StudyError, formula};
 
 /// What the dataset's instruments may err by.
 fn tolerances(stated: &crate::data::Instruments) -> response::Tolerances {
@@ -41,6 +41,15 @@ impl Case {
             let mut plan = Plan::new(test, &study.system.model)?;
             for left in study.leave_out.iter().filter(|l| l.test == test.id) {
                 plan.leave_out(left.quantity, f64::from(left.mode), &left.why);
+            }
+            for shift in study.shifts.iter().filter(|s| s.test == test.id) {
+                let Some(other) = study.dataset.test(&shift.against) else { continue };
+                // What the other test has left out says nothing of a shift.
+                let out = |mode: f64| {
+                    let of = |l: &LeaveOut| l.test == shift.against && l.quantity == "natural_frequency" && f64::from(l.mode) == mode;
+                    study.leave_out.iter().any(of)
+                };
+                plan = plan.shifted_against(&Plan::new(other, &study.system.model)?, shift.sigma, |mode| !out(mode));
             }
             plan.tolerances = tolerances(&study.dataset.instruments);
             if let Some(points) = study.fit.points {

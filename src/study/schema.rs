@@ -45,6 +45,8 @@ struct StudyFile {
     split: Option<Split>,
     /// Rows of modal tables that are compared with nothing.
     leave_out: Option<Vec<LeaveOut>>,
+    /// Modal tests whose natural frequencies are compared as shifts against those of another.
+    shift: Option<Vec<ShiftOf>>,
     /// How the model is fitted.
     fit: Option<Fit>,
     /// What the search for missing effects may try.
@@ -89,6 +91,17 @@ struct Split {
 enum ModalQuantity {
     NaturalFrequency,
     ModalDamping,
+}
+
+#[derive(JsonSchema)]
+#[schemars(deny_unknown_fields)]
+struct ShiftOf {
+    /// Id of a modal test.
+    test: String,
+    /// Id of the test it shifts against.
+    against: String,
+    /// Relative deviation of a shift.
+    sigma: Quantity,
 }
 
 #[derive(JsonSchema)]

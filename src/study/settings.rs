@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use crate::data::toml_strict::{TableView, TomlError, TomlProblem, ValueView, nearest};
-use crate::data::{Dataset, Record};
+use crate::data::{Dataset, ModalTable, Record};
 use crate::diagnose::{STATED, Settings};
 use crate::effect::{self, Effect};
 use crate::identify::Loss;
 use crate::model::Model;
+use crate::units::Dimension;
 
 use super::error::at;
 use super::site;
@@ -83,17 +84,67 @@ pub struct LeaveOut {
     pub why: String,
 }
 
+/// A modal test whose natural frequencies are compared as shifts against those of another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShiftOf {
+    /// Test id.
+    pub test: String,
+    /// The other one.
+    pub against: String,
+    /// Relative deviation of a shift.
+    pub sigma: f64,
+}
+
+/// The rows of a modal test that a table names.
+fn modal<'a>(value: &ValueView<'_>, dataset: &'a Dataset) -> Result<(&'a str, &'a ModalTable), TomlError> {
+    let name = value.string()?;
+    let found = dataset.test(name).and_then(|t| if let Record::Modal(m) = &t.record { Some((t.id.as_str(), m)) } else { None });
+    found.ok_or_else(|| {
+        let modal = dataset.tests.iter().filter(|t| matches!(t.record, Record::Modal(_)));
+        unknown(value, "modal test", name, modal.map(|t| t.id.as_str()))
+    })
+}
+
+/// Reads every `[[shift]]`.
+pub(super) fn shifts(root: &TableView<'_>, dataset: &Dataset) -> Result<Vec<ShiftOf>, TomlError> {
+    let mut list: Vec<ShiftOf> = Vec::new();
+    for table in root.tables("shift")? {
+        table.only(&["test", "against", "sigma"])?;
+        let value = table.require("test", "the id of a modal test")?;
+        let (test, own) = modal(&value, dataset)?;
+        let other = table.require("against", "the id of another modal test")?;
+        let (against, rows) = modal(&other, dataset)?;
+        if test == against {
+            return Err(other.refuse(format!("test `{test}` does not shift against itself"), "another modal test"));
+        }
+        if list.iter().any(|s| s.test == test) {
+            return Err(value.refuse(format!("the shifts of `{test}` stand twice"), "one [[shift]] for each test"));
+        }
+        if list.iter().any(|s| s.test == against || s.against == test) {
+            return Err(
+                other.refuse("shifts against a test that is itself compared by its shifts", "all against one test, compared as it is")
+            );
+        }
+        if !own.rows.iter().any(|r| rows.rows.iter().any(|o| o.mode == r.mode)) {
+            return Err(other.refuse(format!("`{test}` and `{against}` have no mode in common"), "tables with modes of the same numbers"));
+        }
+        let value = table.require("sigma", "\"0.15 %\", how well a shift is known")?;
+        let sigma = value.quantity(Dimension::DIMENSIONLESS)?.value;
+        if !(sigma > 0.0 && sigma < 1.0) {
+            return Err(value.refuse(format!("a deviation of {sigma}"), "above 0 and below 100 %"));
+        }
+        list.push(ShiftOf { test: test.into(), against: against.into(), sigma });
+    }
+    Ok(list)
+}
+
 /// Reads every `[[leave_out]]`.
 pub(super) fn leave_out(root: &TableView<'_>, dataset: &Dataset) -> Result<Vec<LeaveOut>, TomlError> {
     let words = [("natural_frequency", "natural_frequency"), ("modal_damping", "modal_damping")];
     let one = |table: &TableView<'_>| {
         table.only(&["test", "quantity", "mode", "why"])?;
         let value = table.require("test", "the id of a modal test")?;
-        let test = value.string()?;
-        let Some(Record::Modal(modes)) = dataset.test(test).map(|t| &t.record) else {
-            let modal = dataset.tests.iter().filter(|t| matches!(t.record, Record::Modal(_)));
-            return Err(unknown(&value, "modal test", test, modal.map(|t| t.id.as_str())));
-        };
+        let (test, modes) = modal(&value, dataset)?;
         let quantity = table.require("quantity", "natural_frequency or modal_damping")?.word("quantity", &words)?;
         let value = table.require("mode", "1, 2, ...")?;
         let mode = value.integer(1, 1_000_000)? as u32;

@@ -56,6 +56,15 @@ pub(super) fn resolve(finder: &Finder, dataset: &Dataset, effect: &Effect, at: &
             }
         };
     }
+    if let Effect::Geometry(law) = effect {
+        return match at {
+            [one] => finder.model.outline(law.moves(), one).map(Site::Outline).map_err(|e| (0, e)),
+            _ => {
+                let message = format!("`{}` moves one chain or point, and {} are named", info.name, at.len());
+                Err((1, ModelError::invalid(at.join(","), message, "one [[effect]] for each")))
+            }
+        };
+    }
     finder.all_places(at).map(Site::Places)
 }
 
@@ -107,5 +116,6 @@ pub(super) fn nature(model: &Model, dataset: &Dataset, site: &Site) -> (bool, Di
             .flat_map(|t| channels(t).into_iter().map(move |c| (t, c)))
             .find(|(t, c)| site.covers(&t.id, c.role))
             .map_or((false, Dimension::DIMENSIONLESS), |(_, c)| (rotational(&c.at), c.dimension)),
+        Site::Outline(_) => (false, Dimension::DIMENSIONLESS),
     }
 }

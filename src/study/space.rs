@@ -6,7 +6,7 @@ use crate::data::toml_strict::{TableView, TomlError, ValueView};
 use crate::explain::Explain;
 use crate::limits;
 use crate::model::space::rotation::{UNIT, sub};
-use crate::model::space::{Arc, Curve, Frame, Part, Section, Space};
+use crate::model::space::{Arc, Curve, Frame, Part, Section, Space, Stem};
 use crate::model::{Axis, Body, Connector, Model};
 use crate::units::Dimension;
 
@@ -26,6 +26,7 @@ struct Made {
     tables: HashMap<String, usize>,
     /// First body and count of the parts of a stem along the arcs, with their interfaces.
     chains: HashMap<String, (usize, Vec<Frame>)>,
+    stems: Vec<(Stem, Option<Section>)>,
     absent: Vec<(usize, Vec<String>)>,
     attached: Vec<usize>,
 }
@@ -54,7 +55,11 @@ pub(super) fn read(root: &TableView<'_>) -> Result<Model, TomlError> {
         connector(&table, curve.as_ref(), &mut made, &mut names)?;
     }
     let tables = made.tables;
-    let model = Model::spatial(made.bodies, made.connectors, Space { parts: made.parts, frames: made.frames });
+    let model = Model::spatial(
+        made.bodies,
+        made.connectors,
+        Space { parts: made.parts, frames: made.frames, stems: made.stems.into_iter().map(|s| s.0).collect() },
+    );
     let mut model = model.map_err(|e| {
         let place = e.place();
         let line = tables.get(place.split('.').next().unwrap_or_default()).copied();
@@ -145,6 +150,11 @@ fn curve(root: &TableView<'_>) -> Result<Option<Curve>, TomlError> {
             }
         }
     }
+    let swept = curve.as_ref().map_or(0.0, Curve::swept);
+    if let Some(table) = tables.last().filter(|_| swept >= std::f64::consts::TAU) {
+        let message = format!("the arcs turn by {:.1} deg in all: a chain along them meets itself", swept.to_degrees());
+        return Err(table.refuse(message, "less than 360 deg"));
+    }
     Ok(curve)
 }
 
@@ -224,6 +234,7 @@ fn part(table: &TableView<'_>, curve: Option<&Curve>, made: &mut Made, names: &m
         made.tables.insert(name.clone(), table.line());
         made.bodies.push(Body { name, mass: p.mass, inertia: 0.0, free: free.clone() });
     }
+    made.stems.push((Stem { name: name.clone(), first: made.parts.len(), count: n, curve: curve.clone() }, section));
     made.chains.insert(name, (made.parts.len(), frames));
     made.parts.extend(parts);
     Ok(())
@@ -291,6 +302,22 @@ fn move_origin(part: &mut Part, at: [f64; 3]) {
     (part.origin, part.centre) = (at, sub(centre, at));
 }
 
+/// Whether a hinge line lies within a part of a chain: no farther along it than one length from its middle, no farther across it than one thickness and
+/// length. What lies farther is a wrong unit, or another part. Returns how far it is off.
+fn within(made: &Made, part: usize, at: [f64; 3]) -> Result<(), String> {
+    let Some((stem, section)) = made.stems.iter().find(|(s, _)| (s.first..s.first + s.count).contains(&part)) else { return Ok(()) };
+    let length = stem.curve.length() / stem.count as f64;
+    let middle = stem.curve.frame(((part - stem.first) as f64 + 0.5) * length);
+    let d = sub(at, middle.point);
+    let along = |axis: usize| (0..3).map(|i| d[i] * middle.axes[i][axis]).sum::<f64>().abs();
+    let (x, y) = (along(0), along(1));
+    if y <= length && x <= length + section.map_or(0.0, |s| s.thickness) {
+        return Ok(());
+    }
+    let name = &made.bodies[part].name;
+    Err(format!("the hinge line lies {:.3} mm along and {:.3} mm across from the middle of part `{name}`: outside of it", 1e3 * y, 1e3 * x))
+}
+
 fn body(made: &Made, value: &ValueView<'_>) -> Result<usize, TomlError> {
     let name = value.name()?;
     made.bodies
@@ -308,7 +335,10 @@ fn joint(table: &TableView<'_>, curve: Option<&Curve>, made: &mut Made) -> Resul
         return Err(table.refuse(message, "axes that the part and its other joints leave free"));
     }
     if let Some(value) = table.get("at") {
-        move_origin(&mut made.parts[b], place_on(&value, curve)?);
+        let at = place_on(&value, curve)?;
+        within(made, b, at)
+            .map_err(|far| value.refuse(far, "a point of the part: within its length along the chain, and its thickness beside it"))?;
+        move_origin(&mut made.parts[b], at);
     }
     made.bodies[b].free = free;
     Ok(())

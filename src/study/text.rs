@@ -123,6 +123,15 @@ impl Study {
                 quoted(&l.why)
             );
         }
+        for s in &self.shifts {
+            let _ = writeln!(
+                text,
+                "\n[[shift]]\ntest = {}\nagainst = {}\nsigma = \"{} %\"",
+                quoted(&s.test),
+                quoted(&s.against),
+                100.0 * s.sigma
+            );
+        }
         self.settings(&mut text);
         for table in &self.graph.tables {
             let _ = write!(text, "\n{table}");

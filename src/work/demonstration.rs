@@ -85,7 +85,7 @@ fn receptance(instances: Vec<Instance>, omega: &[f64]) -> Option<Vec<Complex64>>
     at_amplitude(&system.model, &bound, omega, 0, FORCE, &[0], false, Settings::default()).ok().map(|r| r.h)
 }
 
-/// The demonstration of an effect; none for a formula, which has no law of its own.
+/// The demonstration of an effect; none for a formula, which has no law of its own, and for a law of the geometry, which needs a structure.
 pub fn demonstrate(effect: &'static Effect) -> Option<Demonstration> {
     let info = effect.info();
     let omega: Vec<f64> = (0..LINES).map(|k| 0.3 * 10f64.powf(k as f64 / (LINES - 1) as f64)).collect();
@@ -126,7 +126,7 @@ pub fn demonstrate(effect: &'static Effect) -> Option<Demonstration> {
             let h = h0.iter().zip(&omega).map(|(h, w)| h * seen(*law, &mild, *w, *h)).collect();
             ("the force of a spring 1 and a damper 0.2, true and as it is read", x, without, with, Some(h))
         }
-        Effect::Formula(_) => return None,
+        Effect::Formula(_) | Effect::Geometry(_) => return None,
     };
     let values = if matches!(effect, Effect::Force(_)) { strong } else { mild };
     let parameters = info.params.iter().map(|p| p.name).zip(values).collect();

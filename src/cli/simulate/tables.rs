@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::data::{Control, EnergyTable, ModalTable, StoredEnergy};
+use crate::data::{Control, EnergyTable, ModalTable, ModeRow, StoredEnergy};
 use crate::response::Plan;
 
 use super::noise::Noise;
@@ -25,11 +25,16 @@ fn entry(cells: &mut Vec<String>, name: &str, value: f64, unit: &str, noise: &mu
     }
 }
 
-/// Natural frequencies and damping ratios.
+/// Natural frequencies and damping ratios of the rows that the plan pairs with modes, in its order; a row of another family has none.
 pub(super) fn modal(toml: &mut String, table: &ModalTable, plan: &Plan, computed: &[f64], noise: &mut Noise) {
     let (mut frequencies, mut dampings) = (block(plan, "natural_frequency", computed), block(plan, "modal_damping", computed));
+    let paired = plan.blocks.iter().find(|b| b.role == "natural_frequency").map_or(&[][..], |b| &b.abscissa);
+    let mut rows: Vec<&ModeRow> = table.rows.iter().filter(|r| paired.contains(&f64::from(r.mode))).collect();
+    if rows.iter().any(|r| r.family.is_some()) {
+        rows.sort_by_key(|r| r.mode);
+    }
     toml.push_str("rows = [\n");
-    for row in &table.rows {
+    for row in rows {
         let mut cells = vec![format!("mode = {}", row.mode)];
         if let Some(f) = frequencies.next() {
             entry(&mut cells, "frequency", f, "Hz", noise);

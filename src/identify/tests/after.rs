@@ -303,3 +303,24 @@ fn the_bootstrap_of_a_line_has_the_deviations_of_regression() {
     assert_eq!(again[0], all[7]);
     assert_eq!(quantile(&[1.0, 2.0, 4.0], 0.75), 3.0);
 }
+
+/// A stiffness k exp(a (i - i0)) from ln k at shims that are known to a deviation: ordinary regression with errors of the abscissa, where the slope is known.
+#[test]
+fn what_conditions_are_known_to_widens_the_intervals() {
+    let (noise, shim, slope) = (0.01, 0.05, 0.6);
+    let at = [-1.0, 0.0, 1.0];
+    let rows: Vec<Vec<f64>> = at.iter().flat_map(|i| [[1.0, *i], [1.0, *i]]).map(|r| r.iter().map(|x| x / noise).collect()).collect();
+    let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
+    let problem = linear(&rows, &[0.0; 6]);
+    let o = options(2);
+    let found = fit(&problem, &[0.0, slope], &o, &Monitor::default()).unwrap();
+    let positions = || UncertaintyOptions::measured(vec![Measure::Position; 2]);
+    let plain = uncertainty(&found, &o, &positions()).unwrap();
+    // Two readings a shim: each shim has one deviation, common to both.
+    let spread = DMatrix::from_fn(6, 3, |row, shim_of| if row / 2 == shim_of { slope * shim / noise } else { 0.0 });
+    let wide = uncertainty(&found, &o, &UncertaintyOptions { spread, ..positions() }).unwrap();
+    let variance = |u: &Uncertainty, k: usize| u.parameters[k].std.unwrap().powi(2);
+    approx::assert_relative_eq!(variance(&plain, 1), noise * noise / 4.0, max_relative = 1e-9);
+    approx::assert_relative_eq!(variance(&wide, 1), noise * noise / 4.0 + (slope * shim).powi(2) / 2.0, max_relative = 1e-9);
+    approx::assert_relative_eq!(variance(&wide, 0), noise * noise / 6.0 + (slope * shim).powi(2) / 3.0, max_relative = 1e-9);
+}

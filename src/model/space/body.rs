@@ -42,6 +42,11 @@ impl Part {
         std::array::from_fn(|i| std::array::from_fn(|j| self.inertia[i][j] + m * (if i == j { dot(d, d) } else { 0.0 } - d[i] * d[j])))
     }
 
+    /// Mass or moment of inertia about the origin that the `k`-th coordinate sees by itself [kg, kg m2].
+    pub fn mass_along(&self, k: usize) -> f64 {
+        if k < 3 { self.mass } else { self.inertia_about_origin()[k - 3][k - 3] }
+    }
+
     /// Inertial forces of d'Alembert on the six coordinates: with the angular velocity `W = T'w` and acceleration `W' = T'w' + (T')'w`
     /// along the turned axes, centre of mass `d` and inertia `J` about the origin,
     /// `p_u = m (u'' + R (W' x d + W x (W x d)))`, `p_t = T (J W' + W x J W + m d x R'u'')`.

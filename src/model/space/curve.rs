@@ -3,7 +3,10 @@
 use super::super::ModelError;
 use super::body::Part;
 use super::joint::Frame;
-use super::rotation::V3;
+use super::rotation::{V3, sub};
+
+/// Angle below which an arc is straight [rad]: its sagitta is a part in 10^11 of its length.
+const STRAIGHT: f64 = 1e-10;
 
 /// A circular arc, or a straight piece.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,6 +103,35 @@ impl Curve {
             Part { origin: frame.point, centre: [0.0; 3], mass, inertia, dofs: [None; 6] }
         });
         (parts.collect(), (1..n).map(|k| self.frame(k as f64 * step)).collect())
+    }
+
+    /// The same arcs with `factor` times their curvature: lengths, start and the direction from start to end are kept. A factor of 0 makes them straight.
+    pub fn bent(&self, factor: f64) -> Curve {
+        let of = |arc: &Arc| match *arc {
+            Arc::Turn { radius, angle } if (factor * angle).abs() > STRAIGHT => {
+                Arc::Turn { radius: radius / factor.abs(), angle: factor * angle }
+            }
+            Arc::Turn { .. } => Arc::Straight(arc.length()),
+            Arc::Straight(length) => Arc::Straight(length),
+        };
+        let mut bent = Curve { arcs: self.arcs.iter().map(of).collect(), ..self.clone() };
+        let chord = |curve: &Curve| {
+            let d = sub(curve.at(curve.length()).0, curve.start);
+            d[1].atan2(d[0])
+        };
+        bent.heading += chord(self) - chord(&bent);
+        bent
+    }
+
+    /// How far the direction of the curve runs [rad]: beyond a full turn arcs of one side meet themselves.
+    pub fn swept(&self) -> f64 {
+        let turns = self.arcs.iter().map(|a| if let Arc::Turn { angle, .. } = a { *angle } else { 0.0 });
+        let (mut here, mut low, mut high) = (0.0f64, 0.0f64, 0.0f64);
+        for turn in turns {
+            here += turn;
+            (low, high) = (low.min(here), high.max(here));
+        }
+        high - low
     }
 
     /// Checks the numbers.

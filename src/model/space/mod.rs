@@ -20,12 +20,14 @@
 //! | `plane` | the same between parts that move in the plane alone |
 //! | `body` | inertia, gyroscopic terms included |
 //! | `curve` | arcs and the parts along them |
+//! | `shape` | the same as parameters: other curvature, points elsewhere |
 
 pub mod body;
 pub mod curve;
 pub mod joint;
 pub mod plane;
 pub mod rotation;
+pub mod shape;
 
 use std::collections::{HashMap, HashSet};
 
@@ -35,6 +37,7 @@ pub use body::{Inertial, Part};
 pub use curve::{Arc, Curve, Section};
 pub use joint::{Frame, Pose, Relative};
 pub use plane::{InPlane, PlaneJoint};
+pub use shape::{Outline, Stem};
 
 /// Where the parts and connectors of a spatial model are.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,6 +46,8 @@ pub struct Space {
     pub parts: Vec<Part>,
     /// One for every connector.
     pub frames: Vec<Frame>,
+    /// Parts that are counted along a curve.
+    pub stems: Vec<Stem>,
 }
 
 impl Space {
@@ -76,7 +81,6 @@ impl Model {
         let mut index = HashMap::new();
         for (b, (body, part)) in bodies.iter().zip(&mut space.parts).enumerate() {
             check_part(body, part)?;
-            let about_origin = part.inertia_about_origin();
             part.dofs = [None; 6];
             for &axis in &body.free {
                 let k = axis as usize;
@@ -84,7 +88,7 @@ impl Model {
                     return Err(ModelError::Twice { what: "free axis", name: format!("{}.{}", body.name, axis.name()) });
                 }
                 part.dofs[k] = Some(dofs.len());
-                dofs.push(Dof { body: b, axis, mass: if k < 3 { part.mass } else { about_origin[k - 3][k - 3] } });
+                dofs.push(Dof { body: b, axis, mass: part.mass_along(k) });
             }
         }
         if dofs.is_empty() {

@@ -236,12 +236,88 @@ fn what_is_wrong_with_a_chain_is_said_where_it_is() {
     case("at = \"P.x\"\ncondition", "at = \"P.w\"\ncondition", "there is no degree of freedom `P.w`", "key load[0].at");
     case("factor = -1\nvia", "factor = -1\nforce = \"3 N\"\nvia", "not there, or given twice", "key load[0]");
     case("at = \"GF1-3.psi\"", "at = \"GF1-9.psi\"", "no place `GF8.psi`", "key effect[5].at");
+    case("angle = \"35 deg\"", "angle = \"355 deg\"", "turn by 367.0 deg in all", "key arc[1]");
+    case(
+        "part = \"b1\"\nfree = [\"psi\"]\nat = \"start\"",
+        "part = \"b1\"\nfree = [\"psi\"]\nat = \"end\"",
+        "the hinge line lies",
+        "key joint[0].at",
+    );
+    let bent = |effect: &str| format!("{SPACE}[[effect]]\n{effect}\n");
+    let wrong = |effect: &str, message: &str, place: &str| refused(read(&bent(effect), &dataset), message, place);
+    wrong("effect = \"curvature\"\nat = \"c\"\nc = 0", "no chain of parts `c`", "key effect[11].at");
+    wrong("effect = \"curvature\"\nat = \"b\"\nc = 9", "turn by 470.0 deg in all: the chain meets itself", "");
+    wrong("effect = \"point_offset\"\nat = \"P.psi\"\nd = \"1 mm\"", "a point does not lie along `psi`", "key effect[11].at");
+    wrong("effect = \"point_offset\"\nat = \"P.x\"\nd = \"1 N\"", "where a length is expected", "key effect[11].d");
+    wrong(
+        "effect = \"point_offset\"\nat = [\"P.x\", \"P.y\"]\nd = \"1 mm\"",
+        "moves one chain or point, and 2 are named",
+        "key effect[11].at[1]",
+    );
     // A gap in the chain: nothing acts at GF4.
     let gap = SPACE.replace("GF1-7", "GF5-7").replace("at = \"GF4-7.psi\"", "at = \"GF5-7.psi\"");
     let free = gap
         .replace("free = [\"x\", \"y\", \"psi\"]\nat = \"end\"", "free = [\"x\", \"y\", \"z\", \"theta\", \"phi\", \"psi\"]\nat = \"end\"");
     let free = free.replace("at = \"shelf.x\"", "at = \"device.y\"");
     refused(read(&free, &dataset), "the chain is not connected", "");
+}
+
+#[test]
+fn a_test_says_which_supports_it_has() {
+    let with = |supports: &str| {
+        let tests = TESTS.replacen("kind = \"modal\"\n", &format!("kind = \"modal\"\nsupports = {supports}\n"), 1);
+        let dataset = Folder::new(SPACE, &tests).dataset();
+        read(SPACE, &dataset)
+    };
+    let absent = |supports: &str| {
+        let study = with(supports).unwrap();
+        let model = study.system.model;
+        (0..model.declared).filter(|c| !model.present(*c, "modal-80N")).map(|c| model.connectors[c].name.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(absent("[\"shelf\", \"device\"]"), Vec::<String>::new());
+    assert_eq!(absent("[\"shelf\"]"), ["device"]);
+    assert_eq!(absent("[]"), ["shelf", "device"]);
+    refused(with("[\"shlf\"]"), "there is no support (connector to the ground) `shlf`", "");
+    refused(with("[\"GF1\"]"), "there is no support (connector to the ground) `GF1`", "");
+    // The study says that the device is not there.
+    let dataset = Folder::new(SPACE, &TESTS.replacen("kind = \"cycle\"\n", "kind = \"cycle\"\nsupports = [\"device\"]\n", 1)).dataset();
+    refused(read(SPACE, &dataset), "test `loop-a` has the support `device`, and the study says it is absent there", "");
+}
+
+/// The geometry is a parameter like any other: a chain that was bent is told from one that was not.
+#[test]
+fn curvature_moves_the_modes_of_a_loaded_chain() {
+    let folder = Folder::new(&format!("{SPACE}[[effect]]\neffect = \"curvature\"\nat = \"b\"\nc = \"0.1\"\n"), TESTS);
+    let study = folder.load().unwrap();
+    let free = study.system.free();
+    let k = free.iter().position(|f| f.name == "b.curvature.c").unwrap();
+    let plan = Plan::new(study.dataset.test("modal-80N").unwrap(), &study.system.model).unwrap();
+    let at = |c: f64| {
+        let mut system = study.system.clone();
+        system.instances[free[k].instance].params[0].value = c;
+        plan.evaluate(&system, &free, true).unwrap()
+    };
+    let here = at(0.1);
+    let slope: Vec<f64> = (0..plan.len()).map(|i| here.slopes[i * free.len() + k]).collect();
+    assert!(slope[0].abs() > 1e-3, "{slope:?}");
+    // A step ten times as long agrees to its second order; other columns are those of the system that is bent.
+    let (up, down) = (at(0.11).values, at(0.09).values);
+    for (i, s) in slope.iter().enumerate() {
+        assert!(((up[i] - down[i]) / 0.02 - s).abs() < 1e-2 * slope[0].abs(), "{i}: {s}");
+    }
+    let shaped = study.system.shaped();
+    let mut others = free.clone();
+    others.remove(k);
+    let plain = plan.evaluate(&shaped, &others, true).unwrap();
+    assert_eq!(plain.values, here.values);
+    for i in 0..plan.len() {
+        for (j, f) in others.iter().enumerate() {
+            let with = free.iter().position(|g| g == f).unwrap();
+            assert_eq!(plain.slopes[i * others.len() + j], here.slopes[i * free.len() + with]);
+        }
+    }
+    let again = read(&study.with_values(&study.system, std::path::Path::new(".")), &study.dataset).unwrap();
+    assert_eq!(essence(&again), essence(&study));
 }
 
 #[test]
