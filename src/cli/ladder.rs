@@ -61,7 +61,13 @@ fn told(result: &LadderResult) -> String {
     }
     let missing: Vec<(&str, &str)> = result.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
     text += &super::diagnose::sentence(result.verdict, &missing);
-    text += if result.interrupted && !missing.is_empty() { " So far: the search was interrupted.\n" } else { "\n" };
+    text += match (result.interrupted, result.verdict) {
+        (true, Verdict::NothingMissing) => {
+            " The fit is at the noise; the search was interrupted, and effects that are weaker than it were not all looked for.\n"
+        }
+        (true, _) if !missing.is_empty() => " So far: the search was interrupted.\n",
+        _ => "\n",
+    };
     for (k, remark) in result.rungs.iter().enumerate().filter_map(|(k, r)| Some((k, r.second_opinion.remark.as_ref()?))) {
         text += &format!("Second opinion on what rung {k} misses: {remark}.\n");
     }

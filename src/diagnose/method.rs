@@ -39,6 +39,10 @@ pub struct Scoring {
     pub shows: f64,
     /// Draws of the null distribution of the best score.
     pub draws: usize,
+    /// Trials beyond which their correlation is drawn in the directions that they lie in...
+    pub condensed: usize,
+    /// ...and what may be left of a column beyond these, in parts of it.
+    pub apart: f64,
     /// Trials that would pass, in a draw, the level at which candidates are counted as choices: what is taken lies far out.
     pub passing: f64,
     /// Columns that the sparse combination weighs, those of the highest scores.
@@ -113,6 +117,8 @@ impl Default for Scoring {
             dependent: 1e-8,
             shows: 1e-4,
             draws: 10_000,
+            condensed: 1000,
+            apart: 0.05,
             passing: 0.5,
             columns: 120,
             price: 0.1,

@@ -79,10 +79,12 @@ pub fn judged(g: &Grounds, s: &Settings) -> Judged {
     if withdrawn {
         why += "; the model without it is right there to what is seen, and it is withdrawn";
     }
+    // A model whose error is as far below the noise as one must be above it to be seen is right to what the tests can say, whether all was searched or not.
+    let at_noise = !withdrawn && s.visible * left <= g.floor;
     let verdict = if g.added && !withdrawn {
         let too_much_left = unexplained && remainder.is_some_and(|part| part > s.remainder);
         if too_much_left || refuted { Verdict::Unexplained } else { Verdict::Missing }
-    } else if g.stopped {
+    } else if g.stopped && !at_noise {
         Verdict::Interrupted
     } else if unexplained && !withdrawn {
         Verdict::Unexplained
@@ -172,6 +174,9 @@ mod tests {
         assert_eq!(of(&none(0.005)).verdict, Verdict::NothingMissing);
         assert_eq!(of(&none(0.05)).verdict, Verdict::Unexplained);
         assert_eq!(of(&Grounds { stopped: true, ..none(0.05) }).verdict, Verdict::Interrupted);
+        // A model at the noise is not made unexplained by a search that was cut short.
+        assert_eq!(of(&Grounds { stopped: true, ..none(0.004) }).verdict, Verdict::NothingMissing);
+        assert_eq!(of(&Grounds { stopped: true, ..none(0.008) }).verdict, Verdict::Interrupted);
         // Without held-out tests nothing is proven, and what was added stands.
         let added = of(&Grounds { added: true, ..none(0.005) });
         assert!(!added.proven && added.verdict == Verdict::Missing && added.why == "no test is held out");

@@ -16,7 +16,7 @@ pub struct Equilibrium {
     pub state: State,
     /// Force of each element.
     pub elements: Vec<f64>,
-    /// Their sensitivities, `d_elements[column * elements + e]`.
+    /// Their sensitivities, `d_elements[e * columns + column]`.
     pub d_elements: Vec<f64>,
 }
 

@@ -12,6 +12,7 @@
 pub mod blocktri;
 mod equilibrium;
 mod error;
+mod followed;
 pub mod frf;
 pub mod harmonic;
 pub mod march;

@@ -24,13 +24,20 @@ struct Point {
     f: f64,
 }
 
-/// How the system changes with one free parameter because the operating point does.
+/// How the system changes with one coordinate of its operating point, or with the force of one element there. Few entries: a coordinate is seen by its
+/// neighbours.
 #[derive(Clone, Debug, Default)]
 struct Moved {
-    dx: Vec<f64>,
-    rows: Vec<Vec<(usize, f64)>>,
+    dx: Vec<(usize, f64)>,
+    rows: Vec<(usize, Vec<(usize, f64)>)>,
     stiffness: Vec<Entry>,
     mass: Vec<Entry>,
+}
+
+impl Moved {
+    fn is_empty(&self) -> bool {
+        self.dx.is_empty() && self.rows.is_empty() && self.stiffness.is_empty() && self.mass.is_empty()
+    }
 }
 
 /// The system of small motion.
@@ -45,7 +52,10 @@ pub(super) struct Small<'a> {
     pub same: Vec<usize>,
     points: Vec<Point>,
     names: Vec<String>,
+    /// One for every coordinate and every element whose change changes the system.
     moved: Vec<Moved>,
+    /// How far each of these moves with every free parameter, `by[k * moved + m]`.
+    by: Vec<f64>,
 }
 
 impl<'a> Small<'a> {
@@ -65,6 +75,7 @@ impl<'a> Small<'a> {
             points: vec![Point::default(); bound.elements.len()],
             names: (0..n).map(|d| model.dof_name(d)).collect(),
             moved: vec![],
+            by: vec![],
         };
         if let Some(s) = &state {
             s.elements.iter().zip(&mut small.points).for_each(|(f, p)| p.f = *f);
@@ -74,11 +85,7 @@ impl<'a> Small<'a> {
             Some(space) => small.spatial(model, space, q),
         }
         if let Some(s) = state.as_ref().filter(|_| columns > 0) {
-            let column = |rows: &[f64], c: usize| rows.iter().skip(c).step_by(columns).copied().collect::<Vec<f64>>();
-            for c in 0..columns {
-                let moved = small.along(model, q, &column(&s.state.dq, c), &column(&s.d_elements, c));
-                small.moved.push(moved);
-            }
+            small.follow(model, q, &s.state.dq, &s.d_elements, columns);
         }
         let mut firsts: Vec<usize> = Vec::new();
         for (i, e) in bound.elements.iter().enumerate() {
@@ -93,6 +100,28 @@ impl<'a> Small<'a> {
             small.same.push(first.unwrap_or(i));
         }
         Ok(small)
+    }
+
+    /// The system about given coordinates, under given forces of the elements, without sensitivities.
+    pub fn about(model: &Model, bound: &'a Bound, q: &[f64], forces: &[f64]) -> Self {
+        let (n, count) = (model.dofs.len(), bound.elements.len());
+        let mut small = Small {
+            bound,
+            n,
+            mass: vec![],
+            stiffness: vec![],
+            rows: vec![vec![]; count],
+            same: (0..count).collect(),
+            points: forces.iter().map(|f| Point { x: 0.0, f: *f }).collect(),
+            names: vec![],
+            moved: vec![],
+            by: vec![],
+        };
+        match &model.space {
+            None => small.linear(model, q),
+            Some(space) => small.spatial(model, space, q),
+        }
+        small
     }
 
     fn linear(&mut self, model: &Model, q: &[f64]) {
@@ -126,30 +155,48 @@ impl<'a> Small<'a> {
         }
     }
 
-    /// Derivative of the system along a change of the coordinates and of the elements' forces.
-    fn along(&self, model: &Model, q: &[f64], dq: &[f64], df: &[f64]) -> Moved {
-        let mut moved = Moved { rows: vec![vec![]; self.rows.len()], dx: vec![0.0; self.rows.len()], ..Moved::default() };
-        for (dx, row) in moved.dx.iter_mut().zip(&self.rows) {
-            *dx = row.iter().map(|(d, b)| b * dq[*d]).sum();
-        }
+    /// How the system moves with its operating point, and that with the free parameters: `dq` and `df` hold a row of sensitivities for every coordinate
+    /// and for every element's force.
+    fn follow(&mut self, model: &Model, q: &[f64], dq: &[f64], df: &[f64], columns: usize) {
+        let count = self.rows.len();
+        let directions = (0..self.n + count).map(|m| (m, self.along(model, q, m))).filter(|(_, moved)| !moved.is_empty());
+        let (which, moved): (Vec<usize>, Vec<Moved>) = directions.unzip();
+        let by = |c: usize, m: usize| if m < self.n { dq[m * columns + c] } else { df[(m - self.n) * columns + c] };
+        self.by = (0..columns).flat_map(|c| which.iter().map(move |m| (c, *m))).map(|(c, m)| by(c, m)).collect();
+        self.moved = moved;
+    }
+
+    /// Derivative of the system with respect to a coordinate, or beyond these to the force of an element.
+    fn along(&self, model: &Model, q: &[f64], m: usize) -> Moved {
+        let (dof, force) = if m < self.n { (Some(m), None) } else { (None, Some(m - self.n)) };
+        let of_row = |(e, row): (usize, &Vec<(usize, f64)>)| row.iter().find(|(d, _)| Some(*d) == dof).map(|(_, b)| (e, *b));
+        let mut moved = Moved { dx: self.rows.iter().enumerate().filter_map(of_row).collect(), ..Moved::default() };
         let Some(space) = &model.space else { return moved };
         for joint in joints(model, self.bound, space) {
-            let (q12, d12) = (joint.gather(q), joint.gather(dq));
+            let here = |d: &Option<usize>| d.is_some() && *d == dof;
+            if !joint.dofs.iter().any(here) && !joint.elements.iter().any(|(e, _)| Some(*e) == force) {
+                continue;
+            }
+            let (q12, d12) = (joint.gather(q), joint.dofs.map(|d| f64::from(here(&d))));
             let (relative, a, b) = joint.relative_of(space, &std::array::from_fn(|i| Dual64::new(q12[i], d12[i])));
             let mut f = [Dual64::from_re(0.0); 6];
             for &(e, c) in &joint.elements {
-                moved.rows[e] = row(&joint, &relative.b[c].map(|x| x.eps));
-                if model.attached.contains(&joint.connector) {
-                    moved.dx[e] = 0.0;
+                let turned: Vec<(usize, f64)> = row(&joint, &relative.b[c].map(|x| x.eps)).into_iter().filter(|r| r.1 != 0.0).collect();
+                if !turned.is_empty() {
+                    moved.rows.push((e, turned));
                 }
-                f[c] = Dual64::new(self.points[e].f, df[e]);
+                if model.attached.contains(&joint.connector) {
+                    moved.dx.retain(|(other, _)| *other != e);
+                }
+                f[c] = Dual64::new(self.points[e].f, f64::from(Some(e) == force));
             }
             let k = relative.geometric(&f, &a, &b);
             entries(&joint.dofs, |i, j| k[i][j].eps, &mut moved.stiffness);
         }
         for (k, part) in space.parts.iter().enumerate() {
-            let (q, d) = (space.coordinates(k, q), space.coordinates(k, dq));
-            let m = part.mass_matrix(std::array::from_fn(|i| Dual64::new(q[3 + i], d[3 + i])));
+            let Some(c) = part.dofs.iter().position(|d| d.is_some() && *d == dof) else { continue };
+            let q = space.coordinates(k, q);
+            let m = part.mass_matrix(std::array::from_fn(|i| Dual64::new(q[3 + i], f64::from(3 + i == c))));
             entries(&part.dofs, |i, j| m[i][j].eps, &mut moved.mass);
         }
         moved
@@ -201,18 +248,22 @@ impl<'a> Small<'a> {
         for (e, first) in self.same.iter().enumerate() {
             let (z, by_x) = if *first < e { laws[*first] } else { self.law(e, s, &mut dp).map(|(z, _, by_x)| (z, by_x))? };
             laws.push((z, by_x));
-            let (bu, bv) = (self.relative(e, u), self.relative(e, v));
-            for (out, moved) in out.iter_mut().zip(&self.moved) {
-                let along = |w: &[Complex64]| moved.rows[e].iter().map(|(d, b)| w[*d] * *b).sum::<Complex64>();
-                *out += by_x * moved.dx[e] * bu * bv;
-                if !moved.rows[e].is_empty() {
-                    *out += z * (along(u) * bv + bu * along(v));
-                }
-            }
         }
-        for (out, moved) in out.iter_mut().zip(&self.moved) {
-            let form = |m: &[Entry]| m.iter().map(|(i, j, x)| u[*i] * v[*j] * *x).sum::<Complex64>();
-            *out += form(&moved.stiffness) + s * s * form(&moved.mass);
+        let along = |row: &[(usize, f64)], w: &[Complex64]| row.iter().map(|(d, b)| w[*d] * *b).sum::<Complex64>();
+        let form = |m: &[Entry]| m.iter().map(|(i, j, x)| u[*i] * v[*j] * *x).sum::<Complex64>();
+        let of = |moved: &Moved| {
+            let mut sum = form(&moved.stiffness) + s * s * form(&moved.mass);
+            for (e, dx) in &moved.dx {
+                sum += laws[*e].1 * *dx * self.relative(*e, u) * self.relative(*e, v);
+            }
+            for (e, row) in &moved.rows {
+                sum += laws[*e].0 * (along(row, u) * self.relative(*e, v) + self.relative(*e, u) * along(row, v));
+            }
+            sum
+        };
+        let values: Vec<Complex64> = self.moved.iter().map(of).collect();
+        for (out, by) in out.iter_mut().zip(self.by.chunks_exact(self.moved.len())) {
+            *out += by.iter().zip(&values).map(|(by, value)| value * *by).sum::<Complex64>();
         }
         Ok(())
     }

@@ -17,7 +17,7 @@ use super::modal::{Range, modes};
 use super::periodic::periodic;
 
 /// Parts b1 ... bn along a curve, joined by c1 ... c(n-1), and c0 that joins b1 to the ground at the curve's start.
-fn chain(curve: &Curve, n: usize, section: Section, clamped: bool) -> Model {
+pub(super) fn chain(curve: &Curve, n: usize, section: Section, clamped: bool) -> Model {
     let (mut parts, mut frames) = curve.parts(n, Some(&section));
     let body = |name: String, free: &[Axis]| Body { name, mass: 0.0, inertia: 0.0, free: free.to_vec() };
     let mut bodies: Vec<Body> = (1..=n).map(|k| body(format!("b{k}"), &Axis::ALL)).collect();
@@ -31,11 +31,11 @@ fn chain(curve: &Curve, n: usize, section: Section, clamped: bool) -> Model {
     Model::spatial(bodies, connectors, Space { parts, frames, stems: vec![] }).unwrap()
 }
 
-fn straight(length: f64) -> Curve {
+pub(super) fn straight(length: f64) -> Curve {
     Curve { start: [0.0; 3], heading: FRAC_PI_2, arcs: vec![Arc::Straight(length)] }
 }
 
-fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
+pub(super) fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
     let effect = find(name).unwrap();
     let params = effect.info().params.iter().enumerate();
     let params = params.map(|(k, p)| ParamValue::free(values.get(k).copied().unwrap_or(p.default), p.sign)).collect();
@@ -44,7 +44,7 @@ fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
 }
 
 /// Springs on all six axes of c<first> ... c<last>.
-fn springs(model: Model, first: usize, last: usize, k: [f64; 6]) -> System {
+pub(super) fn springs(model: Model, first: usize, last: usize, k: [f64; 6]) -> System {
     let each = Axis::ALL.iter().zip(k);
     let instances = each.map(|(a, k)| instance(&model, "linear_stiffness", &format!("c{first}-{last}.{}", a.name()), &[k])).collect();
     System { model, instances }
@@ -59,7 +59,7 @@ fn load(system: &mut System, at: &str, force: f64, steps: usize) {
     system.model.loads.push(Load { dof, path: vec![Level::Value(force)], steps });
 }
 
-const STEEL: Section = Section { width: 0.02, thickness: 0.004, density: 7800.0 };
+pub(super) const STEEL: Section = Section { width: 0.02, thickness: 0.004, density: 7800.0 };
 
 /// A clamped chain of n rigid links in its plane by absolute angles: link k turns by `t_k`, its centre of mass moves by
 /// `l (t_1 + ... + t_(k-1) + t_k / 2)` across the chain, springs see `t_k - t_(k-1)`.

@@ -62,6 +62,17 @@ impl Bound {
         Bound { elements: self.elements.iter().flat_map(of).collect(), channels: vec![], n_free: self.n_free, loads: self.loads.clone() }
     }
 
+    /// The same without candidates of the score test, its free parameters numbered anew; with it, the number that each of them has here.
+    pub fn without_followers(&self) -> (Bound, Vec<usize>) {
+        let mut elements: Vec<Element> = self.elements.iter().map(Element::without_followers).collect();
+        let mut columns: Vec<usize> = elements.iter().flat_map(|e| e.chains.iter().flatten().map(|c| c.0)).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let chains = elements.iter_mut().flat_map(|e| e.chains.iter_mut().flatten());
+        chains.for_each(|c| c.0 = columns.binary_search(&c.0).unwrap_or(c.0));
+        (Bound { elements, channels: vec![], n_free: columns.len(), loads: self.loads.clone() }, columns)
+    }
+
     /// Binds `system` to a test with the given conditions [SI]. The chains refer to `free`, whose variables are the logarithms where
     /// `free[k].log`.
     pub fn new(system: &System, free: &[FreeParam], test: &str, conditions: &BTreeMap<String, f64>) -> Result<Bound, ModelError> {

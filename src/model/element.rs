@@ -17,6 +17,7 @@ use super::recurrence::{Recurrence, Recurrences};
 use super::sensed::{Depth, Sensed};
 
 mod history;
+mod followers;
 mod laws;
 mod stiffness;
 

@@ -84,20 +84,23 @@ fn modes_are_identified_held_against_the_model_and_drawn() {
     {
         assert!(section.contains(text), "{text}");
     }
-    // Each mode once in the table, where it is 1 % off, and once from the FRFs, where it is right and its shape the model's.
+    // Each mode once in the table, where it is 1 % off, once with its energy, and once from the FRFs, where it is right and its shape the model's.
     let rows: Vec<Vec<String>> = section
         .split("<tr>")
         .skip(1)
         .map(|r| r.split("<td").skip(1).map(|c| c.split('>').nth(1).unwrap().trim_end_matches("</td").to_string()).collect())
         .filter(|r: &Vec<String>| !r.is_empty())
         .collect();
-    assert_eq!(rows.len(), 6, "{rows:?}");
+    assert_eq!(rows.len(), 9, "{rows:?}");
+    for row in &rows[3..6] {
+        assert!(row[1].starts_with("base.x,c1-2.x 100 %") && row[2].matches('%').count() == 3, "{row:?}");
+    }
     for (j, row) in rows[..3].iter().enumerate() {
         let computed: f64 = row[3].parse().unwrap();
         assert!((computed / frequency(j + 1) - 1.0).abs() < 1e-3, "{row:?}");
         assert!(row[4].starts_with("−0.99"), "{row:?}");
     }
-    for (j, row) in rows[3..].iter().enumerate() {
+    for (j, row) in rows[6..].iter().enumerate() {
         let measured: f64 = row[2].split(' ').next().unwrap().parse().unwrap();
         assert!((measured / frequency(j + 1) - 1.0).abs() < 1e-3, "{row:?} {}", frequency(j + 1));
         let likeness: f64 = row[7].parse().unwrap();

@@ -15,9 +15,9 @@ pub(super) fn through(
     system: &System,
     free: &[FreeParam],
     sensitivities: bool,
-    run: impl Fn(&System, bool) -> Result<Computed, ResponseError>,
+    run: impl Fn(&System, &[FreeParam], bool) -> Result<Computed, ResponseError>,
 ) -> Result<Computed, ResponseError> {
-    let mut computed = run(&system.shaped(), sensitivities)?;
+    let mut computed = run(&system.shaped(), free, sensitivities)?;
     if !sensitivities {
         return Ok(computed);
     }
@@ -28,7 +28,7 @@ pub(super) fn through(
             moved.instances[f.instance].params[f.param].value += by;
             // Candidates follow the motion and do not act on it; they stand behind the effects of the model.
             moved.instances.retain(|i| !i.follower);
-            Ok(run(&moved.shaped(), false)?.values)
+            Ok(run(&moved.shaped(), &[], false)?.values)
         };
         let h = law.step();
         let (up, down) = (at(h)?, at(-h)?);

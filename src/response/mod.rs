@@ -318,7 +318,7 @@ impl Plan {
 
     /// Runs the engine.
     pub fn evaluate(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Computed, ResponseError> {
-        geometry::through(system, free, sensitivities, |system, sensitivities| self.run(system, free, sensitivities))
+        geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))
     }
 
     /// The same of a system whose parts lie where they are drawn.
@@ -336,7 +336,7 @@ impl Plan {
     /// As [`Plan::evaluate`] with sensitivities, but the rows of a table as they are, not as logarithms: a model without losses
     /// dissipates 0 J and has modes of damping 0.
     pub fn evaluate_plain(&self, system: &System, free: &[FreeParam]) -> Result<Computed, ResponseError> {
-        geometry::through(system, free, true, |system, sensitivities| match &self.work {
+        geometry::through(system, free, true, |system, free, sensitivities| match &self.work {
             Work::Energy(w) => w.evaluate(system, free, self, sensitivities, TableForm::Plain),
             Work::Modal(w) => w.evaluate(system, free, self, sensitivities, TableForm::Plain),
             _ => self.run(system, free, sensitivities),

@@ -52,10 +52,21 @@ impl Motion {
     }
 }
 
+/// Steps to the foot of a perpendicular; each leaves the part of the rest that its distance is of the radius.
+const FOOT: usize = 12;
+
 impl Stem {
-    /// The frame in the middle of the `k`-th part.
-    fn middle(&self, curve: &Curve, k: usize) -> Frame {
-        curve.frame((k as f64 + 0.5) * curve.length() / self.count as f64)
+    /// How far along the curve the point of its `k`-th part lies [m], within that part: the foot of the perpendicular.
+    fn beside(&self, k: usize, point: V3<f64>) -> f64 {
+        let step = self.curve.length() / self.count as f64;
+        let mut s = (k as f64 + 0.5) * step;
+        for _ in 0..FOOT {
+            let frame = self.curve.frame(s);
+            let d = sub(point, frame.point);
+            let along = (0..3).map(|i| d[i] * frame.axes[i][1]).sum::<f64>();
+            s = (s + along).clamp(k as f64 * step, (k + 1) as f64 * step);
+        }
+        s
     }
 
     fn holds(&self, part: usize) -> Option<usize> {
@@ -64,28 +75,30 @@ impl Stem {
 }
 
 impl Space {
-    /// Bends the curve of a stem to `1 + c` times its curvature. Parts move with the curve, and with them what is attached to them; axes of connectors
-    /// to other bodies stay as they are in space.
+    /// Bends the curve of a stem to `1 + c` times its curvature. Parts move with the middle of their piece of the curve; a point of a part, and a connector
+    /// there, with the place of the curve that it lies beside. Axes of connectors to other bodies stay as they are in space.
     fn bend(&mut self, connectors: &[Connector], stem: usize, c: f64) {
         let stem = self.stems[stem].clone();
         let bent = stem.curve.bent(1.0 + c);
-        let moved: Vec<Motion> = (0..stem.count).map(|k| Motion::between(&stem.middle(&stem.curve, k), &stem.middle(&bent, k))).collect();
+        let at = |s: f64| Motion::between(&stem.curve.frame(s), &bent.frame(s));
+        let step = stem.curve.length() / stem.count as f64;
+        let beside = |k: usize, point: V3<f64>| at(stem.beside(k, point));
         for (connector, frame) in connectors.iter().zip(&mut self.frames) {
             match (stem.holds(connector.from), stem.holds(connector.to)) {
-                (Some(a), Some(b)) if a.abs_diff(b) == 1 => {
-                    let s = a.max(b) as f64 * bent.length() / stem.count as f64;
-                    let motion = Motion::between(&stem.curve.frame(s), &bent.frame(s));
+                (Some(a), Some(b)) => {
+                    let motion = if a.abs_diff(b) == 1 { at(a.max(b) as f64 * step) } else { beside(a, frame.point) };
                     *frame = Frame { point: motion.point(frame.point), axes: product(&motion.turn, &frame.axes) };
                 }
-                (Some(k), None) | (None, Some(k)) => frame.point = moved[k].point(frame.point),
-                (Some(k), Some(_)) => *frame = Frame { point: moved[k].point(frame.point), axes: product(&moved[k].turn, &frame.axes) },
+                (Some(k), None) | (None, Some(k)) => frame.point = beside(k, frame.point).point(frame.point),
                 (None, None) => {}
             }
         }
-        for (part, motion) in self.parts[stem.first..].iter_mut().zip(&moved) {
-            part.origin = motion.point(part.origin);
-            part.centre = times(&motion.turn, part.centre);
-            part.inertia = product(&product(&motion.turn, &part.inertia), &transposed(&motion.turn));
+        for (k, part) in self.parts[stem.first..stem.first + stem.count].iter_mut().enumerate() {
+            let middle = at((k as f64 + 0.5) * step);
+            let centre = middle.point(add(part.origin, part.centre));
+            part.origin = if part.centre == [0.0; 3] { centre } else { beside(k, part.origin).point(part.origin) };
+            part.centre = sub(centre, part.origin);
+            part.inertia = product(&product(&middle.turn, &part.inertia), &transposed(&middle.turn));
         }
     }
 

@@ -117,6 +117,10 @@ assumptions = ["rigid"]
 [split]
 select = ["whole"]
 held_out = ["hammer"]
+[[shift]]
+test = "modes-file"
+against = "modes"
+sigma = "0.2 %"
 [[leave_out]]
 test = "modes"
 quantity = "natural_frequency"
@@ -252,6 +256,7 @@ excitation = "0.1 N"
 /// Fields that may be left out.
 pub const OPTIONAL: &[&str] = &[
     "leave_out",
+    "shift",
     // dataset.toml
     "folder",
     "title",
@@ -365,11 +370,12 @@ pub const OPTIONAL: &[&str] = &[
     "prediction.conditions.i",
 ];
 
-/// Tables of a chain of parts stand in space.rs, keys that a CSV file has no use for in the tests of the other readers
+/// Tables of a chain of parts and the supports of a test stand in space.rs, keys that a CSV file has no use for in the tests of the other readers
 /// (src/data/dataset/files_tests.rs), values per condition in levels.rs; and the second spelling of a licence.
 pub const ELSEWHERE: &[&str] = &[
     "tolerance",
     "rungs",
+    "supports",
     "arc",
     "joint",
     "load",

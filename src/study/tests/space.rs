@@ -245,14 +245,14 @@ fn what_is_wrong_with_a_chain_is_said_where_it_is() {
     );
     let bent = |effect: &str| format!("{SPACE}[[effect]]\n{effect}\n");
     let wrong = |effect: &str, message: &str, place: &str| refused(read(&bent(effect), &dataset), message, place);
-    wrong("effect = \"curvature\"\nat = \"c\"\nc = 0", "no chain of parts `c`", "key effect[11].at");
+    wrong("effect = \"curvature\"\nat = \"c\"\nc = 0", "no chain of parts `c`", "key effect[12].at");
     wrong("effect = \"curvature\"\nat = \"b\"\nc = 9", "turn by 470.0 deg in all: the chain meets itself", "");
-    wrong("effect = \"point_offset\"\nat = \"P.psi\"\nd = \"1 mm\"", "a point does not lie along `psi`", "key effect[11].at");
-    wrong("effect = \"point_offset\"\nat = \"P.x\"\nd = \"1 N\"", "where a length is expected", "key effect[11].d");
+    wrong("effect = \"point_offset\"\nat = \"P.psi\"\nd = \"1 mm\"", "a point does not lie along `psi`", "key effect[12].at");
+    wrong("effect = \"point_offset\"\nat = \"P.x\"\nd = \"1 N\"", "where a length is expected", "key effect[12].d");
     wrong(
         "effect = \"point_offset\"\nat = [\"P.x\", \"P.y\"]\nd = \"1 mm\"",
         "moves one chain or point, and 2 are named",
-        "key effect[11].at[1]",
+        "key effect[12].at[1]",
     );
     // A gap in the chain: nothing acts at GF4.
     let gap = SPACE.replace("GF1-7", "GF5-7").replace("at = \"GF4-7.psi\"", "at = \"GF5-7.psi\"");
