@@ -770,9 +770,9 @@ class Settings(msgspec.Struct, kw_only=True):
     correction_sure: float | None
     """The same in standard deviations."""
     decisive: float | None
-    """Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; of
-    several additions one that gained less, and without which they are foretold better, is taken out; a test that separates two laws by so much
-    breaks their tie; effects that are to take the place of slack are exchanged while they are within so much of it."""
+    """Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; a
+    test that separates two laws by so much breaks their tie; effects that are to take the place of slack are exchanged while they are within so
+    much of it."""
     estimates: int
     """Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed."""
     evaluations: int

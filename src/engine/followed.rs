@@ -315,14 +315,14 @@ mod tests {
 
     /// A clamped chain with dampers and candidates of every kind at its root, its middle and its tip.
     fn system(film: bool) -> System {
-        let mut system = springs(chain(&straight(0.12), 6, STEEL, true), 0, 5, [3e9, 3e9, 3e9, 1e5, 1e5, 60.0]);
+        let mut system = springs(chain(&straight(0.12), 6, STEEL, true), 0, 5, [3e9, 3e9, 3e9, 1e6, 1e6, 6e3]);
         for i in &mut system.instances {
             i.params[0].free = i.at.ends_with("psi");
         }
         let model = system.model.clone();
-        system.instances.push(instance(&model, "viscous", "c0-5.psi", &[0.02]));
+        system.instances.push(instance(&model, "viscous", "c0-5.psi", &[4.0]));
         if film {
-            system.instances.push(instance(&model, "film", "c2.psi", &[0.15, 0.05, 0.002]));
+            system.instances.push(instance(&model, "film", "c2.psi", &[15.0, 0.05, 0.002]));
         }
         let laws: [(&str, &[f64]); 8] = [
             ("coulomb", &[0.0]),
@@ -330,8 +330,8 @@ mod tests {
             ("film", &[0.0, 0.05, 0.002]),
             ("maxwell", &[0.0, 0.05]),
             ("cubic_stiffness", &[0.0]),
-            ("bilinear_stiffness", &[0.0, 0.002]),
-            ("bouc_wen", &[0.0, 0.004]),
+            ("bilinear_stiffness", &[0.0, 0.0]),
+            ("bouc_wen", &[0.0, 0.004, 1.0, 0.5]),
             ("backlash", &[0.0]),
         ];
         for (law, values) in laws {
@@ -358,7 +358,7 @@ mod tests {
                 });
                 Loads { dt, prescribed: vec![(dof, path.collect())], forces: vec![] }
             }
-            false => Loads { dt, prescribed: vec![], forces: vec![(dof, (0..=n).map(|k| 2.0 + 4.0 * at(k).0).collect())] },
+            false => Loads { dt, prescribed: vec![], forces: vec![(dof, (0..=n).map(|k| 200.0 + 400.0 * at(k).0).collect())] },
         }
     }
 
@@ -370,7 +370,7 @@ mod tests {
         let (loads, model) = (loads(&system.model, moved), &system.model);
         let probes = match moved {
             true => vec![Probe::Reaction(model.dof("b6.x").unwrap()), Probe::Dof(model.dof("b3.x").unwrap())],
-            false => vec![Probe::Dof(model.dof("b6.x").unwrap()), Probe::Velocity(model.dof("b4.psi").unwrap())],
+            false => vec![Probe::Dof(model.dof("b6.x").unwrap()), Probe::Dof(model.dof("b4.psi").unwrap())],
         };
         let (fast, exact) = (slopes(model, &bound, &loads, &probes).unwrap(), periodic(model, &bound, &loads, &probes, true).unwrap());
         let size = |column: &[f64]| column.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -379,28 +379,28 @@ mod tests {
         let each = |(k, f): (usize, &crate::model::FreeParam)| {
             let (a, b) = (column(&fast, k), column(&exact, k));
             let d: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
-            (f.name.clone(), size(&d) / size(&b))
+            (f.name.clone(), if size(&d) > 0.0 { size(&d) / size(&b) } else { 0.0 })
         };
         assert_eq!(fast.values.len(), probes.len());
         free.iter().enumerate().map(each).collect()
     }
 
+    /// A jump of a force falls between two steps, here on one side of it and there on the other; what is smooth agrees closely.
+    fn all_within(off: Vec<(String, f64)>, smooth: f64, jumps: f64) {
+        let most = |name: &str| if ["coulomb", "backlash"].iter().any(|law| name.contains(law)) { jumps } else { smooth };
+        let far: Vec<String> = off.iter().filter(|(name, off)| *off > most(name)).map(|(name, off)| format!("{name} {off:.4}")).collect();
+        assert!(far.is_empty(), "{far:?} of {off:?}");
+    }
+
     #[test]
     fn candidates_of_a_linear_chain_are_those_of_the_march() {
-        for moved in [false, true] {
-            for (name, off) in off(false, moved) {
-                println!("{moved} {name} {off:.4}");
-                assert!(off < 0.03, "{moved} {name}: {off}");
-            }
-        }
+        all_within(off(false, false), 0.05, 0.2);
+        all_within(off(false, true), 0.05, 0.2);
     }
 
     /// About a film the structure is linear on average alone.
     #[test]
     fn candidates_beside_a_film_are_near_those_of_the_march() {
-        for (name, off) in off(true, false) {
-            println!("{name} {off:.4}");
-            assert!(off < 0.5, "{name}: {off}");
-        }
+        all_within(off(true, false), 0.3, 0.5);
     }
 }

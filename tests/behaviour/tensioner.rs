@@ -80,6 +80,21 @@ fn the_calibrated_model_predicts_the_ratios_left_out() {
     let tests = result["fit"]["tests"].as_array().unwrap();
     let of = |id: &str| number(&tests.iter().find(|t| t["id"] == id).unwrap()["error"]);
     assert!(of("table-3") < 0.02 && of("modal-mean") < 0.03);
+    // The shifts of frequency with the load over no shift: modes 1 to 3, all four, and the maximum load, which was not fitted; the free configuration.
+    let shifts = result["shifts"].as_array().unwrap();
+    let over_none = |wanted: &dyn Fn(&str, u64) -> bool| {
+        let picked = shifts.iter().filter(|s| wanted(s["test"].as_str().unwrap(), s["mode"].as_u64().unwrap()));
+        let (off, sum) = picked.fold((0.0, 0.0), |(off, sum), s| {
+            let (c, m) = (number(&s["computed"]), number(&s["measured"]));
+            (off + (c - m).powi(2), sum + m * m)
+        });
+        f64::sqrt(off / sum)
+    };
+    let (bending, all) = (over_none(&|_, mode| mode < 4), over_none(&|_, _| true));
+    let foretold = over_none(&|test, mode| test == "modal-maximum" && mode < 4);
+    println!("shifts over no shift: modes 1 to 3 {bending:.3}, all {all:.3}, modes 1 to 3 at maximum load {foretold:.3}");
+    assert!(bending < 0.25 && all < 0.35 && foretold < 0.3, "{bending} {all} {foretold}");
+    assert!(of("modal-free") < 0.01, "{}", of("modal-free"));
     let claims: Vec<&str> = result["tolerance"]["findings"].as_array().unwrap().iter().filter_map(|f| f["claim"].as_str()).collect();
     assert!(claims.iter().any(|c| c.contains("case 9") && c.contains("exceeds any loop")), "{claims:?}");
 }
