@@ -4,7 +4,7 @@ mod plot;
 
 use serde_json::{Value, json};
 
-use crate::effect::{self, Effect, Info, LIBRARY, Param};
+use crate::effect::{self, Effect, Info, LIBRARY, Moves, Param, Role};
 
 use crate::work::{Demonstration, Failure, curves_json, demonstrate, effect_json, parameter_kind, parameter_unit};
 
@@ -34,7 +34,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             if let (Some(d), Some(value)) = (&shown, values.first_mut().and_then(Value::as_object_mut)) {
                 value.extend(curves_json(d));
             }
-            one(effect.info()) + &shown.map_or_else(example, |d| pictures(&d))
+            one(effect.info()) + &shown.map_or_else(|| example(effect), |d| pictures(&d))
         }
         _ => list(&effects.iter().map(|e| e.info()).collect::<Vec<_>>()),
     };
@@ -64,8 +64,18 @@ fn pictures(d: &Demonstration) -> String {
     text
 }
 
-/// What stands in a study for a formula.
-fn example() -> String {
+/// What stands in a study for an effect that has no loop of its own: a formula, a law of the geometry.
+fn example(effect: &Effect) -> String {
+    let info = effect.info();
+    if let Effect::Geometry(law) = effect {
+        let (at, value) = if law.moves() == Moves::Point { ("P.x", "0 mm") } else { ("b", "0") };
+        return format!(
+            "\n  [[effect]]\n  effect = \"{}\"\n  at = \"{at}\"{}\n  {} = {{ start = \"{value}\" }}\n",
+            info.name,
+            if law.moves() == Moves::Point { "" } else { "   # the name of the counted parts" },
+            info.params[0].name
+        );
+    }
     "\n  [[effect]]\n  effect = \"formula\"\n  at = \"c1.x\"\n  expression = \"k*x + f*z\"\n  states = { z = \"(v - abs(v)*z)/d\" }\n  \
      k = { start = \"20 N/mm\", min = \"0 N/mm\", max = \"100 N/mm\" }\n  f = { start = \"5 N\", min = \"0 N\", max = \"50 N\" }\n  \
      d = { start = \"0.1 mm\", fixed = true }\n"
@@ -85,12 +95,13 @@ fn one(info: &Info) -> String {
     let row = |p: &Param| vec![p.name.into(), parameter_unit(p), p.dim.si(true), p.bounds(), parameter_kind(p).into(), p.doc.into()];
     let rows: Vec<Vec<String>> = info.params.iter().map(row).collect();
     format!(
-        "{} ({}, {})\n  {}\n\n  {}\n  F is the force on `to` that holds it there, x = q_to - q_from\n\n{}\n  source: {}\n  range:  {}\n",
+        "{} ({}, {})\n  {}\n\n  {}\n{}\n{}\n  source: {}\n  range:  {}\n",
         info.name,
         info.role.word(),
         info.family,
         info.claim,
         info.equation,
+        if info.role == Role::Geometry { "" } else { "  F is the force on `to` that holds it there, x = q_to - q_from\n" },
         table(&["parameter", "along", "about", "bounds", "kind", "what it is"], &rows),
         info.source,
         info.range

@@ -194,7 +194,7 @@ pub fn ladder_keeping(
                 rungs.extend(tight);
                 continue;
             }
-            break if trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
+            break if step.cut || trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
         };
         rungs.push(climb.taken(taken, &step)?);
         rungs.extend(parallel::watched(&monitor.watch(), || climb.tighten(false)).unwrap_or_default());

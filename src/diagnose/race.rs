@@ -6,6 +6,8 @@ use serde::Serialize;
 /// How candidates are picked, begun and refitted.
 #[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Race {
+    /// Share of the time left that refits may take: what they have found by then is weighed, and told.
+    pub share: f64,
     /// Picked for its score when its predicted fall is at least this part of the best: the score is a slope, off by factors far from the truth.
     pub worth: f64,
     /// Part of the sparse combination of all columns from which its members are refitted...
@@ -86,6 +88,7 @@ pub struct Race {
 impl Default for Race {
     fn default() -> Self {
         Race {
+            share: 0.75,
             worth: 0.05,
             carries: 0.1,
             of_opinion: 3,

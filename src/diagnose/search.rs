@@ -57,6 +57,8 @@ pub struct Step {
     pub visible: Vec<(Name, f64)>,
     /// Independent candidates that it tried.
     pub tried: f64,
+    /// Whether the time for refits ended before they did: what was not found says nothing then.
+    pub cut: bool,
 }
 
 /// What a step weighs against.
@@ -88,6 +90,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let bound = |s: &Score| price.bound(trials[s.trial].candidate, s.drop);
     let picked =
         if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &wanted, &scores.selected, bound, &trials, &scale.settings) };
+    let hurried = a.monitor.hurried(scale.settings.race.share);
     let bench = Bench {
         case: &race,
         base: system,
@@ -97,14 +100,15 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         wanted: &wanted,
         squares,
         tie: scale.settings.tie,
-        monitor: a.monitor,
+        monitor: &hurried,
     };
     let started = std::time::Instant::now();
     let cost = bench.unexplained();
-    let refits = refitted(&bench, &hopeful, &picked, cost, watch);
+    let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, watch));
+    let cut = trace::stopped(&hurried);
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
-    let (stood, mut reasons) = weighed(a, &refits, &names, &price, cost, &loose);
+    let (stood, mut reasons) = weighed(a, &refits, cut, &names, &price, cost, &loose);
     let single = stood.iter().filter(|s| s.admissible && a.need.is_none()).max_by(|a, b| a.gain.total_cmp(&b.gain));
     let mut taken = None;
     if let Some(s) = single {
@@ -134,7 +138,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let positions: Vec<usize> = tied.iter().filter_map(|t| names.iter().position(|n| n == *t)).collect();
     let second_opinion = listed.second_opinion(first.or(best.first().map(|s| trials[s.trial].candidate)), &positions);
     let visible = visible(&scores.list, &names, &trials);
-    Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible, tried: price.all })
+    Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible, tried: price.all, cut })
 }
 
 /// Every candidate with its score.
@@ -285,7 +289,15 @@ fn sort(refits: &mut [Refit]) {
 }
 
 /// The refits that may gain, each weighed with variances of its own, and what was decided of every refit.
-fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f64, from: &Variances) -> (Vec<Stood>, Vec<Reason>) {
+fn weighed(
+    a: &Against,
+    refits: &[Refit],
+    cut: bool,
+    names: &[Name],
+    price: &Price,
+    cost: f64,
+    from: &Variances,
+) -> (Vec<Stood>, Vec<Reason>) {
     let scale = a.scale;
     let fall = |r: &Refit| r.result.as_ref().map_or(0.0, |p| 1.0 - p.fitted.outcome.cost / cost.max(f64::MIN_POSITIVE));
     let nats = |r: &Refit| promised(price.squares, fall(r));
@@ -293,7 +305,7 @@ fn weighed(a: &Against, refits: &[Refit], names: &[Name], price: &Price, cost: f
     let mut left = scale.settings.weighed;
     let of = |r: &Refit| -> Option<Reason> {
         match &r.result {
-            Err(_) if trace::stopped(a.monitor) => Some(Reason::Interrupted),
+            Err(_) if cut || trace::stopped(a.monitor) => Some(Reason::Interrupted),
             Err(why) => Some(Reason::Failed { why: why.clone() }),
             Ok(_) if !price.promises(r.candidate, fall(r)) => Some(price.left_out(r.candidate, fall(r))),
             // Beside what already gains so much, with the variances of the model without either, it cannot come first.

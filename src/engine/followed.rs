@@ -259,12 +259,12 @@ impl<'a> Structure<'a> {
             for (p, probe) in probes.iter().enumerate() {
                 // A force of the structure is in balance with the motion: Z dq + b f = 0. What holds a degree of freedom takes the rest.
                 let (dof, load) = match *probe {
+                    Probe::Dof(d) => (d, Complex64::from(-1.0)),
                     Probe::Velocity(d) => (d, -s),
                     Probe::Acceleration(d) => (d, -s * s),
                     Probe::Reaction(d) => (d, Complex64::from(hold)),
-                    Probe::Dof(d) | Probe::Relative(d) | Probe::RelativeVelocity(d) | Probe::RelativeAcceleration(d) | Probe::Force(d) => {
-                        (d, Complex64::from(-1.0))
-                    }
+                    // Probes of places are not asked for here (`cycle`).
+                    Probe::Relative(_) | Probe::RelativeVelocity(_) | Probe::RelativeAcceleration(_) | Probe::Force(_) => continue,
                 };
                 columns[p * n + dof] = load;
             }

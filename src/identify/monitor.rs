@@ -116,6 +116,13 @@ impl<'a> Monitor<'a> {
         Monitor { cancel: self.cancel.clone(), deadline: self.deadline, on_iteration: None, on_point: None, checkpoint: None }
     }
 
+    /// The same flag, and a deadline at this share of the time that is left; without a deadline there is none.
+    pub fn hurried(&self, share: f64) -> Monitor<'static> {
+        let now = Instant::now();
+        let sooner = |deadline: Instant| now + deadline.saturating_duration_since(now).mul_f64(share);
+        Monitor { deadline: self.deadline.map(sooner), ..self.quiet() }
+    }
+
     /// Flag and deadline, for evaluations that may be given up.
     pub(crate) fn watch(&self) -> Watch {
         Watch { cancel: self.cancel.clone(), deadline: self.deadline }

@@ -213,25 +213,6 @@ impl Plan {
         !rows.is_empty()
     }
 
-    /// A modal table whose frequencies are compared as shifts against those of another one, of the modes that `wanted` takes and both have, with the relative
-    /// deviation `sigma`: what is computed is multiplied by measured / computed of the other test. Other tests as they are.
-    pub fn shifted_against(mut self, other: &Plan, sigma: f64, wanted: impl Fn(f64) -> bool) -> Plan {
-        let (Work::Modal(own), Work::Modal(there)) = (&self.work, &other.work) else { return self };
-        let shifted = own.against(&self, there, other, wanted);
-        let rows = shifted.shifted();
-        self.work = Work::Modal(shifted);
-        let Some(block) = self.blocks.iter().find(|b| b.role == "natural_frequency") else { return self };
-        let modes: Vec<String> = rows.iter().map(|k| block.abscissa[*k].to_string()).collect();
-        rows.iter().for_each(|k| self.sigma[block.range.start + k] = sigma);
-        self.notes.push(format!(
-            "the frequencies of modes {} are compared as shifts against `{}`, to {:.3} %: computed, times measured over computed there",
-            modes.join(", "),
-            other.id,
-            100.0 * sigma
-        ));
-        self
-    }
-
     /// The same test with a condition that lies `by` [SI] beside where it is stated, in rows of a table that have it from the test as well.
     pub fn beside(&self, condition: &str, by: f64) -> Plan {
         let mut plan = self.clone();

@@ -14,7 +14,7 @@ use crate::engine::modal::{Mode, Range, Shares, modes, shares};
 use crate::model::{Bound, FreeParam, Model, System};
 
 use super::family::Family;
-use super::{Block, BlockKind, Computed, Plan, ResponseError, TableForm};
+use super::{Block, BlockKind, Computed, Plan, ResponseError, TableForm, Work};
 
 /// A modal table made ready.
 #[derive(Clone, Debug)]
@@ -201,6 +201,27 @@ impl ModalPlan {
         let families = found.iter().map(|m| Family::of(&system.model, &m.shape)).collect();
         let shares = shares(&system.model, &bound, &found).map_err(|source| ResponseError::Engine { test: plan.id.clone(), source })?;
         Ok(TableModes { found, families, rows, shares })
+    }
+}
+
+impl Plan {
+    /// A modal table whose frequencies are compared as shifts against those of another one, of the modes that `wanted` takes and both have, with the relative
+    /// deviation `sigma`: what is computed is multiplied by measured / computed of the other test. Other tests as they are.
+    pub fn shifted_against(mut self, other: &Plan, sigma: f64, wanted: impl Fn(f64) -> bool) -> Plan {
+        let (Work::Modal(own), Work::Modal(there)) = (&self.work, &other.work) else { return self };
+        let shifted = own.against(&self, there, other, wanted);
+        let rows = shifted.shifted();
+        self.work = Work::Modal(shifted);
+        let Some(block) = self.blocks.iter().find(|b| b.role == FREQUENCY) else { return self };
+        let modes: Vec<String> = rows.iter().map(|k| block.abscissa[*k].to_string()).collect();
+        rows.iter().for_each(|k| self.sigma[block.range.start + k] = sigma);
+        self.notes.push(format!(
+            "the frequencies of modes {} are compared as shifts against `{}`, to {:.3} %: computed, times measured over computed there",
+            modes.join(", "),
+            other.id,
+            100.0 * sigma
+        ));
+        self
     }
 }
 

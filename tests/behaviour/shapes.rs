@@ -172,7 +172,7 @@ fn effects() {
     let ran = misfit(&["effects", "--json"]);
     assert_eq!(ran.code, 0);
     let json = ran.json();
-    let wanted = r#"{"effects":[{"effect":"text","role":"force|series|coefficient|channel","claim":"text","equation":"text",
+    let wanted = r#"{"effects":[{"effect":"text","role":"force|series|coefficient|channel|geometry","claim":"text","equation":"text",
         "parameters":[{"name":"text","unit":"text","sign":"text"}],"family":"text"}]}"#;
     holds(&json, &shape(wanted), "effects");
     assert!(json["effects"].as_array().unwrap().len() >= 15);
