@@ -40,6 +40,14 @@ class EffectAt(msgspec.Struct, kw_only=True):
     """Name of the effect."""
 
 
+class EnergyShare(msgspec.Struct, kw_only=True):
+    """A part of a mode's energy."""
+    at: str
+    """General forces or bodies that share it."""
+    share: float | None
+    """Share of the whole; that of the forces present (geometric stiffness) may be below 0."""
+
+
 class Factor(msgspec.Struct, kw_only=True):
     """How far off the energies of one channel of a table are, as factors: energies run over decades."""
     channel: str
@@ -93,6 +101,22 @@ class LargestDifference(msgspec.Struct, kw_only=True):
     """The difference as a fraction of that."""
     over: str
     """What it is over: `range`, `range of magnitude` or `value`."""
+
+
+class ModeEnergy(msgspec.Struct, kw_only=True):
+    """One mode of a modal table in the model."""
+    computed: float | None
+    """As computed [Hz]."""
+    finding: str | None = None
+    """Where a fixture holds more than half of the strain energy, what to think of it."""
+    kinetic: list[EnergyShare]
+    """Kinetic energy by body, the largest shares."""
+    measured: float | None
+    """Natural frequency as measured [Hz]."""
+    mode: int
+    """Its number in the table."""
+    strain: list[EnergyShare]
+    """Strain energy by general force, the largest shares."""
 
 
 class OneStrength(msgspec.Struct, kw_only=True):
@@ -169,6 +193,8 @@ class TestResult(msgspec.Struct, kw_only=True):
     """cycle, frf, transient, energy, modal."""
     largest_difference: list[LargestDifference]
     """Largest difference over the range of the measured, channel by channel: the measure of the tensioner's paper."""
+    modes: list[ModeEnergy] | None = None
+    """Of a table of modes, where the energy of each is."""
     n: int
     """Number of measured values."""
     split: SplitName
@@ -693,6 +719,8 @@ class Race(msgspec.Struct, kw_only=True):
     """...and the part of the leader's predicted fall that they promise."""
     shapes: int
     """Shapes of a candidate that are looked at, the best..."""
+    share: float | None
+    """Share of the time left that refits may take: what they have found by then is weighed, and told."""
     shared: int
     """Parameters of one name and dimension that make two laws kin, the values of one a start for the other..."""
     state_iterations: int
@@ -739,8 +767,12 @@ class Rung(msgspec.Struct, kw_only=True):
 
 class Scoring(msgspec.Struct, kw_only=True):
     """How candidates are scored."""
+    apart: float | None
+    """...and what may be left of a column beyond these, in parts of it."""
     columns: int
     """Columns that the sparse combination weighs, those of the highest scores."""
+    condensed: int
+    """Trials beyond which their correlation is drawn in the directions that they lie in..."""
     dependent: float | None
     """Singular value of columns of unit length below which a combination of them is numerically nothing..."""
     draws: int
@@ -770,9 +802,9 @@ class Settings(msgspec.Struct, kw_only=True):
     correction_sure: float | None
     """The same in standard deviations."""
     decisive: float | None
-    """Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; a
-    test that separates two laws by so much breaks their tie; effects that are to take the place of slack are exchanged while they are within so
-    much of it."""
+    """Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; of
+    several additions one that gained less, and without which they are foretold better, is taken out; a test that separates two laws by so much
+    breaks their tie; effects that are to take the place of slack are exchanged while they are within so much of it."""
     estimates: int
     """Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed."""
     evaluations: int
@@ -910,10 +942,14 @@ class Settings(msgspec.Struct, kw_only=True):
 
 class Telling(msgspec.Struct, kw_only=True):
     """What is told of a model beside the verdict."""
+    energy: float | None
+    """Part of a mode's energy below which a place is not told."""
     falls: float | None
     """...where this part of every loss is left if it carries them all..."""
     finding: float | None
     """Standard deviations beyond which a statistic of the residuals is claimed; about 1 in 1000 by chance."""
+    fixture: float | None
+    """Part of a mode's strain energy beyond which the fixture that holds it is told."""
     held_out_points: int
     """Points of the grid on which the model error of the held-out tests is looked for..."""
     held_out_span: float | None

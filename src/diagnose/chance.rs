@@ -88,6 +88,10 @@ pub fn chance(columns: &[DVector<f64>], trials: &[Drawn], seed: u64, s: &Scoring
         a
     });
     let Some(Passed { mut best, of_candidate, any, any_physics }) = all else { return none() };
+    // The time ended before a draw was made.
+    if best.is_empty() {
+        return none();
+    }
     best.sort_by(f64::total_cmp);
     let seen: Vec<usize> = (0..candidates).filter(|k| trials.iter().any(|t| t.candidate == *k)).collect();
     // Half a draw at least passes and half a draw does not: what was not seen in so many draws is not impossible.
@@ -173,6 +177,14 @@ mod tests {
 
     fn axis(k: usize) -> DVector<f64> {
         DVector::from_fn(12, |i, _| if i == k { 1.0 } else { 0.0 })
+    }
+
+    /// A search that is stopped before a draw was made has no chance to tell.
+    #[test]
+    fn what_is_stopped_draws_nothing() {
+        let ended = parallel::Watch { cancel: Some(std::sync::Arc::new(true.into())), deadline: None };
+        let c = parallel::watched(&ended, || counted(&(0..4).map(axis).collect::<Vec<_>>(), &[0, 1, 2, 3]));
+        assert!(c.best.is_empty() && c.independent == 1.0, "{c:?}");
     }
 
     /// Many columns in few directions are drawn as they are one by one.

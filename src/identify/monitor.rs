@@ -214,6 +214,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_share_of_the_time_is_left_to_others() {
+        let monitor = Monitor::default().max_seconds(100.0);
+        let left = monitor.hurried(0.75).deadline.unwrap().duration_since(Instant::now()).as_secs_f64();
+        assert!((74.0..=75.0).contains(&left), "{left}");
+        assert!(Monitor::default().hurried(0.75).deadline.is_none());
+        // What is over is over.
+        assert!(Monitor::default().max_seconds(0.0).hurried(0.75).watch().ended());
+    }
+
+    #[test]
     fn a_signal_sets_the_flag_and_the_monitor_stops() {
         let flag = interrupt_flag().unwrap();
         let monitor = Monitor::default().cancel(flag.clone());

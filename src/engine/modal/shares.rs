@@ -1,5 +1,7 @@
 //! Where the energy of a mode is: strain energy by place, kinetic energy by body.
 
+use num_complex::Complex64;
+
 use crate::model::{Bound, Model};
 
 use super::super::EngineError;
@@ -9,13 +11,13 @@ use super::Mode;
 /// Shares of a mode's energies; each kind adds up to 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shares {
-    /// Strain energy by place: `Re (z_e(s) - m_e s^2) |b_e' phi|^2`, over the sum of these and of the geometric stiffness.
+    /// Strain energy by place: `Re (z_e(i w) + m_e w^2) |b_e' phi|^2`, over the sum of these and of the geometric stiffness.
     pub strain: Vec<(usize, f64)>,
     /// What the forces present hold by the geometric stiffness; below 0 where they make the structure softer.
     pub geometric: f64,
     /// Kinetic energy by body.
     pub kinetic: Vec<(usize, f64)>,
-    /// Kinetic energy of the masses that are effects of a place, `m_e |s|^2 |b_e' phi|^2`.
+    /// Kinetic energy of the masses that are effects of a place, `m_e w^2 |b_e' phi|^2`.
     pub carried: Vec<(usize, f64)>,
 }
 
@@ -29,7 +31,8 @@ pub fn shares(model: &Model, bound: &Bound, modes: &[Mode]) -> Result<Vec<Shares
 }
 
 fn of(model: &Model, small: &Small<'_>, mode: &Mode) -> Result<Shares, EngineError> {
-    let (s, phi) = (mode.lambda, &mode.shape);
+    // On the frequency axis: there a damper stores nothing, however strongly it damps the mode.
+    let (s, phi) = (Complex64::new(0.0, mode.lambda.norm()), &mode.shape);
     let form = |entries: &[(usize, usize, f64)]| entries.iter().map(|(i, j, x)| (phi[*i].conj() * phi[*j]).re * x).sum::<f64>();
     let mut shares = Shares { geometric: form(&small.stiffness), ..Shares::default() };
     for (e, element) in small.bound.elements.iter().enumerate() {

@@ -321,6 +321,66 @@ fn curvature_moves_the_modes_of_a_loaded_chain() {
 }
 
 #[test]
+fn a_table_is_compared_by_its_shifts_against_another() {
+    let other = r#"[[test]]
+id = "modal-20N"
+kind = "modal"
+conditions = { load = "20 N" }
+rows = [
+ { mode = 1, frequency = "290 Hz", family = "xy bending" },
+ { mode = 2, frequency = "610 Hz", family = "xy bending" },
+ { mode = 7, frequency = "900 Hz", family = "torsion" }]
+"#;
+    let shift = |test: &str, against: &str, sigma: &str| {
+        let table = format!("[[shift]]\ntest = \"{test}\"\nagainst = \"{against}\"\nsigma = \"{sigma}\"\n[[arc]]");
+        SPACE.replacen("[[arc]]", &table, 1)
+    };
+    let folder = Folder::new(&shift("modal-20N", "modal-80N", "0.1 %"), &format!("{TESTS}{other}"));
+    let study = folder.load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let shifted = &case.plans.iter().find(|(p, _)| p.id == "modal-20N").unwrap().0;
+    let plain = |id: &str| Plan::new(study.dataset.test(id).unwrap(), &study.system.model).unwrap();
+    let (own, against) = (plain("modal-20N"), plain("modal-80N"));
+    let (free, n) = (study.system.free(), study.system.free().len());
+    let at = |p: &Plan| p.evaluate(&study.system, &free, true).unwrap();
+    let (by_shift, by_own, there) = (at(shifted), at(&own), at(&against));
+    for row in 0..2 {
+        // The frequency it would have if the other test were met exactly.
+        let wanted = by_own.values[row] - there.values[row] + against.measured[row];
+        assert!((by_shift.values[row] - wanted).abs() < 1e-12 && (shifted.sigma[row] - 1e-3).abs() < 1e-15);
+        for k in row * n..(row + 1) * n {
+            assert!((by_shift.slopes[k] - (by_own.slopes[k] - there.slopes[k])).abs() < 1e-12);
+        }
+    }
+    // A mode that the other table does not have is compared as it is.
+    assert_eq!((by_shift.values[2], shifted.sigma[2]), (by_own.values[2], own.sigma[2]));
+    let again = read(&study.with_values(&study.system, std::path::Path::new(".")), &study.dataset).unwrap();
+    assert_eq!(again.shifts, study.shifts);
+    let wrong = |study_toml: &str, message: &str, place: &str| refused(read(study_toml, &study.dataset), message, place);
+    wrong(&shift("modal-20N", "modal-20N", "0.1 %"), "does not shift against itself", "key shift[0].against");
+    wrong(&shift("modal-20N", "loop-a", "0.1 %"), "unknown modal test `loop-a`", "key shift[0].against");
+    wrong(&shift("modal-20N", "modal-80N", "0 %"), "a deviation of 0", "key shift[0].sigma");
+}
+
+#[test]
+fn the_energies_of_a_mode_add_up_and_a_fixture_is_told() {
+    let study = Folder::new(SPACE, TESTS).load().unwrap();
+    let plan = Plan::new(study.dataset.test("modal-80N").unwrap(), &study.system.model).unwrap();
+    let telling = crate::diagnose::Telling { energy: 0.0, fixture: 0.0, ..Default::default() };
+    let modes = crate::diagnose::mode_energies(&plan, &study.system, &telling);
+    assert_eq!(modes.iter().map(|m| m.mode).collect::<Vec<_>>(), [1, 2, 3]);
+    for m in &modes {
+        let sum = |list: &[crate::diagnose::results::EnergyShare]| list.iter().map(|s| s.share).sum::<f64>();
+        assert!((sum(&m.strain) - 1.0).abs() < 1e-9 && (sum(&m.kinetic) - 1.0).abs() < 1e-9, "{m:?}");
+    }
+    // The device is absent in the loops, the shelf is there in every test: it is a part of the structure.
+    let told = modes[0].finding.as_ref().unwrap();
+    assert!(told.contains("device") && !told.contains("shelf"), "{told}");
+    let never = crate::diagnose::Telling { fixture: 1.0, ..telling };
+    assert!(crate::diagnose::mode_energies(&plan, &study.system, &never).iter().all(|m| m.finding.is_none()));
+}
+
+#[test]
 fn the_modal_basis_gives_the_number_of_parts() {
     let dataset = Folder::new(SPACE, TESTS).dataset();
     let text = SPACE.replace("count = 8", "count = \"modal basis\"\nmodulus = \"28000 N/mm2\"\nhighest = \"2500 Hz\"");
