@@ -37,11 +37,18 @@ const SETTLED: f64 = 1e-3;
 const HELD: f64 = 1e9;
 
 /// The steady cycle with slopes; `None` where the march answers for every candidate itself: where these are few, of a model that is not spatial, for probes
-/// of places.
+/// of places, and where the linearised structure has no answer.
 pub(super) fn cycle(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe]) -> Option<Result<Cycle, EngineError>> {
     let many = bound.elements.iter().map(Element::n_followers).sum::<usize>() >= MANY;
     let answers = |p: &Probe| matches!(p, Probe::Dof(_) | Probe::Velocity(_) | Probe::Acceleration(_) | Probe::Reaction(_));
-    (model.space.is_some() && many && probes.iter().all(answers)).then(|| slopes(model, bound, loads, probes))
+    if model.space.is_none() || !many || !probes.iter().all(answers) {
+        return None;
+    }
+    match slopes(model, bound, loads, probes) {
+        // What moves freely has no static answer, and some laws have no stiffness at rest: the march needs neither.
+        Err(EngineError::Linear(_) | EngineError::Effect(_)) => None,
+        found => Some(found),
+    }
 }
 
 fn slopes(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe]) -> Result<Cycle, EngineError> {
