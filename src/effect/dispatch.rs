@@ -158,8 +158,9 @@ impl<L> Dispatch<L> {
     pub const NEW: Self = Self(PhantomData);
 }
 
-/// Largest number of states and of parameters a law may have.
+/// Largest number of states and of parameters a law may have, and as many as most have.
 const MAX: usize = 32;
+const FEW: usize = 4;
 
 #[inline]
 fn seed<const N: usize>(value: f64, next: &mut usize) -> DualSVec64<N> {
@@ -215,20 +216,34 @@ fn tangent_n<A: Update, const N: usize>(law: &A, u: &Inputs<f64>, dt: f64, s: &m
         seed::<N>(value, &mut next)
     };
     let inputs = Inputs { x: pick(ports.x, u.x, 0), v: pick(ports.v, u.v, 1), a: pick(ports.a, u.a, 2), dx: pick(ports.dx, u.dx, 3) };
-    // As many as there are and no more: an array of the most there may be costs more to fill than most laws to evaluate.
-    let params: SmallVec<[DualSVec64<N>; MAX]> = (0..np).map(|k| pick(active(k), p[k], INPUTS + ns + k)).collect();
-    let mut states: SmallVec<[DualSVec64<N>; MAX]> = SmallVec::new();
+    // A list that grows, or an array of the most there may be, costs more to fill than most laws to evaluate.
+    let zero = constant(0.0);
+    let (mut few, mut many) = ([zero; FEW], SmallVec::<[DualSVec64<N>; MAX]>::new());
+    let params: &[DualSVec64<N>] = if np <= FEW {
+        (0..np).for_each(|k| few[k] = pick(active(k), p[k], INPUTS + ns + k));
+        &few[..np]
+    } else {
+        many.extend((0..np).map(|k| pick(active(k), p[k], INPUTS + ns + k)));
+        &many
+    };
+    let (mut few_states, mut many_states) = ([zero; FEW], SmallVec::<[DualSVec64<N>; MAX]>::new());
+    let states: &mut [DualSVec64<N>] = if ns <= FEW {
+        &mut few_states[..ns]
+    } else {
+        many_states.resize(ns, zero);
+        &mut many_states
+    };
     if A::PARALLEL {
         let mut own = next;
         let shared = seed::<N>(0.0, &mut own);
-        states.extend(s.iter().map(|s| shared + *s));
+        states.iter_mut().zip(s.iter()).for_each(|(state, s)| *state = shared + *s);
     } else {
-        states.extend((0..ns).map(|k| pick(true, s[k], INPUTS + k)));
+        states.iter_mut().enumerate().for_each(|(k, state)| *state = pick(true, s[k], INPUTS + k));
     }
-    let force = law.advance(&inputs, dt, &mut states, &params);
+    let force = law.advance(&inputs, dt, states, params);
     out.reset(ns, np, if wanted == Wanted::Inputs { 1 } else { 1 + ns });
     out.f = force.re;
-    for (s, state) in s.iter_mut().zip(&states) {
+    for (s, state) in s.iter_mut().zip(states.iter()) {
         *s = state.re;
     }
     if wanted == Wanted::Inputs {

@@ -50,7 +50,7 @@ pub struct Loads {
 
 /// State of a march, values and sensitivities. Sensitivity arrays hold a row for every value, in it one entry per column: the derivative of
 /// `q[d]` in column `c` is `dq[d * columns + c]`.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct State {
     /// Displacements, velocities, accelerations of all degrees of freedom.
     pub q: Vec<f64>,
@@ -78,6 +78,37 @@ pub struct State {
     pub ds: Vec<f64>,
     pub(super) dw: Vec<f64>,
     pub(super) dg: Vec<f64>,
+}
+
+impl Clone for State {
+    fn clone(&self) -> Self {
+        let mut copy = State::default();
+        copy.clone_from(self);
+        copy
+    }
+
+    /// Into the room that is there: it is taken once a step.
+    fn clone_from(&mut self, from: &Self) {
+        let State { q, v, a, s, fs, dt, w, g, dq, dv, da, ds, dw, dg } = from;
+        self.dt = *dt;
+        for (to, from) in [
+            (&mut self.q, q),
+            (&mut self.v, v),
+            (&mut self.a, a),
+            (&mut self.s, s),
+            (&mut self.fs, fs),
+            (&mut self.w, w),
+            (&mut self.g, g),
+            (&mut self.dq, dq),
+            (&mut self.dv, dv),
+            (&mut self.da, da),
+            (&mut self.ds, ds),
+            (&mut self.dw, dw),
+            (&mut self.dg, dg),
+        ] {
+            to.clone_from(from);
+        }
+    }
 }
 
 /// The march of one model under one set of loads.

@@ -3,14 +3,14 @@
 use crate::effect::Moment;
 use crate::model::{Bound, ChannelPiece};
 
-/// Applies the channel effects that cover `test.role` to a computed signal of `n` samples at steps of `dt`, taken at `moments`. `slopes[k * n_free + c]` are updated along. A periodic signal wraps around.
+/// Applies the channel effects that cover `test.role` to a computed signal of `n` samples at steps of `dt`, taken at `moments`. `slopes[k * columns + c]` are updated along: the free parameters first, and whatever else. A periodic signal wraps around.
 pub fn apply(bound: &Bound, test: &str, role: &str, dt: f64, periodic: bool, moments: &[Moment], values: &mut [f64], slopes: &mut [f64]) {
     let pieces: Vec<&ChannelPiece> = bound.channels.iter().filter(|c| c.site.covers(test, role)).collect();
     if pieces.is_empty() {
         return;
     }
     let n = values.len();
-    let n_free = if slopes.is_empty() { 0 } else { bound.n_free };
+    let columns = slopes.len() / n.max(1);
     for piece in pieces {
         let mut dp = vec![0.0; piece.p.len()];
         let shift = piece.law.shift(&piece.p, &mut dp);
@@ -21,12 +21,12 @@ pub fn apply(bound: &Bound, test: &str, role: &str, dt: f64, periodic: bool, mom
                 let (stencil, rates) = interpolation(k as f64 - shift / dt, n, periodic);
                 values[k] = stencil.iter().map(|(j, w)| w * old[*j]).sum();
                 let rate: f64 = rates.iter().map(|(j, w)| w * old[*j]).sum::<f64>() / dt;
-                for c in 0..n_free {
-                    slopes[k * n_free + c] = stencil.iter().map(|(j, w)| w * old_slopes[*j * n_free + c]).sum();
+                for c in 0..columns {
+                    slopes[k * columns + c] = stencil.iter().map(|(j, w)| w * old_slopes[*j * columns + c]).sum();
                 }
                 for (d, chain) in dp.iter().zip(&piece.chains) {
-                    for (c, slope) in chain.iter().filter(|_| n_free > 0) {
-                        slopes[k * n_free + c] -= rate * d * slope;
+                    for (c, slope) in chain.iter().filter(|_| columns > 0) {
+                        slopes[k * columns + c] -= rate * d * slope;
                     }
                 }
             }
@@ -34,10 +34,10 @@ pub fn apply(bound: &Bound, test: &str, role: &str, dt: f64, periodic: bool, mom
         for k in 0..n {
             let (reading, dy) = piece.law.reading(values[k], moments[k], &piece.p, &mut dp);
             values[k] = reading;
-            slopes.iter_mut().skip(k * n_free).take(n_free).for_each(|s| *s *= dy);
+            slopes.iter_mut().skip(k * columns).take(columns).for_each(|s| *s *= dy);
             for (d, chain) in dp.iter().zip(&piece.chains) {
-                for (c, slope) in chain.iter().filter(|_| n_free > 0) {
-                    slopes[k * n_free + c] += d * slope;
+                for (c, slope) in chain.iter().filter(|_| columns > 0) {
+                    slopes[k * columns + c] += d * slope;
                 }
             }
         }

@@ -3,6 +3,7 @@
 //! A [`Plan`] is made once per test: what drives the model, what is read, what was measured with which sigma. [`Plan::evaluate`] runs
 //! the engine for the present parameters.
 
+mod beginning;
 mod channel;
 mod covariance;
 mod cycle;
@@ -308,7 +309,7 @@ impl Plan {
         match &self.work {
             Work::Cycle(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
             Work::Frf(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
-            Work::Transient(w) => w.evaluate(&system.model, &self.bind(system, free)?, self, sensitivities).map_err(named),
+            Work::Transient(w) => w.evaluate(system, free, self, sensitivities),
             Work::Energy(w) => w.evaluate(system, free, self, sensitivities, TableForm::Logarithms),
             Work::Modal(w) => w.evaluate(system, free, self, sensitivities, TableForm::Logarithms),
         }
@@ -349,7 +350,7 @@ impl Plan {
         let bound = self.bind(system, &[])?;
         match &self.work {
             Work::Cycle(w) => w.amplitudes(&system.model, &bound).map(Some).map_err(named),
-            Work::Transient(w) => w.amplitudes(&system.model, &bound).map(Some).map_err(named),
+            Work::Transient(w) => w.amplitudes(system, self).map(Some),
             Work::Energy(w) => w.amplitudes(system, self).map(Some),
             Work::Frf(w) => w.amplitudes(&system.model, &bound).map_err(named),
             Work::Modal(_) => Ok(None),
@@ -383,7 +384,7 @@ impl Plan {
             let finer = Plan { work: finer, ..now.clone() };
             let (Ok(a), Ok(b)) = (now.evaluate(system, &[], false), finer.evaluate(system, &[], false)) else { return best };
             let moved: f64 = a.values.iter().zip(&b.values).zip(&self.sigma).map(|((a, b), s)| ((a - b) / s).powi(2)).sum();
-            // The error is of second order: what doubling moves is three quarters of it, and three times what then remains. A record is one
+            // The error is of second order, that of an extrapolated record of fourth: what doubling moves is three quarters of it at least. A record is one
             // long motion whose error adds up along it, and bends a parameter by up to the root of the sum in standard errors; where the
             // model still fails by many times the noise, a part of that is close enough.
             let enough = if matches!(now.work, Work::Transient(_)) {

@@ -1,13 +1,17 @@
-//! A whole record, marched from rest, or from the equilibrium under the loads that stay, at its first sample.
+//! A whole record, marched from rest, or from the equilibrium under the loads that stay, at its first sample; one that begins in motion from
+//! where it begins ([`super::beginning`]).
 
 use std::sync::Arc;
 
+use nalgebra::{DMatrix, DVector};
+
 use crate::data::{Control, TimeRecord};
 use crate::effect::Moment;
-use crate::engine::march::{Loads, March, Probe};
+use crate::engine::march::{Loads, March, Probe, State};
 use crate::engine::{EngineError, equilibrium};
-use crate::model::{Bound, Model};
+use crate::model::{Bound, FreeParam, Model, System};
 
+use super::beginning::{Beginning, Opening, Start, samples_a_cycle};
 use super::cycle::amplitude;
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel, site};
 
@@ -23,12 +27,19 @@ pub struct TransientPlan {
     /// Steps of the march from one sample to the next.
     stride: usize,
     loads: Loads,
+    /// The same in half as many steps, where there are any: their difference takes the error of second order out of both (Richardson).
+    half: Option<Loads>,
     probes: Vec<(Probe, f64)>,
     moments: Vec<Moment>,
+    /// Where it begins; none: at rest.
+    beginning: Option<Beginning>,
 }
 
 /// Steps of a march at most.
 const MOST_STEPS: usize = 400_000;
+
+/// Steps from one sample to the next from which a march in half as many is extrapolated from.
+const EXTRAPOLATED: usize = 2;
 
 /// Part of its largest deflection that a channel has when it begins to move, and the fewest samples from there that are taken.
 const MOVES: f64 = 0.05;
@@ -81,7 +92,24 @@ impl TransientPlan {
         let moment = |(k, s): (usize, &[f64; 3])| Moment { acceleration: if driven_motion { s[2] } else { 0.0 }, time: time(k) };
         let moments = samples.iter().enumerate().map(moment).collect();
         let loads = site::loads(control, dof, sign, dt, &samples);
-        Ok(TransientPlan { drive: (control, dof, sign), samples: samples.into(), dt, stride: 1, loads, probes, moments })
+        let beginning = Beginning::of(record, control, dof, model);
+        plan.notes.extend(beginning.as_ref().map(|b| {
+            format!(
+                "the record begins in motion: displacements and velocities at its first sample are estimated from its first {:.3} s",
+                b.samples() as f64 * dt
+            )
+        }));
+        Ok(TransientPlan {
+            drive: (control, dof, sign),
+            samples: samples.into(),
+            dt,
+            stride: 1,
+            loads,
+            half: None,
+            probes,
+            moments,
+            beginning,
+        })
     }
 
     /// The same test with twice as many steps; `None` where they would be too many.
@@ -90,7 +118,7 @@ impl TransientPlan {
         (self.samples.len().saturating_mul(stride) <= MOST_STEPS).then(|| self.marched(stride))
     }
 
-    /// The same test with this part of its steps, one per sample at least; `None` where it has no more.
+    /// The same test with this part of its steps, one a sample at least; `None` where it has no more.
     pub(super) fn coarser(&self, part: usize) -> Option<Self> {
         let stride = (self.stride / part).max(1);
         (stride < self.stride).then(|| self.marched(stride))
@@ -103,25 +131,24 @@ impl TransientPlan {
             let x = &plan.measured[block.range.clone()];
             let most = x.iter().fold(0.0f64, |m, v| m.max((v - x[0]).abs()));
             let onset = x.iter().position(|v| (v - x[0]).abs() > MOVES * most)?;
-            let mean = x.iter().sum::<f64>() / x.len() as f64;
-            let square: f64 = x.iter().map(|v| (v - mean).powi(2)).sum();
-            let rate: f64 = x.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
-            // Rice's mean frequency, rms of the rate over that of the value.
-            let samples = std::f64::consts::TAU * (square / rate).sqrt();
-            Some(onset + (cycles * samples).ceil().max(SHORTEST) as usize)
+            Some(onset + (cycles * samples_a_cycle(x)).ceil().max(SHORTEST) as usize)
         };
         plan.blocks.iter().filter_map(of).min().filter(|n| *n < self.moments.len())
     }
 
     /// The same test up to its `n`-th sample.
     pub(super) fn begun(&self, n: usize) -> Self {
-        TransientPlan { samples: self.samples[..n].into(), moments: self.moments[..n].to_vec(), ..self.clone() }.marched(self.stride)
+        let beginning = self.beginning.as_ref().map(|b| b.begun(n));
+        TransientPlan { samples: self.samples[..n].into(), moments: self.moments[..n].to_vec(), beginning, ..self.clone() }
+            .marched(self.stride)
     }
 
     fn marched(&self, stride: usize) -> Self {
         let (control, dof, sign) = self.drive;
-        let loads = site::loads(control, dof, sign, self.dt / stride as f64, &between(control, &self.samples, self.dt, stride));
-        TransientPlan { stride, loads, ..self.clone() }
+        let loads =
+            |stride: usize| site::loads(control, dof, sign, self.dt / stride as f64, &between(control, &self.samples, self.dt, stride));
+        let half = stride.is_multiple_of(EXTRAPOLATED).then(|| loads(stride / 2));
+        TransientPlan { stride, loads: loads(stride), half, ..self.clone() }
     }
 
     pub(super) fn dt(&self) -> f64 {
@@ -131,83 +158,195 @@ impl TransientPlan {
         self.dt * self.moments.len() as f64
     }
 
-    pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
-        let n = self.moments.len();
-        let n_free = if sensitivities { bound.n_free } else { 0 };
-        let (mut values, mut slopes) = (vec![vec![0.0; n]; self.probes.len()], vec![vec![0.0; n * n_free]; self.probes.len()]);
-        self.run(model, bound, n_free, |k, march, state| {
-            for (i, (probe, sign)) in self.probes.iter().enumerate() {
-                let d = &mut slopes[i][k * n_free..(k + 1) * n_free];
-                values[i][k] = sign * march.read(*probe, state, d);
-                d.iter_mut().for_each(|d| *d *= sign);
-            }
-        })?;
+    pub(super) fn evaluate(
+        &self,
+        system: &System,
+        free: &[FreeParam],
+        plan: &Plan,
+        sensitivities: bool,
+    ) -> Result<Computed, ResponseError> {
+        let named = |source| ResponseError::Engine { test: plan.id.clone(), source };
+        let bound = plan.bind(system, free)?;
+        let columns = if sensitivities { bound.n_free } else { 0 };
+        let start = self.start(system, &bound, columns, plan)?;
+        let (mut values, mut slopes) = self.read(&system.model, &bound, &start, self.moments.len(), columns, plan).map_err(named)?;
         let mut out = Computed::default();
-        for (i, block) in plan.blocks.iter().enumerate() {
-            channel::apply(bound, &plan.id, &block.role, self.dt, false, &self.moments, &mut values[i], &mut slopes[i]);
-            out.values.append(&mut values[i]);
-            out.slopes.append(&mut slopes[i]);
+        for (values, slopes) in values.iter_mut().zip(&mut slopes) {
+            out.values.append(values);
+            out.slopes.append(slopes);
         }
         Ok(out)
     }
 
-    /// Marches and reads at every sample. The march starts with its first step; rest before it reads as the state after it.
-    fn run(
+    /// Where the record begins, with its derivatives with respect to the first `columns` parameters.
+    fn start(&self, system: &System, bound: &Bound, columns: usize, plan: &Plan) -> Result<Start, ResponseError> {
+        let Some(beginning) = &self.beginning else { return Ok(Start::default()) };
+        // A march whose columns are all perturbations of the start.
+        let fixed = plan.bind(system, &[])?;
+        let n = beginning.samples();
+        let start = beginning.estimated(columns, |start, with| {
+            let (bound, columns) = if with { (bound, columns + start.unknowns()) } else { (&fixed, start.unknowns()) };
+            let (values, slopes) = self.read(&system.model, bound, start, n, columns, plan)?;
+            Ok(self.opening_rows(plan, n, &values, &slopes, columns))
+        });
+        start.map_err(|source| ResponseError::Engine { test: plan.id.clone(), source })
+    }
+
+    /// The first `n` samples of every channel, whitened by sigma.
+    fn opening_rows(&self, plan: &Plan, n: usize, values: &[Vec<f64>], slopes: &[Vec<f64>], columns: usize) -> Opening {
+        let weight = |row: usize| if plan.left_out.contains(&row) { 0.0 } else { 1.0 / plan.sigma[row] };
+        let row = |i: usize| (i / n, i % n, plan.blocks[i / n].range.start + i % n);
+        let rows = values.len() * n;
+        let weights: Vec<f64> = (0..rows).map(|i| weight(row(i).2)).collect();
+        let residual = |i: usize| {
+            let (block, k, at) = row(i);
+            weights[i] * (values[block][k] - plan.measured[at])
+        };
+        let slope = |i: usize, c: usize| {
+            let (block, k, _) = row(i);
+            weights[i] * slopes[block][k * columns + c]
+        };
+        Opening { r: DVector::from_fn(rows, |i, _| residual(i)), slopes: DMatrix::from_fn(rows, columns, slope) }
+    }
+
+    /// What every channel reads at the first `n` samples, with `columns` slopes each.
+    #[allow(clippy::type_complexity)]
+    fn read(
         &self,
         model: &Model,
         bound: &Bound,
+        start: &Start,
+        n: usize,
         columns: usize,
-        mut each: impl FnMut(usize, &March, &crate::engine::march::State),
+        plan: &Plan,
+    ) -> Result<(Vec<Vec<f64>>, Vec<Vec<f64>>), EngineError> {
+        let (mut values, mut slopes) = self.marched_through((&self.loads, self.stride), model, bound, start, n, columns)?;
+        if let Some(half) = &self.half {
+            let (coarse, coarse_slopes) = self.marched_through((half, self.stride / 2), model, bound, start, n, columns)?;
+            let beyond = |fine: &mut [Vec<f64>], coarse: &[Vec<f64>]| {
+                let all = fine.iter_mut().flatten().zip(coarse.iter().flatten());
+                all.for_each(|(f, c)| *f += (*f - c) / 3.0);
+            };
+            beyond(&mut values, &coarse);
+            beyond(&mut slopes, &coarse_slopes);
+        }
+        for (i, block) in plan.blocks.iter().enumerate() {
+            channel::apply(bound, &plan.id, &block.role, self.dt, false, &self.moments[..n], &mut values[i], &mut slopes[i]);
+        }
+        Ok((values, slopes))
+    }
+
+    /// What every probe reads in a march under these loads.
+    #[allow(clippy::type_complexity)]
+    fn marched_through(
+        &self,
+        loads: (&Loads, usize),
+        model: &Model,
+        bound: &Bound,
+        start: &Start,
+        n: usize,
+        columns: usize,
+    ) -> Result<(Vec<Vec<f64>>, Vec<Vec<f64>>), EngineError> {
+        let (mut values, mut slopes) = (vec![vec![0.0; n]; self.probes.len()], vec![vec![0.0; n * columns]; self.probes.len()]);
+        self.run(loads, model, bound, columns, start, n, |k, stepped, march, state| {
+            let reads = |probe: &Probe| stepped || (probe.of_state() && model.space.is_none());
+            for (i, (probe, sign)) in self.probes.iter().enumerate().filter(|(_, (probe, _))| reads(probe)) {
+                let d = &mut slopes[i][k * columns..(k + 1) * columns];
+                values[i][k] = sign * march.read(*probe, state, d);
+                d.iter_mut().for_each(|d| *d *= sign);
+            }
+        })?;
+        Ok((values, slopes))
+    }
+
+    /// Marches from a start and reads at the first `n` samples. The march starts with its first step, after which what it has before it is read: all
+    /// of a record from rest; one that begins in motion is shown before it as well, for what needs no step to be read.
+    fn run(
+        &self,
+        (loads, stride): (&Loads, usize),
+        model: &Model,
+        bound: &Bound,
+        columns: usize,
+        start: &Start,
+        n: usize,
+        mut each: impl FnMut(usize, bool, &March, &State),
     ) -> Result<(), EngineError> {
-        let mut march = March::new(model, bound, &self.loads, RADIUS)?;
-        let held: Vec<(usize, f64)> = self.loads.prescribed.iter().map(|(dof, path)| (*dof, path[0][0])).collect();
+        let mut march = March::new(model, bound, loads, RADIUS)?;
+        let held: Vec<(usize, f64)> = loads.prescribed.iter().map(|(dof, path)| (*dof, path[0][0])).collect();
         let mut state = march.start(equilibrium(model, bound, &held, columns)?, columns);
-        for k in 1..self.moments.len() {
-            for step in (k - 1) * self.stride + 1..=k * self.stride {
+        start.apply(&mut state, columns);
+        let before = if start.unknowns() > 0 { state.clone() } else { State::default() };
+        for k in 1..n {
+            for step in (k - 1) * stride + 1..=k * stride {
                 march.step(step, &mut state, columns)?;
                 if step == 1 {
-                    each(0, &march, &state);
+                    each(0, true, &march, &state);
+                    if start.unknowns() > 0 {
+                        each(0, false, &march, &before);
+                    }
                 }
             }
-            each(k, &march, &state);
+            each(k, true, &march, &state);
         }
         Ok(())
     }
 
-    pub(super) fn amplitudes(&self, model: &Model, bound: &Bound) -> Result<Vec<Amplitude>, EngineError> {
+    pub(super) fn amplitudes(&self, system: &System, plan: &Plan) -> Result<Vec<Amplitude>, ResponseError> {
+        let (model, bound) = (&system.model, plan.bind(system, &[])?);
+        let start = self.start(system, &bound, 0, plan)?;
         let n = model.places.len();
         let mut seen = vec![vec![]; 2 * n];
-        self.run(model, bound, 0, |_, march, state| {
+        let run = self.run((&self.loads, self.stride), model, &bound, 0, &start, self.moments.len(), |_, stepped, march, state| {
+            if !stepped {
+                return;
+            }
             for p in 0..n {
                 seen[p].push(march.read(Probe::Relative(p), state, &mut []));
                 seen[n + p].push(march.read(Probe::Force(p), state, &mut []));
             }
-        })?;
+        });
+        run.map_err(|source| ResponseError::Engine { test: plan.id.clone(), source })?;
         Ok((0..n).map(|p| amplitude(&seen[p], &seen[n + p], self.dt)).collect())
     }
 }
 
 /// The drive between its samples: a motion by the quintic that takes up displacement, velocity and acceleration at both ends, a force by the
-/// cubic through the two samples at either side.
+/// cubic spline through all samples, which passes what an anti-aliasing filter does to a few parts in a thousand up to a third of the sampling frequency.
 fn between(control: Control, samples: &[[f64; 3]], dt: f64, stride: usize) -> Vec<[f64; 3]> {
     let mut fine = Vec::with_capacity(samples.len() * stride);
+    let bends = if control == Control::Force && stride > 1 { bends(samples) } else { vec![] };
     for k in 0..samples.len() - 1 {
         let (a, b) = (samples[k], samples[k + 1]);
-        let (before, after) = (samples[k.saturating_sub(1)][0], samples[(k + 2).min(samples.len() - 1)][0]);
         fine.extend((0..stride).map(|j| {
             let t = j as f64 / stride as f64;
             match control {
                 Control::Displacement => quintic(a, b, dt, t),
+                Control::Force if j == 0 => a,
                 Control::Force => {
-                    let (p, q) = (0.5 * (b[0] - before), 0.5 * (after - a[0]));
-                    let (c3, c2) = (2.0 * (a[0] - b[0]) + p + q, 3.0 * (b[0] - a[0]) - 2.0 * p - q);
-                    [a[0] + t * (p + t * (c2 + t * c3)), 0.0, 0.0]
+                    let s = 1.0 - t;
+                    let bend = (s.powi(3) - s) * bends[k] + (t.powi(3) - t) * bends[k + 1];
+                    [s * a[0] + t * b[0] + bend / 6.0, 0.0, 0.0]
                 }
             }
         }));
     }
     fine.extend(samples.last());
     fine
+}
+
+/// Second derivatives, per step squared, of the natural cubic spline through equidistant samples: `m[k-1] + 4 m[k] + m[k+1] = 6 (f[k-1] - 2 f[k] + f[k+1])`.
+fn bends(samples: &[[f64; 3]]) -> Vec<f64> {
+    let n = samples.len();
+    let (mut m, mut ahead) = (vec![0.0; n], vec![0.0; n]);
+    for k in 1..n.saturating_sub(1) {
+        let pivot = 4.0 - ahead[k - 1];
+        ahead[k] = 1.0 / pivot;
+        m[k] = (6.0 * (samples[k - 1][0] - 2.0 * samples[k][0] + samples[k + 1][0]) - m[k - 1]) / pivot;
+    }
+    for k in (1..n.saturating_sub(1)).rev() {
+        m[k] -= ahead[k] * m[k + 1];
+    }
+    m
 }
 
 /// Displacement, velocity and acceleration at the part `t` of the interval `dt` between two states.
@@ -225,7 +364,7 @@ fn quintic(a: [f64; 3], b: [f64; 3], dt: f64, t: f64) -> [f64; 3] {
 
 /// Standard deviation of white noise on a smooth signal, from third differences (variance factor 20) and their median, which jumps do
 /// not move.
-fn sample_noise(values: &[f64]) -> f64 {
+pub(super) fn sample_noise(values: &[f64]) -> f64 {
     let mut d: Vec<f64> = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).collect();
     d.sort_by(f64::total_cmp);
     let range = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));

@@ -24,6 +24,13 @@ pub enum Probe {
     Reaction(usize),
 }
 
+impl Probe {
+    /// Whether it is read from displacements and velocities alone, before a step as after it.
+    pub fn of_state(self) -> bool {
+        matches!(self, Probe::Dof(_) | Probe::Velocity(_) | Probe::Relative(_) | Probe::RelativeVelocity(_))
+    }
+}
+
 impl March<'_> {
     /// What a probe reads after a step, with its sensitivities written to `d` (one per column).
     pub fn read(&self, probe: Probe, state: &State, d: &mut [f64]) -> f64 {
