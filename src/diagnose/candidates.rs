@@ -1,6 +1,6 @@
 //! The candidates of the search: every effect of the library at every place it may act, over a grid of its shapes.
 
-use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Moves, Over, Role, Scales, Sign, own};
+use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Moves, Over, Role, SPLINE, Scales, Sign, own};
 use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
 use crate::response::{BlockKind, Plan};
 use crate::units::{Dimension, Unit};
@@ -78,7 +78,8 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
     let (mut names, mut trials) = (Vec::new(), Vec::new());
     let wanted = |effect: &str| case.search.effects.as_ref().is_none_or(|list| list.iter().any(|e| e == effect));
     let allowed = |at: &str| case.search.places.as_ref().is_none_or(|list| list.iter().any(|p| p == at));
-    let tried = |e: &&Effect| wanted(e.info().name) && !matches!(e, Effect::Formula(_)) && !super::slack::deviates(e);
+    let tried =
+        |e: &&Effect| wanted(e.info().name) && !matches!(e, Effect::Formula(_)) && e.info().family != SPLINE && !super::slack::deviates(e);
     for effect in LIBRARY.iter().chain(own::searched()).filter(tried) {
         let info = effect.info();
         match info.role {
@@ -163,7 +164,8 @@ pub fn sites(case: &Case, system: &System) -> Vec<(String, Vec<usize>)> {
     let acted = |p: usize| system.instances.iter().any(|i| matches!(&i.site, Site::Places(list) if list.contains(&p)));
     let there = |p: &usize| if model.space.is_some() { acted(*p) } else { model.on_connector(*p) };
     let mut sites: Vec<(String, Vec<usize>)> = (0..model.places.len()).filter(there).map(|p| (model.place_name(p), vec![p])).collect();
-    for i in &system.instances {
+    // What deviates everywhere alike makes no group.
+    for i in system.instances.iter().filter(|i| !super::slack::deviates(i.effect)) {
         if let Site::Places(list) = &i.site
             && list.len() > 1
             && !sites.iter().any(|(_, s)| s == list)

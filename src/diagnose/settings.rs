@@ -70,7 +70,11 @@ pub struct Settings {
     pub slack_mass: f64,
     /// ...of dampers, alike joints; wider, it takes a relaxing branch for a damper...
     pub slack_damper: f64,
-    /// ...and of either at least.
+    /// ...of the part of the mass that lies between the nodes (a quarter in a chain of twice as many bodies), at most...
+    pub slack_between: f64,
+    /// ...and at least...
+    pub slack_between_least: f64,
+    /// ...and of the others at least.
     pub slack_least: f64,
     /// Deviations that are given without being asked for, at most: each costs a column in every evaluation.
     pub slack_members: usize,
@@ -181,6 +185,8 @@ impl Default for Settings {
             slack_spring: 0.05,
             slack_mass: 0.03,
             slack_damper: 0.05,
+            slack_between: 0.5,
+            slack_between_least: 0.02,
             slack_least: 0.002,
             slack_members: 40,
             slack_reach: 0.9,

@@ -18,6 +18,7 @@ use super::settings::Settings;
 const SPRING: &str = "linear_stiffness.k";
 const DAMPER: &str = "viscous.c";
 const MASS: &str = "mass";
+const BETWEEN: &str = "mass between nodes";
 /// The effects that stand for deviations.
 const FAMILY: &str = "deviation";
 
@@ -31,7 +32,7 @@ pub fn deviates(effect: &Effect) -> bool {
 struct Member {
     /// Index of its instance.
     instance: usize,
-    /// The parameter that deviates: `linear_stiffness.k`, `viscous.c`, `mass`.
+    /// The parameter that deviates: `linear_stiffness.k`, `viscous.c`, `mass`, `mass between nodes`.
     parameter: &'static str,
     /// The place of the spring or damper, the body.
     at: String,
@@ -66,6 +67,7 @@ struct Nominal {
 pub fn given(case: &Case, system: &System, all: bool, settings: &Settings) -> (System, Slack) {
     let mut nominal = tied(system, all);
     nominal.extend(masses(case, system, all));
+    nominal.extend(between(system, all));
     nominal.retain(|n| !stands(system, n) && n.value.is_finite() && n.value > 0.0);
     if nominal.iter().filter(|n| n.stated.is_none()).count() > settings.slack_members {
         nominal.retain(|n| n.stated.is_some());
@@ -75,8 +77,9 @@ pub fn given(case: &Case, system: &System, all: bool, settings: &Settings) -> (S
         let Ok(effect) = find(n.effect) else { continue };
         let width = widest(n.parameter, settings);
         let reach = settings.slack_reach * n.value;
+        let least = if n.parameter == BETWEEN { 0.0 } else { -reach };
         let prior = Some((0.0, n.stated.unwrap_or(width) * n.value));
-        let value = ParamValue { min: -reach, max: reach, free: true, prior, unit: n.unit, ..ParamValue::fixed(0.0) };
+        let value = ParamValue { min: least, max: reach, free: true, prior, unit: n.unit, ..ParamValue::fixed(0.0) };
         let (instance, estimated) = (with.instances.len(), n.stated.is_none());
         slack.members.push(Member { instance, parameter: n.parameter, at: n.at, group: n.group, nominal: n.value, estimated });
         let at: Vec<String> = n.places.iter().map(|p| system.model.place_name(*p)).collect();
@@ -96,8 +99,14 @@ fn widest(parameter: &str, settings: &Settings) -> f64 {
     match parameter {
         SPRING => settings.slack_spring,
         DAMPER => settings.slack_damper,
+        BETWEEN => settings.slack_between,
         _ => settings.slack_mass,
     }
+}
+
+/// Width of the prior of a deviation at least.
+fn narrowest(parameter: &str, settings: &Settings) -> f64 {
+    if parameter == BETWEEN { settings.slack_between_least } else { settings.slack_least }
 }
 
 /// Springs and dampers that share a coefficient or have a fixed one.
@@ -157,7 +166,35 @@ fn masses(case: &Case, system: &System, all: bool) -> Vec<Nominal> {
     (0..model.bodies.len()).filter_map(of).collect()
 }
 
-/// What an added mass, spring or damper says where it is no more than what slack grants to a nominal value: a correction of that value.
+/// Mass between the nodes, along all springs of a model of several bodies: one number, `kappa m / 4` with the mean mass m, since a chain that is cut too
+/// coarsely is so everywhere. `M - kappa m / 4 B B'` has the low natural frequencies of a chain of `2 n` bodies at `kappa = 1/4` and of a bar at 1/3, to the
+/// fourth power of the wave number (unit test).
+fn between(system: &System, all: bool) -> Option<Nominal> {
+    let model = &system.model;
+    let masses: Vec<f64> = model.dofs.iter().filter(|d| !d.axis.rotational() && d.mass > 0.0).map(|d| d.mass).collect();
+    if !all || model.space.is_some() || masses.len() < 2 {
+        return None;
+    }
+    let springs = system.instances.iter().filter(|i| i.name() == "linear_stiffness" && i.only.is_none());
+    let mut places: Vec<usize> = springs.flat_map(|i| if let Site::Places(p) = &i.site { p.clone() } else { vec![] }).collect();
+    let carries = |dof: Option<usize>| dof.is_none_or(|d| model.dofs[d].mass > 0.0);
+    places.retain(|p| !model.places[*p].axis.rotational() && carries(model.places[*p].from) && carries(model.places[*p].to));
+    places.sort_unstable();
+    places.dedup();
+    (places.len() > 1).then(|| Nominal {
+        parameter: BETWEEN,
+        effect: "inertia_deviation",
+        at: "all springs".into(),
+        places,
+        group: usize::MAX,
+        value: masses.iter().sum::<f64>() / masses.len() as f64 / 4.0,
+        stated: None,
+        unit: ("kg".into(), 1.0),
+    })
+}
+
+/// What an added spring or damper says of a tied or fixed one that stands there already, as far as slack may deviate: the same as that deviation, a
+/// correction of that value. An added mass corrects a nominal one as far as slack has a width for it; beyond that something weighs on the body.
 pub fn correction(case: &Case, fitted: &Fitted, base: usize, instance: usize, settings: &Settings) -> Option<Correction> {
     let own = &fitted.system.instances[instance];
     let parameter = match own.name() {
@@ -173,9 +210,10 @@ pub fn correction(case: &Case, fitted: &Fitted, base: usize, instance: usize, se
     let grounded = |p: usize| model.places[p].from.xor(model.places[p].to);
     let same = |p: &usize| *p == place || (grounded(*p).is_some() && grounded(*p) == grounded(place));
     let study = System { instances: fitted.system.instances[..base].to_vec(), ..fitted.system.clone() };
+    let reach = if parameter == MASS { settings.slack_mass } else { settings.slack_reach };
     let mut nominal = tied(&study, true);
     nominal.extend(masses(case, &study, true));
-    let of = |n: &Nominal| n.parameter == parameter && n.places.iter().any(same) && value.abs() <= widest(parameter, settings) * n.value;
+    let of = |n: &Nominal| n.parameter == parameter && n.places.iter().any(same) && value.abs() <= reach * n.value;
     let n = nominal.into_iter().find(of)?;
     let std = Covariance::of(fitted).variance(&[(instance, 1.0 / n.value)]).sqrt();
     Some(Correction { parameter: parameter.into(), at: n.at, relative: value / n.value, std })
@@ -204,14 +242,14 @@ impl Slack {
             return system;
         }
         let spread = Covariance::of(fitted);
-        for kind in [SPRING, DAMPER, MASS] {
+        for kind in [SPRING, DAMPER, MASS, BETWEEN] {
             let own: Vec<&Member> = self.members.iter().filter(|m| m.parameter == kind && m.estimated).collect();
             let square = |m: &&Member| {
                 let (value, variance) = (system.instances[m.instance].params[0].value, spread.variance(&[(m.instance, 1.0)]));
                 (value * value + variance) / (m.nominal * m.nominal)
             };
             let mean = own.iter().map(square).sum::<f64>() / own.len().max(1) as f64;
-            let width = mean.sqrt().clamp(settings.slack_least, widest(kind, settings));
+            let width = mean.sqrt().clamp(narrowest(kind, settings), widest(kind, settings));
             for m in own {
                 system.instances[m.instance].params[0].prior = Some((0.0, width * m.nominal));
             }
@@ -239,8 +277,9 @@ impl Slack {
     pub fn corrections(&self, fitted: &Fitted, settings: &Settings) -> Vec<Correction> {
         let covariance = Covariance::of(fitted);
         let value = |instance: usize| fitted.system.instances[instance].params[0].value;
+        let is_nominal = |m: &Member| m.parameter == MASS || m.parameter == BETWEEN;
         // What a group has in common is its own parameter; a nominal value is what the study says.
-        let common = |m: &Member| if m.parameter == MASS { m.nominal } else { value(m.group) };
+        let common = |m: &Member| if is_nominal(m) { m.nominal } else { value(m.group) };
         let mut open: Vec<usize> = (0..self.members.len()).collect();
         let mut told = Vec::new();
         // Deviation of a member from the mean of those of its group that are open, and its standard deviation: own / mean - 1.
@@ -252,7 +291,7 @@ impl Slack {
             let (own, mean) = (common(m) + value(m.instance), common(m) + others.iter().map(|o| value(*o)).sum::<f64>() / n);
             let mut weights = vec![(m.instance, 1.0 / mean)];
             weights.extend(others.iter().map(|o| (*o, -own / (n * mean * mean))));
-            if m.parameter != MASS {
+            if !is_nominal(m) {
                 weights.push((m.group, 1.0 / mean - own / (mean * mean)));
             }
             (own / mean - 1.0, covariance.variance(&weights).sqrt())

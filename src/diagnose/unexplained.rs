@@ -3,15 +3,17 @@
 //! At every place a list of terms in `u = x/X`, `w = v/V` and `z = v/Vs` (X, V the largest motion that the tests show there, Vs the least
 //! velocity amplitude, against which a sign is smoothed) stands in the model as formulas of strength 0; one evaluation gives their columns, as for the candidates of the library. Terms are added one after the other,
 //! each time the one that takes most off the projected cost, a loss only with the sign that makes it one; the place where the least is
-//! left is taken, and the formula of its terms is refitted in full.
+//! left is taken, and the formula of its terms is refitted in full. Beside it stand splines of the force at that place over velocity and over displacement
+//! ([`crate::effect::SPLINE`]), fitted with slopes that are positive over velocity: the one that leaves the least error is told.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::effect::formula::{Definition, compile};
-use crate::effect::{Inputs, Scales, Sign};
+use crate::effect::{Effect, Inputs, Kind, Scales, Sign, find};
 use crate::identify::Monitor;
 use crate::model::{Instance, ParamValue, Site, System};
+use crate::parallel;
 use crate::response::{BlockKind, Plan};
 use crate::units::Dimension;
 
@@ -19,7 +21,7 @@ use super::Case;
 use super::candidates::{Scene, Trial, sites};
 use super::case::Fitted;
 use super::method::Telling;
-use super::refit::{cost, proof, prove};
+use super::refit::{Proof, cost, proof, prove};
 use super::results::SplitName;
 use super::score::{Projected, projected};
 
@@ -54,9 +56,9 @@ const TERMS: [(&str, bool); 23] = [
 pub struct Unexplained {
     /// Place.
     pub at: String,
-    /// The force as it was fitted.
+    /// The force as it was fitted: a formula, or the equation of a spline.
     pub expression: String,
-    /// The `[[effect]]` to be pasted into study.toml.
+    /// The `[[effect]]` to be pasted into study.toml: formula, velocity_spline or displacement_spline.
     pub formula: String,
     /// Part of the cost on the fit tests that it takes away.
     pub explains: f64,
@@ -145,7 +147,9 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     let mut system = base.system.clone();
     system.instances.push(formula);
     let before = proof(&timed, base.clone()).ok()?;
-    let after = prove(&timed, &system, monitor).ok()?;
+    let of_formula = prove(&timed, &system, monitor).ok();
+    let of_spline = splined(&timed, base, at, places, &scales, monitor);
+    let after = of_formula.into_iter().chain(of_spline).min_by(|a, b| a.error.total_cmp(&b.error))?;
     let (was, is) = (cost(&before.fit), cost(&after.fit));
     // What an instrument within tolerance could have done counts little in the cost; a force that leaves more of the plain error is no help.
     if is >= (1.0 - told.term) * was || after.error >= before.error {
@@ -154,13 +158,53 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     let fitted = after.fitted.system.instances.last()?;
     Some(Unexplained {
         at: at.clone(),
-        expression: expression(&best.terms),
-        formula: stated(fitted, &best.terms, rotational),
+        expression: if is_formula(fitted) { expression(&best.terms) } else { fitted.effect.info().equation.into() },
+        formula: if is_formula(fitted) { stated(fitted, &best.terms, rotational) } else { stated_spline(fitted, rotational) },
         explains: 1.0 - is / was,
         error_before: before.error,
         error_after: after.error,
         picture: picture(&plans, &base.system, fitted, places[0], &scales, told.picture),
     })
+}
+
+fn is_formula(instance: &Instance) -> bool {
+    matches!(&instance.effect, Effect::Force(law) if law.formula().is_some())
+}
+
+/// Slopes at the outer and the inner nodes, over that at rest, from which a spline is fitted: one that levels off, one that hardens.
+const BEGUN: [[f64; 2]; 2] = [[0.3, 0.6], [3.0, 1.5]];
+/// Part of the largest force at a place that a spline has at the largest motion when its fit begins.
+const TAKEN: f64 = 0.3;
+
+/// The splines at a place that can be fitted, the one with the least error.
+fn splined(case: &Case, base: &Fitted, at: &str, places: &[usize], scales: &Scales, monitor: &Monitor) -> Option<Proof> {
+    let over = [("velocity_spline", scales.v), ("displacement_spline", scales.most.max(scales.x))];
+    let starts: Vec<_> = over.iter().flat_map(|o| BEGUN.iter().map(move |b| (*o, *b))).collect();
+    let fits = parallel::map(&starts, |((name, scale), [outer, inner])| {
+        let effect = find(name).ok()?;
+        let strength = TAKEN * scales.f / scale;
+        let values = [strength, *outer, *inner, *inner, *outer, *scale];
+        let params = effect.info().params.iter().zip(values).map(|(p, v)| ParamValue::of(p, v)).collect();
+        let mut system = base.system.clone();
+        system.instances.push(Instance::new(effect, at, Site::Places(places.to_vec()), params));
+        prove(case, &system, monitor).ok()
+    });
+    fits.into_iter().flatten().min_by(|a, b| a.error.total_cmp(&b.error))
+}
+
+/// The block of a spline for study.toml.
+fn stated_spline(instance: &Instance, rotational: bool) -> String {
+    let info = instance.effect.info();
+    let mut text = format!("[[effect]]\neffect = \"{}\"\nat = \"{}\"\n", info.name, instance.at);
+    for (p, value) in info.params.iter().zip(&instance.params) {
+        let (v, unit) = (value.value, p.dim.si(rotational));
+        text += &match p.kind {
+            Kind::Setting => format!("{} = {{ start = \"{v:.4e} {unit}\", fixed = true }}\n", p.name),
+            Kind::Strength => format!("{} = {{ start = \"{v:.4e} {unit}\" }}\n", p.name),
+            Kind::Shape => format!("{} = {v:.4e}\n", p.name),
+        };
+    }
+    text
 }
 
 /// Terms among `own` with their strengths, and what they leave of the cost.

@@ -41,6 +41,7 @@ mod film;
 mod fractional_zener;
 mod gain;
 mod hunt_crossley;
+mod inertia_deviation;
 mod interference_law;
 mod iwan;
 mod linear_law;
@@ -61,6 +62,7 @@ mod quadratic_stiffness;
 mod saturating_stiffness;
 mod section_mass;
 mod smooth_coulomb;
+mod spline;
 mod springpot;
 mod stiffness_deviation;
 mod stribeck;
@@ -83,6 +85,7 @@ pub use num::Num;
 pub use own::{register, register_force};
 pub use prony::{Prony, prony};
 pub use series::Series;
+pub use spline::FAMILY as SPLINE;
 
 use dispatch::Dispatch;
 
@@ -187,6 +190,8 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Force(&Dispatch::<power_damping::PowerDamping>::NEW),
     Effect::Force(&Dispatch::<asymmetric_damping::AsymmetricDamping>::NEW),
     Effect::Force(&Dispatch::<digressive_damping::DigressiveDamping>::NEW),
+    Effect::Force(&Dispatch::<spline::DisplacementSpline>::NEW),
+    Effect::Force(&Dispatch::<spline::VelocitySpline>::NEW),
     Effect::Force(&Dispatch::<smooth_coulomb::SmoothCoulomb>::NEW),
     Effect::Force(&Dispatch::<wedge_friction::WedgeFriction>::NEW),
     Effect::Force(&Dispatch::<stribeck::Stribeck>::NEW),
@@ -199,6 +204,7 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Force(&Dispatch::<stiffness_deviation::StiffnessDeviation>::NEW),
     Effect::Force(&Dispatch::<damping_deviation::DampingDeviation>::NEW),
     Effect::Force(&Dispatch::<mass_deviation::MassDeviation>::NEW),
+    Effect::Force(&Dispatch::<inertia_deviation::InertiaDeviation>::NEW),
     Effect::Series(&backlash::Backlash),
     Effect::Series(&support_compliance::SupportCompliance),
     Effect::Coefficient(&interference_law::InterferenceLaw),

@@ -336,7 +336,7 @@ impl File {
             } else {
                 (format!("(RTOD*A{letter}({i}, {j}))"), format!("(RTOD*W{letter}({i}, {j}, {j}))"))
             };
-            if ["added_mass", "mass_deviation"].contains(&law.info.name) {
+            if ["added_mass", "mass_deviation", "inertia_deviation"].contains(&law.info.name) {
                 self.added_mass(m, model, parts, joint, law);
                 continue;
             }
@@ -394,7 +394,9 @@ impl File {
 
     /// A mass between the ground and a point: a part of its own that slides along the axis and carries the point.
     fn added_mass(&mut self, m: &Mechanism, model: &str, parts: &[String], joint: &Joint, law: &Law) {
-        let (k, mass) = (law.axis as usize, law.values[0]);
+        let k = law.axis as usize;
+        // What lies between the nodes is missing at them.
+        let mass = if law.info.name == "inertia_deviation" { -law.values[0] } else { law.values[0] };
         if !m.parts[joint.from].ground() || k >= 3 {
             let named = format!("{} at {}: only a mass between the ground and a point along x, y, z is written", law.info.name, law.at);
             return self.leave_out(named);

@@ -25,6 +25,18 @@ pub(super) fn memoryless(effect: &str, p: &[String], si: &[f64], x: &str, v: &st
         "quadratic_damping" => format!("{a}*{v}*ABS({v})"),
         "asymmetric_damping" => format!("{a}*({v}+{b}*ABS({v}))"),
         "digressive_damping" => format!("{a}*{v}/(1+ABS({v})/{b})"),
+        "velocity_spline" | "displacement_spline" => {
+            let (u, scale) = (if effect == "velocity_spline" { v } else { x }, at(5));
+            // The integral of a slope that is linear between 0, a quarter of the scale and the scale, on one side of rest.
+            let side = |s: &str, near: &str, far: &str| {
+                let (first, second) = (format!("({near}-1)/(0.25*{scale})"), format!("({far}-{near})/(0.75*{scale})"));
+                let beyond = |from: &str| format!("MAX({s}-{from}, 0)**2");
+                let inner = format!("0.25*{scale}");
+                format!("{s}+0.5*{first}*{s}**2-0.5*({first}-{second})*{}-0.5*{second}*{}", beyond(&inner), beyond(scale))
+            };
+            let (up, down) = (format!("MAX({u}, 0)"), format!("MAX(-({u}), 0)"));
+            format!("{a}*(({})-({}))", side(&up, d, at(4)), side(&down, c, b))
+        }
         "power_damping" => format!("{a}*({v}/{c})*(({v}**2+{d}**2)/{c}**2)**(({b}-1)/2)"),
         "coulomb" => format!("{a}*{v}/SQRT({v}**2+{b}**2)"),
         "stribeck" => format!("{a}*(1+{c}*EXP(-({v}/{b})**2))*{v}/SQRT({v}**2+{d}**2)"),

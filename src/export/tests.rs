@@ -275,7 +275,12 @@ fn every_law_is_written_or_named() {
                 || (format == "exudyn" && ["bouc_wen", "pinched_bouc_wen", "lugre", "absorber"].contains(&name));
             assert_eq!(named, not_written, "{format} {name}: {notes:?}");
             if format == "adams" {
-                assert!(named || text.contains(&format!("base_x_{name}_")) || ["added_mass", "mass_deviation"].contains(&name), "{name}");
+                assert!(
+                    named
+                        || text.contains(&format!("base_x_{name}_"))
+                        || ["added_mass", "mass_deviation", "inertia_deviation"].contains(&name),
+                    "{name}"
+                );
                 commands(&text);
             }
         }

@@ -31,6 +31,14 @@ pub struct Correction {
 impl Correction {
     /// In words.
     pub fn describe(&self) -> String {
+        let sure = |value: f64| format!("{:.2} +- {:.2}", value, self.std);
+        if self.parameter == "mass between nodes" {
+            return format!(
+                "{} of the mass lies between the nodes along {} (0.25 in a chain of twice as many bodies): more bodies would describe it",
+                sure(self.relative),
+                self.at
+            );
+        }
         let (more, than) = match self.parameter.as_str() {
             "mass" => (["heavier", "lighter"], "its nominal mass"),
             "viscous.c" => (["more damped", "less damped"], "its group or its nominal damping"),
