@@ -84,7 +84,9 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
         let info = effect.info();
         match info.role {
             Role::Force | Role::Series => {
-                for (at, places) in sites(case, system).into_iter().chain(bodies(case, system, info.family == "inertial")) {
+                for (at, places) in
+                    sites(case, system).into_iter().chain(bodies(case, system, info.family == "inertial" || LINKS.contains(&info.name)))
+                {
                     if info.role == Role::Series && !forced(system, &places) {
                         continue;
                     }
@@ -206,9 +208,13 @@ fn forced(system: &System, places: &[usize]) -> bool {
     places.iter().all(forces)
 }
 
+/// What a cable, a hose or a guide that nobody drew does to a body.
+const LINKS: [&str; 2] = ["linear_stiffness", "viscous"];
+
 /// Bodies as places, where an effect would act between the body and the ground: those that the study asks for, those where it has a force
-/// other than an inertia, as that of a guide, and for an inertia, which a body has of its own, all that no connector joins to the ground.
-fn bodies(case: &Case, system: &System, inertial: bool) -> Vec<(String, Vec<usize>)> {
+/// other than an inertia, as that of a guide, and all that no connector joins to the ground for what needs no connector (`free`): an inertia, which
+/// a body has of its own, and a linear link to the ground.
+fn bodies(case: &Case, system: &System, free: bool) -> Vec<(String, Vec<usize>)> {
     let model = &system.model;
     let grounded = |p: &crate::model::Place| p.from.is_none().then_some(p.to).or_else(|| p.to.is_none().then_some(p.from)).flatten();
     let joined = |dof: Option<usize>| (0..model.places.len()).any(|p| model.on_connector(p) && grounded(&model.places[p]) == dof);
@@ -220,7 +226,7 @@ fn bodies(case: &Case, system: &System, inertial: bool) -> Vec<(String, Vec<usiz
     let guided = |p: usize| system.instances.iter().any(|i| guides(i, p));
     let asked = |at: &str| case.search.places.as_ref().is_some_and(|list| list.iter().any(|p| p == at));
     let all = (0..model.places.len()).filter(|p| !model.on_connector(*p)).map(|p| (model.place_name(p), vec![p]));
-    all.filter(|(at, p)| asked(at) || guided(p[0]) || (inertial && !joined(grounded(&model.places[p[0]])))).collect()
+    all.filter(|(at, p)| asked(at) || guided(p[0]) || (free && !joined(grounded(&model.places[p[0]])))).collect()
 }
 
 /// Whether two groups are the same places, in whatever order.

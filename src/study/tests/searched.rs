@@ -18,6 +18,9 @@ fn guides_are_places_and_any_force_is_a_load() {
     let at = |effect: &str| -> Vec<&str> { names.iter().filter(|n| n.effect == effect).map(|n| n.at.as_str()).collect() };
     let relaxing = at("maxwell");
     assert!(relaxing.contains(&"m3.x") && !relaxing.contains(&"m4.x") && relaxing.contains(&"c3.x"), "{relaxing:?}");
+    // A cable to the ground is looked for wherever no connector is.
+    let links = at("linear_stiffness");
+    assert!(links.contains(&"m4.x") && !links.contains(&"m1.x"), "{links:?}");
     assert_eq!(at("load_stiffness"), ["base.x", "c1-7.x", "m3.x"]);
     let over = |k: usize| trials.iter().find(|t| t.candidate == k).and_then(|t| t.instance.target.as_ref()).map(|t| t.condition.as_str());
     let load = names.iter().position(|n| n.effect == "load_stiffness").unwrap();
