@@ -29,6 +29,8 @@ pub struct TransientPlan {
     loads: Loads,
     /// The same in half as many steps, where there are any: their difference takes the error of second order out of both (Richardson).
     half: Option<Loads>,
+    /// Fewest steps from one sample to the next that were seen to be good enough for slopes and first looks.
+    rough: Option<usize>,
     probes: Vec<(Probe, f64)>,
     moments: Vec<Moment>,
     /// Where it begins; none: at rest.
@@ -106,6 +108,7 @@ impl TransientPlan {
             stride: 1,
             loads,
             half: None,
+            rough: None,
             probes,
             moments,
             beginning,
@@ -118,10 +121,19 @@ impl TransientPlan {
         (self.samples.len().saturating_mul(stride) <= MOST_STEPS).then(|| self.marched(stride))
     }
 
-    /// The same test with this part of its steps, one a sample at least; `None` where it has no more.
-    pub(super) fn coarser(&self, part: usize) -> Option<Self> {
-        let stride = (self.stride / part).max(1);
-        (stride < self.stride).then(|| self.marched(stride))
+    /// That its steps are enough for slopes and first looks, unless fewer were.
+    pub(super) fn serves_roughly(&mut self, than: usize) {
+        self.rough.get_or_insert(than);
+    }
+
+    /// Steps of the march from one sample to the next.
+    pub(super) fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// The same test in the fewest steps that serve for slopes and first looks; `None` where it has no more.
+    pub(super) fn coarser(&self) -> Option<Self> {
+        self.rough.filter(|rough| *rough < self.stride).map(|rough| self.marched(rough))
     }
 
     /// The samples of its first cycles, `1.5 2^doublings` of those in which its fastest channel moves; `None` where these are all.
