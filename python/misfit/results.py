@@ -418,9 +418,9 @@ class Unexplained(msgspec.Struct, kw_only=True):
     explains: float | None
     """Part of the cost on the fit tests that it takes away."""
     expression: str
-    """The force as it was fitted."""
+    """The force as it was fitted: a formula, or the equation of a spline."""
     formula: str
-    """The `[[effect]]` to be pasted into study.toml."""
+    """The `[[effect]]` to be pasted into study.toml: formula, velocity_spline or displacement_spline."""
     picture: list[Missed]
     """The force that is missing, test by test."""
 
@@ -901,10 +901,14 @@ class Settings(msgspec.Struct, kw_only=True):
     """How candidates are scored."""
     settled: float | None
     """Nats that a fit which decides between models may leave unfound: far below a tie."""
+    slack_between: float | None
+    """...of the part of the mass that lies between the nodes (a quarter in a chain of twice as many bodies), at most..."""
+    slack_between_least: float | None
+    """...and at least..."""
     slack_damper: float | None
     """...of dampers, alike joints; wider, it takes a relaxing branch for a damper..."""
     slack_least: float | None
-    """...and of either at least."""
+    """...and of the others at least."""
     slack_mass: float | None
     """...of nominal masses..."""
     slack_members: int
