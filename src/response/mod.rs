@@ -43,6 +43,8 @@ pub use variation::{CycleDrive, Variation};
 const STEP_ERROR: f64 = 0.1;
 /// Root of the sum of squares of the same of a record.
 const RECORD_ERROR: f64 = 1.0;
+/// Integration error of a record that slopes and first looks may have, in units of sigma: its square is a twenty-fifth of the noise's.
+const ROUGH_ERROR: f64 = 0.2;
 
 /// Factor on the sigma of rows that are left out.
 const UNSEEN: f64 = 1e8;
@@ -396,9 +398,8 @@ impl Plan {
             if moved.sqrt() < 0.75 * enough {
                 return best;
             }
-            // What a race of candidates compares needs no more than what is allowed at the points of a cycle.
             if let (Work::Transient(record), Work::Transient(now)) = (&mut finer.work, &now.work)
-                && moved.sqrt() < STEP_ERROR * (self.len().max(1) as f64).sqrt()
+                && moved.sqrt() < ROUGH_ERROR * (self.len().max(1) as f64).sqrt()
             {
                 record.serves_roughly(now.stride());
             }
@@ -406,7 +407,7 @@ impl Plan {
         }
     }
 
-    /// The same test in a quarter of the time steps, a record in the fewest that were seen to err by less than a tenth of sigma, as far as it has them: for slopes that need be known to a hundredth, where the values
+    /// The same test in a quarter of the time steps, a record in the fewest that were seen to err by less than a fifth of sigma, as far as it has them: for slopes that need be known to a hundredth, where the values
     /// are needed to a part of the noise. `None` where it has no steps to spare.
     pub fn coarser(&self) -> Option<Plan> {
         let work = match &self.work {
