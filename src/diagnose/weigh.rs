@@ -61,7 +61,7 @@ impl Scale {
     /// On the fit tests alone.
     pub fn of_fitted(case: &Case, system: &System, settings: &Settings) -> Scale {
         let case = case.clone();
-        let evidence = Evidence::new(&case.plans_of(SplitName::Fit), system, &settings.evidence);
+        let evidence = Evidence::of_fitted(&case.plans_of(SplitName::Fit), system, &settings.evidence);
         Scale { counts: evidence.independent(), evidence, case, selects: false, settings: settings.clone() }
     }
 

@@ -26,6 +26,7 @@ mod method;
 mod probe;
 mod sensitivities;
 mod space;
+mod state;
 mod statics;
 mod trend;
 
@@ -35,6 +36,7 @@ use method::{Alpha, Rates};
 pub use probe::Probe;
 use sensitivities::Motion;
 use space::Spatial;
+pub use state::State;
 use trend::Trend;
 
 /// What drives the structure, sampled at the ends of the steps (index 0: the start).
@@ -46,69 +48,6 @@ pub struct Loads {
     pub prescribed: Vec<(usize, Vec<[f64; 3]>)>,
     /// External general forces [N or N m].
     pub forces: Vec<(usize, Vec<f64>)>,
-}
-
-/// State of a march, values and sensitivities. Sensitivity arrays hold a row for every value, in it one entry per column: the derivative of
-/// `q[d]` in column `c` is `dq[d * columns + c]`.
-#[derive(Debug, Default)]
-pub struct State {
-    /// Displacements, velocities, accelerations of all degrees of freedom.
-    pub q: Vec<f64>,
-    /// Velocities.
-    pub v: Vec<f64>,
-    /// Accelerations.
-    pub a: Vec<f64>,
-    /// States of the elements, one after the other.
-    pub s: Vec<f64>,
-    /// States of the followers.
-    pub fs: Vec<f64>,
-    /// Length of the step that led here [s]; 0 at rest.
-    pub(super) dt: f64,
-    /// Auxiliary accelerations of the method.
-    pub(super) w: Vec<f64>,
-    /// Out-of-balance forces: reactions of what is prescribed.
-    pub(super) g: Vec<f64>,
-    /// Sensitivities of the same.
-    pub dq: Vec<f64>,
-    /// Of the velocities.
-    pub dv: Vec<f64>,
-    /// Of the accelerations.
-    pub da: Vec<f64>,
-    /// Of the element states.
-    pub ds: Vec<f64>,
-    pub(super) dw: Vec<f64>,
-    pub(super) dg: Vec<f64>,
-}
-
-impl Clone for State {
-    fn clone(&self) -> Self {
-        let mut copy = State::default();
-        copy.clone_from(self);
-        copy
-    }
-
-    /// Into the room that is there: it is taken once a step.
-    fn clone_from(&mut self, from: &Self) {
-        let State { q, v, a, s, fs, dt, w, g, dq, dv, da, ds, dw, dg } = from;
-        self.dt = *dt;
-        for (to, from) in [
-            (&mut self.q, q),
-            (&mut self.v, v),
-            (&mut self.a, a),
-            (&mut self.s, s),
-            (&mut self.fs, fs),
-            (&mut self.w, w),
-            (&mut self.g, g),
-            (&mut self.dq, dq),
-            (&mut self.dv, dv),
-            (&mut self.da, da),
-            (&mut self.ds, ds),
-            (&mut self.dw, dw),
-            (&mut self.dg, dg),
-        ] {
-            to.clone_from(from);
-        }
-    }
 }
 
 /// The march of one model under one set of loads.

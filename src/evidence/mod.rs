@@ -59,6 +59,16 @@ impl Evidence {
         Evidence { records: record::records(plans, system, settings), settings: settings.clone() }
     }
 
+    /// The same of the tests that strengths are fitted to: in one alone nothing scatters between tests. Its columns would be those of the parameters, along which the
+    /// model could drift as far as scatter is granted.
+    pub fn of_fitted(plans: &[&Plan], system: &System, settings: &Settings) -> Evidence {
+        let mut evidence = Evidence::new(plans, system, settings);
+        if let [alone] = evidence.records.as_mut_slice() {
+            alone.scatters = false;
+        }
+        evidence
+    }
+
     /// The covariance of each test under these variances and counts. `seen`: the model whose strengths scatter.
     pub fn covariances(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Vec<Covariance> {
         let of = |t: usize| {

@@ -113,6 +113,8 @@ pub struct Record {
     pub size: Vec<f64>,
     /// Columns of instruments within tolerance.
     pub instruments: DMatrix<f64>,
+    /// Whether strengths may be others in this test than in those that they are fitted to.
+    pub scatters: bool,
 }
 
 /// A model in a test.
@@ -151,7 +153,7 @@ impl Record {
         let j = all.columns(1, free.len()).into_owned();
         let scatters = |f: &FreeParam| {
             let info = system.instances[f.instance].effect.info();
-            info.role == Role::Force && info.params.get(f.param).is_some_and(|p| p.kind == Kind::Strength)
+            self.scatters && info.role == Role::Force && info.params.get(f.param).is_some_and(|p| p.kind == Kind::Strength)
         };
         let value = |f: &FreeParam| if f.log { 1.0 } else { system.instances[f.instance].params[f.param].value };
         let which: Vec<usize> = (0..free.len()).filter(|k| scatters(&free[*k])).collect();
@@ -184,7 +186,7 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
         }
         let noise = coefficients.noise(plan);
         let instruments = instruments(plan, &coefficients, &signal, &peaks[t]);
-        Record { coefficients, channels, noise, size, instruments }
+        Record { coefficients, channels, noise, size, instruments, scatters: true }
     };
     let mut records = parallel::over(plans.len(), of);
     pool_noise(plans, &mut records, settings.noise_pool);

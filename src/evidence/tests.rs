@@ -34,6 +34,7 @@ fn evidence(tests: usize) -> Evidence {
         noise: vec![1e-4 / n as f64; n],
         size: vec![1.0 / n as f64; n],
         instruments: DMatrix::zeros(n, 0),
+        scatters: true,
     };
     Evidence { records: (0..tests).map(|_| record()).collect(), settings: Settings::default() }
 }

@@ -3,7 +3,7 @@
 //! A record that is cut from a longer one, or a decay, does not begin at rest: displacements and velocities at its first sample are as unknown as any parameter, and what
 //! they leave rings on for `2 m / c`. They belong to the record and not to the model, so they are no parameters of a study: for every model they are those with
 //! which it comes nearest to the first samples of the record (least squares in its sigma, by Gauss-Newton), and their derivatives with respect to the
-//! parameters follow from the same equations. So does the `compare` of MATLAB's System Identification Toolbox, for the tests that a model is fitted to and for others alike.
+//! parameters follow from the same equations, without second derivatives of the response (exact where the model fits). So does the `compare` of MATLAB's System Identification Toolbox, for the tests that a model is fitted to and for others alike.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -176,6 +176,10 @@ impl Covariance {
         a.column_iter_mut().for_each(|mut c| c.component_mul_assign(&weight));
         // Columns that cannot be computed are no errors.
         a.column_iter_mut().filter(|c| c.iter().any(|v| !v.is_finite())).for_each(|mut c| c.fill(0.0));
+        // A test without instruments and scatter has no shared errors, of which there is no decomposition.
+        if a.ncols() == 0 {
+            return Covariance { coefficients, weight, u: a, shrink: vec![] };
+        }
         let svd = a.svd(true, false);
         let shrink = svd.singular_values.iter().map(|s| 1.0 / (1.0 + s * s).sqrt() - 1.0).collect();
         let u = svd.u.unwrap_or_else(|| DMatrix::zeros(d.len(), 0));

@@ -3,6 +3,7 @@
 use super::{CHAIN, FRF, Folder};
 use crate::diagnose::Case;
 use crate::diagnose::testing::{Name, Scene, candidates, given};
+use crate::evidence::Evidence;
 use crate::response::Plan;
 
 /// A guide that brakes the third body, FRFs under two preloads: a relaxing spring is looked for in the guide, not at bodies that slide on nothing, and
@@ -38,6 +39,23 @@ fn slack_offers_nothing_to_look_for() {
     let [without, beside] = [&study.system, &loose].map(|s| candidates(&case, s, &plans, &Scene::new(&plans, s)).0);
     let named = |n: &Name| format!("{} at {} {:?}", n.effect, n.at, n.of);
     assert_eq!(without.iter().map(named).collect::<Vec<_>>(), beside.iter().map(named).collect::<Vec<_>>());
+}
+
+/// Strengths scatter between tests: in one alone they are what that test says.
+#[test]
+fn in_one_test_alone_nothing_scatters() {
+    let study = Folder::new(CHAIN, &format!("{FRF}{}", FRF.replace("frf-a", "frf-b"))).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let plans: Vec<&Plan> = case.plans.iter().map(|(p, _)| p).collect();
+    let free = study.system.free();
+    let scattering = |plans: &[&Plan]| {
+        let evidence = Evidence::of_fitted(plans, &study.system, &Default::default());
+        let computed = plans[0].evaluate(&study.system, &free, true).unwrap();
+        let seen = evidence.records[0].see(plans[0], &computed, &study.system, &free);
+        seen.strengths.ncols()
+    };
+    assert!(scattering(&plans) > 0);
+    assert_eq!(scattering(&plans[..1]), 0);
 }
 
 /// A test of another unit is no load.
