@@ -130,7 +130,7 @@ impl Beginning {
             let Some(factors) = normal(&now.slopes) else { break };
             let step = -factors.solve(&(now.slopes.tr_mul(&now.r) + prior.component_mul(&prior).component_mul(&z)));
             let moves = (&now.slopes * &step).norm();
-            if !(moves > STILL * now.r.norm()) {
+            if !moves.is_finite() || moves <= STILL * now.r.norm() {
                 break;
             }
             let before = cost(&now, &z);
