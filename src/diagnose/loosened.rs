@@ -63,7 +63,7 @@ impl Climb<'_> {
         }
         (self.watch)(&format!("what the study ties or fixes has slack: {gain:.1} nats"));
         self.case.deviations = slack.clone();
-        (self.base, self.scale, self.slack, self.now) = (self.base + slack.len(), scale, slack, weighed);
+        (self.base, self.scale, self.slack, self.now) = (self.base + slack.instances(), scale, slack, weighed);
         self.loosened = true;
         self.beside =
             Some(Beside { added: self.added.iter().map(|a| a.name.clone()).collect(), taken: step.taken.clone(), tried: step.tried });
@@ -89,7 +89,7 @@ impl Climb<'_> {
         if !self.loosened || self.slack.is_empty() || (self.added.is_empty() && !searched) || trace::stopped(self.monitor) {
             return None;
         }
-        let study = self.base - self.slack.len();
+        let study = self.base - self.slack.instances();
         let mut system = self.now.fitted.system.clone();
         for k in (study..self.base).rev() {
             system = system.without(k)?;

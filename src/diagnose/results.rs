@@ -8,7 +8,7 @@ mod errors;
 
 pub use candidate::{Candidate, NextTest, SecondOpinion, Share};
 pub use energy::{EnergyShare, ModeEnergy, words};
-pub use errors::{Correction, Instrument, OwnError, ScatterOf};
+pub use errors::{BETWEEN, Correction, END, Instrument, OwnError, ScatterOf};
 
 use super::settings::Settings;
 use super::unexplained::Unexplained;

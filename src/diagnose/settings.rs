@@ -26,6 +26,8 @@ pub struct Settings {
     pub promise_pair: f64,
     /// Fits and estimates of variances in turn; and estimates of the counts and of the widths of slack by what is then left.
     pub rounds: usize,
+    /// Steps to the strengths that a record has by itself, at most, before each of these fits.
+    pub strays: usize,
     /// Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed.
     pub estimates: usize,
     /// Iterations of each of these fits.
@@ -70,7 +72,7 @@ pub struct Settings {
     pub slack_mass: f64,
     /// ...of dampers, alike joints; wider, it takes a relaxing branch for a damper...
     pub slack_damper: f64,
-    /// ...of the part of the mass that lies between the nodes (a quarter in a chain of twice as many bodies), at most...
+    /// ...of the part of the mass that lies between the nodes (half in a chain of twice as many bodies; half of that is what its end may lack), at most...
     pub slack_between: f64,
     /// ...and at least...
     pub slack_between_least: f64,
@@ -165,6 +167,7 @@ impl Default for Settings {
             promise_series: 5.0,
             promise_pair: 5.0,
             rounds: 2,
+            strays: 4,
             estimates: 4,
             iterations: 12,
             finish: 10,

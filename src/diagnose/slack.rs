@@ -11,14 +11,15 @@ use crate::effect::{Effect, find};
 use crate::model::{Instance, ParamValue, Site, System};
 
 use super::case::{Case, Fitted};
-use super::results::Correction;
+use super::results::{BETWEEN, Correction, END};
 use super::settings::Settings;
 
 /// What deviates.
 const SPRING: &str = "linear_stiffness.k";
 const DAMPER: &str = "viscous.c";
 const MASS: &str = "mass";
-const BETWEEN: &str = "mass between nodes";
+/// Its part at the nodes, a number that follows it.
+const NODES: &str = "mass beside nodes";
 /// The effects that stand for deviations.
 const FAMILY: &str = "deviation";
 
@@ -32,7 +33,7 @@ pub fn deviates(effect: &Effect) -> bool {
 struct Member {
     /// Index of its instance.
     instance: usize,
-    /// The parameter that deviates: `linear_stiffness.k`, `viscous.c`, `mass`, `mass between nodes`.
+    /// The parameter that deviates: `linear_stiffness.k`, `viscous.c`, `mass`, `mass between nodes`, `mass of an end`.
     parameter: &'static str,
     /// The place of the spring or damper, the body.
     at: String,
@@ -66,8 +67,11 @@ struct Nominal {
 /// there would be more than [`Settings::slack_members`] unasked, those that the study states stand alone.
 pub fn given(case: &Case, system: &System, all: bool, settings: &Settings) -> (System, Slack) {
     let mut nominal = tied(system, all);
-    nominal.extend(masses(case, system, all));
-    nominal.extend(between(system, all));
+    let between = between(system, all);
+    let end = |n: &Nominal| n.stated.is_none() && between.as_ref().is_some_and(|b| ends(system, n, b));
+    nominal.extend(masses(case, system, all).into_iter().map(|n| Nominal { parameter: if end(&n) { END } else { n.parameter }, ..n }));
+    let nodes = between.as_ref().map(|b| nodes(system, b));
+    nominal.extend(between);
     nominal.retain(|n| !stands(system, n) && n.value.is_finite() && n.value > 0.0);
     if nominal.iter().filter(|n| n.stated.is_none()).count() > settings.slack_members {
         nominal.retain(|n| n.stated.is_some());
@@ -76,16 +80,60 @@ pub fn given(case: &Case, system: &System, all: bool, settings: &Settings) -> (S
     for n in nominal {
         let Ok(effect) = find(n.effect) else { continue };
         let width = widest(n.parameter, settings);
-        let reach = settings.slack_reach * n.value;
-        let least = if n.parameter == BETWEEN { 0.0 } else { -reach };
+        let [least, most] = reach(n.parameter, settings).map(|part| part * n.value);
         let prior = Some((0.0, n.stated.unwrap_or(width) * n.value));
-        let value = ParamValue { min: least, max: reach, free: true, prior, unit: n.unit, ..ParamValue::fixed(0.0) };
+        let value = ParamValue { min: least, max: most, free: true, prior, unit: n.unit, ..ParamValue::fixed(0.0) };
         let (instance, estimated) = (with.instances.len(), n.stated.is_none());
         slack.members.push(Member { instance, parameter: n.parameter, at: n.at, group: n.group, nominal: n.value, estimated });
         let at: Vec<String> = n.places.iter().map(|p| system.model.place_name(*p)).collect();
-        with.instances.push(Instance::new(effect, at.join(","), Site::Places(n.places), vec![value]));
+        with.instances.push(deviation(effect, at.join(","), n.places, value));
+    }
+    // What follows the mass between the nodes stands where that does.
+    if slack.members.iter().any(|m| m.parameter == BETWEEN) {
+        for (effect, place) in find("node_deviation").ok().into_iter().flat_map(|e| nodes.iter().flatten().map(move |p| (e, *p))) {
+            let (instance, at) = (with.instances.len(), system.model.place_name(place));
+            slack.members.push(Member { instance, parameter: NODES, at: at.clone(), group: usize::MAX, nominal: 1.0, estimated: false });
+            with.instances.push(deviation(effect, at, vec![place], ParamValue::fixed(0.0)));
+        }
     }
     (with, slack)
+}
+
+/// A deviation with this first parameter; its others come from the model.
+fn deviation(effect: &'static Effect, at: String, places: Vec<usize>, value: ParamValue) -> Instance {
+    let others = effect.info().params.iter().skip(1).map(|p| ParamValue::fixed(p.default));
+    Instance::new(effect, at, Site::Places(places), std::iter::once(value).chain(others).collect())
+}
+
+/// Parts of a nominal value between which a deviation lies.
+fn reach(parameter: &str, settings: &Settings) -> [f64; 2] {
+    match parameter {
+        BETWEEN => [0.0, settings.slack_reach],
+        // Half of what lies on its spring.
+        END => [-0.5 * settings.slack_reach, settings.slack_mass],
+        _ => [-settings.slack_reach, settings.slack_reach],
+    }
+}
+
+/// Whether a body ends a chain of springs with mass on them: one of them alone hangs on it.
+fn ends(system: &System, mass: &Nominal, between: &Nominal) -> bool {
+    let model = &system.model;
+    let own: Vec<usize> = mass.places.iter().filter_map(|p| model.places[*p].to).collect();
+    let here = |p: &&usize| [model.places[**p].from, model.places[**p].to].iter().flatten().any(|d| own.contains(d));
+    between.places.iter().filter(here).count() == 1
+}
+
+/// Places of the bodies beside these springs.
+fn nodes(system: &System, between: &Nominal) -> Vec<usize> {
+    let model = &system.model;
+    let mut dofs: Vec<usize> = between.places.iter().flat_map(|p| [model.places[*p].from, model.places[*p].to]).flatten().collect();
+    dofs.sort_unstable();
+    dofs.dedup();
+    let of = |dof: usize| {
+        let own = |p: &usize| model.places[*p].to == Some(dof) && model.places[*p].from.is_none() && !model.on_connector(*p);
+        (0..model.places.len()).find(own)
+    };
+    dofs.into_iter().filter_map(of).collect()
 }
 
 /// Whether the system has this deviation already.
@@ -100,6 +148,7 @@ fn widest(parameter: &str, settings: &Settings) -> f64 {
         SPRING => settings.slack_spring,
         DAMPER => settings.slack_damper,
         BETWEEN => settings.slack_between,
+        END => 0.5 * settings.slack_between,
         _ => settings.slack_mass,
     }
 }
@@ -166,13 +215,13 @@ fn masses(case: &Case, system: &System, all: bool) -> Vec<Nominal> {
     (0..model.bodies.len()).filter_map(of).collect()
 }
 
-/// Mass between the nodes, along all springs of a model of several bodies: one number, `kappa m / 4` with the mean mass m, since a chain that is cut too
-/// coarsely is so everywhere. `M - kappa m / 4 B B'` has the low natural frequencies of a chain of `2 n` bodies at `kappa = 1/4` and of a bar at 1/3, to the
-/// fourth power of the wave number (unit test).
+/// Mass between the nodes, along all springs of a model of several bodies: one number, the part of a body's mass that lies there, since a chain that is cut
+/// too coarsely is so everywhere. `inertia_deviation` and `node_deviation` together are what condensation makes of it at every frequency: exact for a mass
+/// in the middle of every spring, close for more of them and for a bar (unit test).
 fn between(system: &System, all: bool) -> Option<Nominal> {
     let model = &system.model;
-    let masses: Vec<f64> = model.dofs.iter().filter(|d| !d.axis.rotational() && d.mass > 0.0).map(|d| d.mass).collect();
-    if !all || model.space.is_some() || masses.len() < 2 {
+    let masses = model.dofs.iter().filter(|d| !d.axis.rotational() && d.mass > 0.0).count();
+    if !all || model.space.is_some() || masses < 2 {
         return None;
     }
     let springs = system.instances.iter().filter(|i| i.name() == "linear_stiffness" && i.only.is_none());
@@ -187,9 +236,9 @@ fn between(system: &System, all: bool) -> Option<Nominal> {
         at: "all springs".into(),
         places,
         group: usize::MAX,
-        value: masses.iter().sum::<f64>() / masses.len() as f64 / 4.0,
+        value: 1.0,
         stated: None,
-        unit: ("kg".into(), 1.0),
+        unit: ("-".into(), 1.0),
     })
 }
 
@@ -225,9 +274,14 @@ impl Slack {
         self.members.is_empty()
     }
 
-    /// How many deviations there are.
-    pub fn len(&self) -> usize {
+    /// How many instances of the system they are.
+    pub fn instances(&self) -> usize {
         self.members.len()
+    }
+
+    /// How many deviations there are, what only follows another left out.
+    pub fn len(&self) -> usize {
+        self.members.iter().filter(|m| m.parameter != NODES).count()
     }
 
     /// Whether this instance of the system is one of them.
@@ -242,7 +296,7 @@ impl Slack {
             return system;
         }
         let spread = Covariance::of(fitted);
-        for kind in [SPRING, DAMPER, MASS, BETWEEN] {
+        for kind in [SPRING, DAMPER, MASS, BETWEEN, END] {
             let own: Vec<&Member> = self.members.iter().filter(|m| m.parameter == kind && m.estimated).collect();
             let square = |m: &&Member| {
                 let (value, variance) = (system.instances[m.instance].params[0].value, spread.variance(&[(m.instance, 1.0)]));
@@ -277,7 +331,7 @@ impl Slack {
     pub fn corrections(&self, fitted: &Fitted, settings: &Settings) -> Vec<Correction> {
         let covariance = Covariance::of(fitted);
         let value = |instance: usize| fitted.system.instances[instance].params[0].value;
-        let is_nominal = |m: &Member| m.parameter == MASS || m.parameter == BETWEEN;
+        let is_nominal = |m: &Member| [MASS, BETWEEN, NODES, END].contains(&m.parameter);
         // What a group has in common is its own parameter; a nominal value is what the study says.
         let common = |m: &Member| if is_nominal(m) { m.nominal } else { value(m.group) };
         let mut open: Vec<usize> = (0..self.members.len()).collect();

@@ -367,6 +367,8 @@ impl Ports {
     pub const V: Ports = Ports { x: false, v: true, a: false, dx: false };
     /// Reads the acceleration only.
     pub const A: Ports = Ports { x: false, v: false, a: true, dx: false };
+    /// Reads velocity and acceleration.
+    pub const VA: Ports = Ports { x: false, v: true, a: true, dx: false };
     /// Reads the displacement increment only.
     pub const DX: Ports = Ports { x: false, v: false, a: false, dx: true };
     /// Reads displacement and displacement increment.

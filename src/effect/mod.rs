@@ -51,6 +51,7 @@ mod lugre;
 mod mass_deviation;
 mod maxwell;
 mod moving_mass;
+mod node_deviation;
 mod offset;
 mod pinched_bouc_wen;
 mod point_offset;
@@ -79,6 +80,7 @@ pub use dispatch::{ForceLaw, Tangent};
 pub use error::EffectError;
 pub use formula::{Formula, FormulaError};
 pub use geometry::{Geometry, Moves};
+pub use inertia_deviation::own_motion;
 pub use info::{Dim, Grid, Info, Kind, Param, Ports, Role, Scales, Sign};
 pub use iwan::limits as iwan_limits;
 pub use num::Num;
@@ -205,6 +207,7 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Force(&Dispatch::<damping_deviation::DampingDeviation>::NEW),
     Effect::Force(&Dispatch::<mass_deviation::MassDeviation>::NEW),
     Effect::Force(&Dispatch::<inertia_deviation::InertiaDeviation>::NEW),
+    Effect::Force(&Dispatch::<node_deviation::NodeDeviation>::NEW),
     Effect::Series(&backlash::Backlash),
     Effect::Series(&support_compliance::SupportCompliance),
     Effect::Coefficient(&interference_law::InterferenceLaw),

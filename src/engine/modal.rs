@@ -135,6 +135,8 @@ const SHIFTS: [f64; 4] = [1e-9, 1e-7, 1e-5, 1e-3];
 const TOLERANCE: f64 = 1e-13;
 /// What is accepted where rounding ends the iteration earlier.
 const ACCEPTED: f64 = 1e-10;
+/// Part of a frequency at which laws are as they are at rest.
+const SLOW: f64 = 1e-4;
 /// Undamped frequencies at or below this part of the highest are those of rigid bodies.
 const RIGID: f64 = 3e-7;
 
@@ -250,6 +252,8 @@ impl<'a> Problem<'a> {
     }
 
     fn undamped(&mut self, omega: f64) -> Result<Vec<Start>, EngineError> {
+        self.laws(Complex64::new(0.0, SLOW * omega))?;
+        let slow: Vec<f64> = self.z.iter().map(|z| z.re).collect();
         self.laws(Complex64::new(0.0, omega))?;
         let n = self.small.n;
         let dense = |entries: &[(usize, usize, f64)]| {
@@ -258,8 +262,12 @@ impl<'a> Problem<'a> {
             m
         };
         let mut mass = dense(&self.small.mass);
-        // Laws that are inertial count as mass: in their dynamic stiffness they would be negative springs.
-        let inertia: Vec<f64> = self.small.bound.elements.iter().map(|e| e.inertia()).collect();
+        // Laws that are inertial count as mass, and so does what an absorber is softer by than at rest: in their dynamic stiffness they would be
+        // negative springs.
+        let mut inertia: Vec<f64> = self.small.bound.elements.iter().map(|e| e.inertia()).collect();
+        for ((m, z), slow) in inertia.iter_mut().zip(&self.z).zip(&slow) {
+            *m += ((slow - (z.re + omega * omega * *m)) / (omega * omega)).max(0.0);
+        }
         for (row, m) in self.small.rows.iter().zip(&inertia).filter(|(_, m)| **m != 0.0) {
             row.iter().for_each(|(i, bi)| row.iter().for_each(|(j, bj)| mass[(*i, *j)] += m * bi * bj));
         }

@@ -31,6 +31,7 @@ mod facts;
 mod likelihood;
 mod record;
 mod settings;
+mod strays;
 mod variances;
 
 pub use facts::Counts;

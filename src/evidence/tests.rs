@@ -51,7 +51,7 @@ fn drawn(draw: usize, tests: usize, error: f64) -> Vec<Seen> {
         r[3] += error;
         let mut j = DMatrix::zeros(81, 1);
         j[(1, 0)] = 1.0;
-        Seen { r, strengths: j.clone(), j }
+        Seen { r, strengths: j.clone(), strays: vec![], j }
     };
     (0..tests).map(of).collect()
 }
@@ -128,7 +128,7 @@ fn a_model_error_is_found_and_counts_as_few() {
 }
 
 fn v_of(e: &Evidence, error: f64) -> Variances {
-    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, own: vec![vec![0.0]; e.records.len()] }
+    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, own: vec![vec![0.0]; e.records.len()], strays: vec![] }
 }
 
 /// A test of one FRF in lines of equal noise and size, the residual a smooth function of the given power beside noise of exactly its size.
@@ -148,7 +148,7 @@ fn lines(smooth: f64) -> (Evidence, Vec<Seen>, DMatrix<f64>, f64) {
     let rough = &w - &basis * basis.tr_mul(&w);
     let rough = &rough * ((n - 6) as f64 * nu).sqrt() / rough.norm();
     let r = rough + basis.column(2) * (smooth * n as f64).sqrt();
-    let seen = vec![Seen { r, j: DMatrix::zeros(n, 0), strengths: DMatrix::zeros(n, 0) }];
+    let seen = vec![Seen { r, j: DMatrix::zeros(n, 0), strengths: DMatrix::zeros(n, 0), strays: vec![] }];
     (e, seen, basis, nu)
 }
 

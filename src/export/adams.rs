@@ -395,7 +395,7 @@ impl File {
     /// A mass between the ground and a point: a part of its own that slides along the axis and carries the point.
     fn added_mass(&mut self, m: &Mechanism, model: &str, parts: &[String], joint: &Joint, law: &Law) {
         let k = law.axis as usize;
-        let mass = if law.info.name == "inertia_deviation" { -law.values[0] } else { law.values[0] };
+        let mass = if law.info.name == "inertia_deviation" { -0.25 * law.values[0] * law.values[1] } else { law.values[0] };
         if !m.parts[joint.from].ground() || k >= 3 {
             let named = format!("{} at {}: only a mass between the ground and a point along x, y, z is written", law.info.name, law.at);
             return self.leave_out(named);

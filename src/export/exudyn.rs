@@ -59,7 +59,7 @@ fn put(law: &Law, fits: bool) -> Result<Put, String> {
         "viscous" | "damping_deviation" => out.damping = p[0],
         "added_mass" | "mass_deviation" if fits => out.more.push(format!("(\"mass\", {})", number(p[0]))),
         // What lies between the nodes is missing at them.
-        "inertia_deviation" if fits => out.more.push(format!("(\"mass\", {})", number(-p[0]))),
+        "inertia_deviation" if fits => out.more.push(format!("(\"mass\", {})", number(-0.25 * p[0] * p[1]))),
         "elastic_slip" => out.more.push(format!("(\"slider\", {}, {})", number(p[0] / p[1]), number(p[0]))),
         "iwan" => {
             let limits = iwan_limits(p[2]);

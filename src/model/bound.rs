@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::effect::{Channel, Effect};
 
+use super::between::Numbers;
 use super::{ChannelSite, Element, FreeParam, Instance, Level, ModelError, Site, System};
 
 /// Chain of derivatives: indices of free parameters with the derivative of a number with respect to each.
@@ -76,10 +77,23 @@ impl Bound {
     /// Binds `system` to a test with the given conditions [SI]. The chains refer to `free`, whose variables are the logarithms where
     /// `free[k].log`.
     pub fn new(system: &System, free: &[FreeParam], test: &str, conditions: &BTreeMap<String, f64>) -> Result<Bound, ModelError> {
+        Bound::scaled(system, free, test, conditions, &[])
+    }
+
+    /// The same where parameters `(instance, parameter)` have a factor in this test.
+    pub fn scaled(
+        system: &System,
+        free: &[FreeParam],
+        test: &str,
+        conditions: &BTreeMap<String, f64>,
+        factors: &[((usize, usize), f64)],
+    ) -> Result<Bound, ModelError> {
         let mut values: Vec<Vec<f64>> = system.instances.iter().map(|i| i.params.iter().map(|p| p.value).collect()).collect();
+        factors.iter().for_each(|((i, k), factor)| values[*i][*k] *= factor);
         let mut chains: Vec<Vec<Chain>> = system.instances.iter().map(|i| vec![Chain::new(); i.params.len()]).collect();
         for (k, f) in free.iter().enumerate() {
-            let slope = if f.log { values[f.instance][f.param] } else { 1.0 };
+            let factor = factors.iter().find(|(at, _)| *at == (f.instance, f.param)).map_or(1.0, |(_, factor)| *factor);
+            let slope = if f.log { values[f.instance][f.param] } else { factor };
             chains[f.instance][f.param].push((k, slope));
         }
         every_condition_has_values(system, conditions)?;
@@ -101,6 +115,7 @@ impl Bound {
                     for &place in places.iter().filter(|p| system.model.present(system.model.places[**p].connector, test)) {
                         let (mut p, mut chain) = (values[i].clone(), chains[i].clone());
                         coefficients(system, i, place, conditions, &values, &chains, &mut p, &mut chain)?;
+                        Numbers { system, conditions, values: &values, chains: &chains }.take(i, place, &mut p, &mut chain)?;
                         let element = elements.entry(place).or_insert_with(|| Element::new(&system.model, place));
                         match effect {
                             Effect::Force(law) => element.push_force(*law, p, chain, instance.follower),
@@ -156,6 +171,7 @@ impl System {
             for &place in places.iter().filter(|p| self.model.present(self.model.places[**p].connector, test)) {
                 let (mut p, mut chain) = (values[i].clone(), none[i].clone());
                 coefficients(self, i, place, conditions, &values, &none, &mut p, &mut chain)?;
+                Numbers { system: self, conditions, values: &values, chains: &none }.take(i, place, &mut p, &mut chain)?;
                 all.push(Acting { instance: i, place, values: p });
             }
         }
@@ -165,7 +181,7 @@ impl System {
 
 /// Applies the coefficients that act at `place` on instance `i`: `p = p_ref * factor`, chain rule in both.
 #[allow(clippy::too_many_arguments)]
-fn coefficients(
+pub(super) fn coefficients(
     system: &System,
     i: usize,
     place: usize,

@@ -3,6 +3,7 @@
 //! [`Model`] is the graph, [`System`] the graph with its effects and their parameters, [`Bound`] what one test sees of it: the numbers
 //! of every effect at the test's conditions with their derivatives with respect to the free parameters.
 
+mod between;
 mod bound;
 mod element;
 mod error;

@@ -15,6 +15,7 @@ mod geometry;
 mod modal;
 mod settling;
 mod site;
+mod stray;
 mod transient;
 mod variation;
 
@@ -36,6 +37,7 @@ pub use family::Family;
 pub use frf::FrfPlan;
 pub use modal::{ModalPlan, TableModes};
 pub use settling::Transient;
+pub use stray::Stray;
 pub use transient::TransientPlan;
 pub use variation::{CycleDrive, Variation};
 
@@ -116,6 +118,8 @@ pub struct Plan {
     pub tolerances: Tolerances,
     /// The covariance that the test is held against; none: sigma is all there is.
     pub covariance: Option<Arc<Covariance>>,
+    /// Strengths that are others in this test.
+    pub stray: Option<Arc<Stray>>,
     work: Work,
 }
 
@@ -179,6 +183,7 @@ impl Plan {
             scatter: vec![],
             tolerances: Tolerances::GOOD,
             covariance: None,
+            stray: None,
             work: Work::Energy(EnergyPlan::default()),
         };
         plan.work = match &test.record {
@@ -250,6 +255,11 @@ impl Plan {
         Plan { covariance, ..self.clone() }
     }
 
+    /// The same test with strengths of its own.
+    pub fn strayed(&self, stray: Option<Arc<Stray>>) -> Plan {
+        Plan { stray, ..self.clone() }
+    }
+
     /// The same test with the sign of its channels of this role turned.
     pub fn turned_round(&self, role: &str) -> Plan {
         let mut plan = self.clone();
@@ -297,12 +307,16 @@ impl Plan {
 
     /// Binds the system to this test.
     pub fn bind(&self, system: &System, free: &[FreeParam]) -> Result<Bound, ResponseError> {
-        Ok(Bound::new(system, free, &self.id, &self.conditions)?)
+        let factors = self.stray.as_ref().map_or(vec![], |s| s.factors(system));
+        Ok(Bound::scaled(system, free, &self.id, &self.conditions, &factors)?)
     }
 
     /// Runs the engine.
     pub fn evaluate(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Computed, ResponseError> {
-        geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))
+        let mut computed =
+            geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))?;
+        self.stray.iter().for_each(|s| s.back(&mut computed.values));
+        Ok(computed)
     }
 
     /// The same of a system whose parts lie where they are drawn.
@@ -455,7 +469,8 @@ impl Plan {
         let Work::Transient(record) = &self.work else { return None };
         let n = record.opening(self, doublings)?;
         let work = Work::Transient(record.begun(n));
-        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], scatter: vec![], covariance: None, work, ..self.clone() };
+        let mut plan =
+            Plan { measured: vec![], sigma: vec![], blocks: vec![], scatter: vec![], covariance: None, stray: None, work, ..self.clone() };
         for block in &self.blocks {
             let of = |values: &[f64]| values.iter().take(n).copied().collect::<Vec<f64>>();
             let (measured, sigma) = (of(&self.measured[block.range.clone()]), of(&self.sigma[block.range.clone()]));

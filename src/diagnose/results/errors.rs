@@ -15,6 +15,11 @@ pub struct Instrument {
     pub tied_with: Vec<String>,
 }
 
+/// Parameter of a correction: the part of a body's mass that lies between nodes.
+pub const BETWEEN: &str = "mass between nodes";
+/// That of the mass of a body that ends such a chain: what lies between was counted at one node or at two.
+pub const END: &str = "mass of an end";
+
 /// What a study ties or fixes and the data do not.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Correction {
@@ -32,15 +37,16 @@ impl Correction {
     /// In words.
     pub fn describe(&self) -> String {
         let sure = |value: f64| format!("{:.2} +- {:.2}", value, self.std);
-        if self.parameter == "mass between nodes" {
+        if self.parameter == BETWEEN {
             return format!(
-                "{} of the mass lies between the nodes along {} (0.25 in a chain of twice as many bodies): more bodies would describe it",
+                "{} of the mass lies between the nodes along {} (0.5 in a chain of twice as many bodies, 0.67 in a bar): more bodies would describe it",
                 sure(self.relative),
                 self.at
             );
         }
         let (more, than) = match self.parameter.as_str() {
             "mass" => (["heavier", "lighter"], "its nominal mass"),
+            END => (["heavier", "lighter"], "its nominal mass, as the end of a chain whose mass lies between the nodes may be"),
             "viscous.c" => (["more damped", "less damped"], "its group or its nominal damping"),
             _ => (["stiffer", "softer"], "its group or its nominal stiffness"),
         };

@@ -147,7 +147,7 @@ impl Aft {
         let dt = TAU / omega / n as f64;
         self.known = Known::Force;
         self.sample(element, basis, omega, x);
-        if ns == 0 || !self.follow(x) || !self.settle(element, n, dt, within, true).unwrap_or(false) {
+        if ns == 0 || !self.follow(ns, x) || !self.settle(element, n, dt, within, true).unwrap_or(false) {
             self.rest(element);
             if ns > 0 {
                 for k in 0..=n {
@@ -167,9 +167,9 @@ impl Aft {
         Ok(())
     }
 
-    /// Moves the start of the last motion as its derivatives say; whether there is one to begin from.
-    fn follow(&mut self, x: &[f64]) -> bool {
-        if !std::mem::take(&mut self.warm) || self.at.len() != x.len() {
+    /// Moves the start of the last motion as its derivatives say; whether there is one to begin from, of laws with as many states.
+    fn follow(&mut self, ns: usize, x: &[f64]) -> bool {
+        if !std::mem::take(&mut self.warm) || self.at.len() != x.len() || self.start.len() != ns || self.state_scale.len() != ns {
             return false;
         }
         if self.kept >= x.len() && self.start_slopes.len() == self.start.len() * self.kept {
