@@ -902,7 +902,8 @@ class Settings(msgspec.Struct, kw_only=True):
     settled: float | None
     """Nats that a fit which decides between models may leave unfound: far below a tie."""
     slack_between: float | None
-    """...of the part of the mass that lies between the nodes (a quarter in a chain of twice as many bodies), at most..."""
+    """...of the part of the mass that lies between the nodes (half in a chain of twice as many bodies; half of that is what its end may lack),
+    at most..."""
     slack_between_least: float | None
     """...and at least..."""
     slack_damper: float | None
@@ -920,6 +921,8 @@ class Settings(msgspec.Struct, kw_only=True):
     steps: list[list[float | None]]
     """...steps of its pattern search at first, in the logarithms of noise, model error and scatter. The last gives the noise what it takes from
     the model error: where both are white the likelihood has a ridge along it, and steps along the axes alone stop beside its crest..."""
+    strays: int
+    """Steps to the strengths that a record has by itself, at most, before each of these fits."""
     swap: float | None
     """Nats by which an alternative must be better to take the place of what stands."""
     telling: Telling

@@ -1,6 +1,6 @@
 //! The candidates of the search: every effect of the library at every place it may act, over a grid of its shapes.
 
-use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Moves, Over, Role, SPLINE, Scales, Sign, own};
+use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Moves, Over, Role, SPLINE, Scales, Sign, find, own};
 use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
 use crate::response::{BlockKind, Plan};
 use crate::units::{Dimension, Unit};
@@ -71,6 +71,14 @@ pub struct Name {
     pub at: String,
     /// Parameter scaled.
     pub of: Option<String>,
+}
+
+impl Name {
+    /// Parameters of a friction with memory; none of other effects.
+    pub fn params_with_memory(&self) -> Option<usize> {
+        let info = find(self.effect).ok()?.info();
+        (info.family == "friction" && info.states > 0).then_some(info.params.len())
+    }
 }
 
 /// All candidates and their trials.

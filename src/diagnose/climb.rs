@@ -9,7 +9,7 @@ use super::candidates::Name;
 use super::case::{Case, Fitted, begin};
 use super::fault::of_channel;
 use super::horizon;
-use super::loosened::Beside;
+use super::loosened::{Beside, Offer};
 use super::results::Rung;
 use super::search::{Against, Move, Step, Stood, step};
 use super::settings::Settings;
@@ -59,6 +59,8 @@ pub struct Climb<'a> {
     pub loosened: bool,
     /// What was found beside slack when it was given.
     pub beside: Option<Beside>,
+    /// Slack that was weighed before the last step.
+    pub offered: Option<Offer>,
     /// What models are weighed on, under the counts of the model before the last addition.
     pub scale: Scale,
     /// The study's own model.
@@ -103,6 +105,7 @@ impl<'a> Climb<'a> {
             slack,
             loosened: false,
             beside: None,
+            offered: None,
             scale,
             first,
             now,
@@ -145,10 +148,12 @@ impl<'a> Climb<'a> {
         }
         let (monitor, watch) = (self.monitor, self.watch);
         let near = in_step(&self.scale.case.at(&self.now.fitted.system), monitor)?;
+        self.offered = if near.is_none() && self.errs() { self.offer() } else { None };
+        let rival = self.offered.as_ref().map(|o| o.gain);
         let added = self.added.iter().map(|a| &a.name).collect();
         let found = match near {
             Some(near) => horizon::near(&self.scale, &near, &self.now, added, monitor, watch)?,
-            None => step(&Against { scale: &self.scale, base: &self.now, need: None, added, monitor, watch })?,
+            None => step(&Against { scale: &self.scale, base: &self.now, need: None, rival, added, monitor, watch })?,
         };
         self.tried = found.tried.max(1.0);
         Ok(found)

@@ -28,7 +28,7 @@ pub fn near(
     let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)));
     let mut scale = Scale::new(near, &near.system, &whole.settings);
     let base = scale.begin(&near.system, monitor).map_err(failed)?;
-    let mut found = step(&Against { scale: &scale, base: &base, need: None, added, monitor, watch })?;
+    let mut found = step(&Against { scale: &scale, base: &base, need: None, rival: None, added, monitor, watch })?;
     let Some(taken) = found.taken.take() else { return Ok(found) };
     let pair = (taken.names.len() > 1).then(|| (taken.names.clone(), taken.weighed.fitted.system.clone()));
     let alone = found.stood.iter().filter(|s| s.admissible).map(|s| (vec![s.name.clone()], s.weighed.fitted.system.clone()));

@@ -25,6 +25,15 @@ struct Former {
     scale: Scale,
 }
 
+/// Slack that a model may be given.
+pub struct Offer {
+    /// Nats that it gains.
+    pub gain: f64,
+    slack: Slack,
+    scale: Scale,
+    weighed: Weighed,
+}
+
 /// What a step found beside slack when that was given instead.
 pub struct Beside {
     /// The additions that stood then, effect and place.
@@ -35,30 +44,45 @@ pub struct Beside {
 }
 
 impl Climb<'_> {
-    /// Gives slack to what the study ties or fixes where that gains more than what a step has found: a move like any other, whose price is that
-    /// of its widths. It has to gain more by a tie, since an effect is the smaller statement. It then stands in every model that follows. Whether it was given.
-    pub fn slacken(&mut self, step: &Step) -> bool {
-        let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
-        let (s, e) = (&self.settings, &self.settings.evidence);
-        // What strengths scatter between tests may hide the error of a model, and an effect is believed beside what a structure has anyway.
-        let seen = step.taken.is_some() || self.now.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least;
-        if !seen || self.loosened || !self.slack.is_empty() || self.case.search.slack == Some(false) || trace::stopped(self.monitor) {
-            return false;
+    /// What slack for what the study ties or fixes would gain: a move like any other, whose price is that of its widths. None where it stands already, is
+    /// not wanted, or there is nothing that has any.
+    pub fn offer(&self) -> Option<Offer> {
+        let s = &self.settings;
+        if self.loosened || !self.slack.is_empty() || self.case.search.slack == Some(false) || trace::stopped(self.monitor) {
+            return None;
         }
         let present = &self.now.fitted.system;
         let study = System { instances: present.instances[..self.base].to_vec(), ..present.clone() };
         let (given, slack) = slack::given(&self.case, &study, true, s);
         if slack.is_empty() {
-            return false;
+            return None;
         }
         (self.watch)(&format!("weighing {} deviations of what the study ties or fixes", slack.len()));
         let system = present.with(self.base, given.instances[self.base..].to_vec());
         let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
         let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
-        let Some(weighed) = self.loose(&scale, &loose) else { return false };
+        let weighed = self.loose(&scale, &loose)?;
         // Its parameters are paid for by their widths.
         let gain = weighed.likelihood - self.now.likelihood;
-        if gain <= than.max(0.0) + s.tie {
+        Some(Offer { gain, slack, scale, weighed })
+    }
+
+    /// Whether the model errs by more than slack could be worth.
+    pub fn errs(&self) -> bool {
+        let (s, e) = (&self.settings, &self.settings.evidence);
+        self.now.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least
+    }
+
+    /// Gives slack where that gains more than what a step has found, by a tie: an effect is the smaller statement. It then stands in every model that
+    /// follows. Whether it was given.
+    pub fn slacken(&mut self, step: &Step) -> bool {
+        let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
+        // What strengths scatter between tests may hide the error of a model, and an effect is believed beside what a structure has anyway.
+        if step.taken.is_none() && !self.errs() {
+            return false;
+        }
+        let Some(Offer { gain, slack, scale, weighed }) = self.offered.take().or_else(|| self.offer()) else { return false };
+        if gain <= than.max(0.0) + self.settings.tie {
             return false;
         }
         (self.watch)(&format!("what the study ties or fixes has slack: {gain:.1} nats"));

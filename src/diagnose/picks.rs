@@ -44,6 +44,38 @@ pub fn first(
     picked
 }
 
+/// A score whose law has a simpler one of its kind at its place, and the candidate that this is.
+pub type Richer = (Score, usize);
+
+/// Scores whose laws are the simplest of their kind at their places among them, and the others. Frictions with memory are a kind: all of them stick,
+/// slide and turn back as elastic slip does, the richer with a softer knee at twenty times the cost.
+pub fn by_kind(picked: &[Score], names: &[Name], trials: &[Trial]) -> (Vec<Score>, Vec<Richer>) {
+    let candidate = |s: &Score| trials[s.trial].candidate;
+    let simpler = |s: &Score| {
+        let own = names[candidate(s)].params_with_memory()?;
+        let there = picked.iter().map(candidate).filter(|c| names[*c].at == names[candidate(s)].at);
+        let kin = there.filter_map(|c| Some((c, names[c].params_with_memory()?))).filter(|(_, params)| *params < own);
+        kin.min_by_key(|(_, params)| *params).map(|(c, _)| c)
+    };
+    let (mut simple, mut richer) = (Vec::new(), Vec::new());
+    for s in picked {
+        match simpler(s) {
+            Some(of) => richer.push((*s, of)),
+            None => simple.push(*s),
+        }
+    }
+    (simple, richer)
+}
+
+/// Of the richer laws those whose simpler kin takes away as much of the cost as a leader does, or could not be fitted. `unexplained`: the cost without a
+/// candidate.
+pub fn following(richer: &[Richer], refits: &[Refit], unexplained: f64, race: &Race) -> Vec<Score> {
+    let fall = |r: &Refit| r.result.as_ref().map_or(0.0, |p| unexplained - p.fitted.outcome.cost);
+    let most = refits.iter().map(fall).fold(0.0, f64::max);
+    let leads = |c: usize| refits.iter().any(|r| r.candidate == c && (r.result.is_err() || fall(r) >= race.leads * most));
+    richer.iter().filter(|(_, of)| leads(*of)).map(|(s, _)| *s).collect()
+}
+
 /// By the refits, the cheapest first: the next in the list for what could not be fitted; other effects where the leader acts, which it may have
 /// crowded out of the list; and, unless the leader already explains everything, the effects of the leaders at other places. `unexplained`: the cost
 /// without a candidate.
@@ -145,5 +177,20 @@ mod tests {
         assert_eq!(next.iter().map(|s| s.trial).collect::<Vec<_>>(), [3, 4, 5]);
         let next = second(&best, &refits[..1], false, 1.0, &names, &trials, &settings.race);
         assert_eq!(next.iter().map(|s| s.trial).collect::<Vec<_>>(), [1], "one for one");
+    }
+
+    /// Elastic slip goes before Bouc and Wen at its place; they follow where it cannot be fitted, and go first where it does not stand.
+    #[test]
+    fn of_frictions_with_memory_the_simplest_goes_first() {
+        let of = [("bouc_wen", "c1.x"), ("elastic_slip", "c1.x"), ("bouc_wen", "c2.x"), ("maxwell", "c1.x"), ("springpot", "c1.x")];
+        let names: Vec<Name> = of.iter().map(|(effect, at)| Name { effect, at: (*at).into(), of: None }).collect();
+        let trials: Vec<Trial> = of.iter().enumerate().map(|(k, (law, _))| trial(law, k)).collect();
+        let picked: Vec<Score> = (0..of.len()).map(|k| score(k, 0.5)).collect();
+        let (simple, richer) = by_kind(&picked, &names, &trials);
+        assert_eq!(simple.iter().map(|s| s.trial).collect::<Vec<_>>(), [1, 2, 3, 4]);
+        assert_eq!(richer.iter().map(|(s, of)| (s.trial, *of)).collect::<Vec<_>>(), [(0, 1)]);
+        let failed = Refit { candidate: 1, score: picked[1], result: Err("no steady response".into()) };
+        assert_eq!(following(&richer, &[failed], 1.0, &Race::default()).len(), 1);
+        assert!(following(&richer, &[], 1.0, &Race::default()).is_empty());
     }
 }

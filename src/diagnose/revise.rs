@@ -154,7 +154,8 @@ impl Climb<'_> {
             let need = stands - scale.worth(&small) - self.settings.tie;
             let quiet = |_: &str| {};
             let added = self.added.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, a)| &a.name).collect();
-            let against = Against { scale: &scale, base: &small, need: Some(need), added, monitor: self.monitor, watch: &quiet };
+            let against =
+                Against { scale: &scale, base: &small, need: Some(need), rival: None, added, monitor: self.monitor, watch: &quiet };
             let Step { stood, .. } = step(&against).ok()?;
             let own = &self.added[k].name;
             let mut others: Vec<(f64, Name, Weighed)> = stood

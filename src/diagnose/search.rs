@@ -69,6 +69,8 @@ pub struct Against<'a> {
     pub base: &'a Weighed,
     /// Nats that a candidate must gain on that to be of interest, where that is not its price: what stands in its place gains so much.
     pub need: Option<f64>,
+    /// Nats that something else than a candidate gains here: where the simplest candidates gain less by a tie, no others are refitted.
+    pub rival: Option<f64>,
     /// What was added: no law acts twice, and one friction with memory at a place.
     pub added: Vec<&'a Name>,
     /// Watch over the fits.
@@ -104,7 +106,13 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     };
     let started = std::time::Instant::now();
     let cost = bench.unexplained();
-    let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, watch));
+    // The best refit beside what else gains here.
+    let beaten = |r: &Refit| {
+        let Some((rival, proof)) = a.rival.zip(r.result.as_ref().ok()) else { return false };
+        let weighed = scale.weigh(&proof.fitted.system, &loose, a.monitor);
+        weighed.is_ok_and(|w| scale.gain(&w, base, price.tried(r.candidate)) + scale.settings.tie < rival)
+    };
+    let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, &beaten, watch));
     let cut = trace::stopped(&hurried);
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
@@ -183,7 +191,7 @@ pub(super) fn survey(a: &Against) -> Result<Survey, DiagnoseError> {
 /// The candidates that do not say again what an addition says: the same law at its place, or another friction with memory there, of which any
 /// sum of two is one with a softer knee.
 fn once((names, trials): (Vec<Name>, Vec<Trial>), added: &[&Name]) -> (Vec<Name>, Vec<Trial>) {
-    let remembers = |n: &Name| find(n.effect).is_ok_and(|e| e.info().family == "friction" && e.info().states > 0);
+    let remembers = |n: &Name| n.params_with_memory().is_some();
     let said = |n: &Name| added.iter().any(|a| a.at == n.at && a.of == n.of && (a.effect == n.effect || (remembers(a) && remembers(n))));
     let mut kept = vec![None; names.len()];
     let mut left = Vec::new();
@@ -260,18 +268,36 @@ pub(super) fn role(name: &Name) -> Option<Role> {
     find(name.effect).ok().map(|e| e.info().role)
 }
 
-/// Refits of what was picked, of what these suggest, and from where laws of their kind stand; the cheapest first.
-fn refitted(bench: &Bench, hopeful: &[Score], picked: &[Score], cost: f64, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
+/// Refits of what was picked, of what these suggest, and from where laws of their kind stand; the cheapest first. Of laws of one kind at one place the
+/// simplest goes first, and the others follow where it leads and is not `beaten`.
+fn refitted(
+    bench: &Bench,
+    hopeful: &[Score],
+    picked: &[Score],
+    cost: f64,
+    beaten: &dyn Fn(&Refit) -> bool,
+    watch: &(dyn Fn(&str) + Sync),
+) -> Vec<Refit> {
     if picked.is_empty() {
         return vec![];
     }
-    watch(&format!("refitting the best {}", picked.len()));
-    let mut refits = bench.refit_all(picked, None, watch);
+    let (simple, richer) = picks::by_kind(picked, bench.names, bench.trials);
+    watch(&format!("refitting the best {}", simple.len()));
+    let mut refits = bench.refit_all(&simple, None, watch);
     sort(&mut refits);
+    if refits.first().is_some_and(beaten) {
+        return refits;
+    }
     let leads = refits.first().and_then(|r| r.result.as_ref().ok()).map(|p| p.fitted.outcome.cost);
     let leader = leads.map(|cost| Leader { cost, drop: refits[0].score.drop });
     let explained = leads.is_some_and(|c| c < bench.race().explained * cost);
-    let further = picks::second(hopeful, &refits, explained, cost, bench.names, bench.trials, bench.race());
+    let mut further = picks::second(hopeful, &refits, explained, cost, bench.names, bench.trials, bench.race());
+    let new = picks::following(&richer, &refits, cost, bench.race());
+    further.extend(
+        new.into_iter()
+            .filter(|s| !further.iter().any(|f| bench.trials[f.trial].candidate == bench.trials[s.trial].candidate))
+            .collect::<Vec<_>>(),
+    );
     if !(further.is_empty() || trace::stopped(bench.monitor)) {
         watch(&format!("refitting {} more", further.len()));
         refits.extend(bench.refit_all(&further, leader, watch));

@@ -237,3 +237,23 @@ fn a_channel_errs_elsewhere_as_those_of_its_name_do() {
     approx::assert_relative_eq!(errors[2][0], high, max_relative = 1e-12);
     approx::assert_relative_eq!(errors[0][0], (2.0 * low + high) / 3.0, max_relative = 1e-12);
 }
+
+/// One strength that scatters by omega beside noise of one size: `d = -omega^2 S'r / (sigma^2 + omega^2 S'S)`, and the cost there is below that of its
+/// neighbours.
+#[test]
+fn a_strength_is_likeliest_between_its_prior_and_what_its_test_says() {
+    let e = evidence(1);
+    let s = noise(81, 3.0);
+    let r = &s * -0.01 + noise(81, 7.0) * (1e-2 / 9.0);
+    let column = DMatrix::from_column_slice(81, 1, s.as_slice());
+    let at = |d: f64| Seen { r: r.clone(), j: column.clone(), strengths: column.clone(), strays: vec![("k".into(), d)] };
+    let v = Variances { tau: -20.0, omega: 0.02f64.ln(), ..v_of(&e, 1e-9) };
+    let least = Variances { own: vec![vec![0.0]], ..v };
+    let d = e.likeliest_strays(0, &at(0.0), &e.independent(), &least).unwrap()[0];
+    let variance = 1e-4 / 81.0 + 0.003f64.powi(2) / 81.0;
+    approx::assert_relative_eq!(d, -4e-4 * s.dot(&r) / (variance + 4e-4 * s.norm_squared()), max_relative = 1e-9);
+    assert!((d - 0.01).abs() < 1e-3, "{d}");
+    let cost = |d: f64| e.cost_at_strays(0, &at(d), &e.independent(), &least);
+    assert!(cost(d) < cost(d + 1e-4) && cost(d) < cost(d - 1e-4) && cost(d) < cost(0.0));
+    assert!(!e.adds_up(0), "a loop has no cycles along which it adds up");
+}
