@@ -155,6 +155,11 @@ enum Points {
     Times { start: f64 },
 }
 
+/// What shows that channels are clipped; see `findings`.
+pub(super) fn clipped(record: &TimeRecord, settled: &SettledLoop) -> Vec<(Role, String, String)> {
+    findings::clipped(record, settled)
+}
+
 /// What a record shows of the rig beside its loop: gaps, clipping, control, signs, delays.
 pub(super) fn findings(record: &TimeRecord, settled: &SettledLoop) -> Vec<Note> {
     findings::findings(record, settled)

@@ -124,6 +124,11 @@ impl TimeRecord {
         super::loops::findings(self, settled)
     }
 
+    /// Role and place of every channel that is clipped, and what shows it.
+    pub fn clipped(&self, settled: &SettledLoop) -> Vec<(Role, String, String)> {
+        super::loops::clipped(self, settled)
+    }
+
     /// The whole record, for time integration; see [`History`].
     pub fn history(&self) -> History {
         History { time: self.time.clone(), channels: self.channels.clone() }

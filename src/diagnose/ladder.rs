@@ -14,7 +14,7 @@ use super::fault::of_channel;
 use super::findings::{findings, unsettled};
 use super::held_out::{HeldOutTests, Look};
 use super::results::*;
-use super::righted::righted;
+use super::righted::{righted, unclipped};
 use super::search::Step;
 use super::unexplained::{Unexplained, unexplained};
 use super::verdict::{Grounds, Judged, judged};
@@ -154,7 +154,9 @@ pub fn ladder_keeping(
 ) -> Result<(LadderResult, System), DiagnoseError> {
     let started = std::time::Instant::now();
     watch("fitting the study as it stands");
-    let (case, turned) = righted(case);
+    let (case, clipped) = unclipped(case);
+    let (case, mut turned) = righted(&case);
+    turned.extend(clipped);
     // Its model is weighed next, which fits it once more: it need not come closer than that.
     let Began { case, fitted, .. } = begin(&Case { worth: Some(case.search.settings.settled), ..case }, monitor)?;
     let case = Case { worth: None, ..case };

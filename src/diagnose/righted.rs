@@ -1,4 +1,5 @@
-//! Force channels that are turned round: a loop that gives energy where a device can only take it.
+//! Channels that say of themselves what is wrong with them: forces that are turned round, by a loop that gives energy where a device can only take it, and
+//! readings that are clipped.
 
 use std::sync::Arc;
 
@@ -49,4 +50,28 @@ pub fn righted(case: &Case) -> (Case, Vec<Instrument>) {
         (if turn { p.turned_round("force") } else { p.clone() }, *s)
     };
     (Case { plans: Arc::new(case.plans.iter().enumerate().map(right).collect()), ..case.clone() }, found)
+}
+
+/// The case without the tests that have a clipped channel, and what is clipped. Where a channel stands at its extreme in half of its tests or more it is the
+/// device that does, as one that slides: these are kept, and so is the last fitted test.
+pub fn unclipped(case: &Case) -> (Case, Vec<Instrument>) {
+    let reads = |p: &Plan, role: &str| p.blocks.iter().any(|b| b.kind == BlockKind::Loop && b.role == role);
+    let all = |role: &str| case.plans.iter().filter(|(p, _)| reads(p, role)).count();
+    let odd = |role: &str| case.plans.iter().filter(|(p, _)| p.clipped.iter().any(|c| c.0 == role)).count();
+    let faults = |p: &Plan| -> Vec<Instrument> {
+        let own = p.clipped.iter().filter(|(role, _)| 2 * odd(role) < all(role));
+        own.map(|(role, why)| Instrument {
+            effect: "clipping".into(),
+            at: format!("{}.{role}", p.id),
+            why: format!("{why}; the test is left out"),
+            tied_with: vec![],
+        })
+        .collect()
+    };
+    let kept: Vec<(Plan, SplitName)> = case.plans.iter().filter(|(p, _)| faults(p).is_empty()).cloned().collect();
+    if kept.len() == case.plans.len() || !kept.iter().any(|(_, s)| *s == SplitName::Fit) {
+        return (case.clone(), vec![]);
+    }
+    let found = case.plans.iter().flat_map(|(p, _)| faults(p)).collect();
+    (Case { plans: Arc::new(kept), ..case.clone() }, found)
 }

@@ -104,6 +104,7 @@ impl CyclePlan {
             plan.scatter.push(Scatter { variance: c.scatter.clone(), cycles: settled.cycles });
         }
         plan.unsettled.extend(settled.unsettled.iter().cloned());
+        plan.clipped = record.clipped(&settled).into_iter().map(|(role, _, why)| (role.word().to_string(), why)).collect();
         let found = record.findings_of(&settled);
         plan.notes.extend(record.notes.iter().chain(&settled.notes).chain(&found).map(|n| format!("{}: {}", n.about, n.text)));
         Ok(Self::sampled(drive, probes, n, stride))

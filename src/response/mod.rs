@@ -112,6 +112,8 @@ pub struct Plan {
     pub left_out: Vec<usize>,
     /// Channels of a cycle test whose kept cycles still change.
     pub unsettled: Vec<Unsettled>,
+    /// Roles of the channels of a cycle test that are clipped, each with what shows it.
+    pub clipped: Vec<(String, String)>,
     /// Scatter of each block between cycles; empty for other kinds of tests.
     pub scatter: Vec<Scatter>,
     /// What its instruments may err by.
@@ -180,6 +182,7 @@ impl Plan {
             granted: vec![],
             left_out: vec![],
             unsettled: vec![],
+            clipped: vec![],
             scatter: vec![],
             tolerances: Tolerances::GOOD,
             covariance: None,
@@ -253,11 +256,6 @@ impl Plan {
     /// The same test held against this covariance; against its sigma where there is none.
     pub fn under(&self, covariance: Option<Arc<Covariance>>) -> Plan {
         Plan { covariance, ..self.clone() }
-    }
-
-    /// The same test with strengths of its own.
-    pub fn strayed(&self, stray: Option<Arc<Stray>>) -> Plan {
-        Plan { stray, ..self.clone() }
     }
 
     /// The same test with the sign of its channels of this role turned.
@@ -462,23 +460,6 @@ impl Plan {
         }
         plan.notes.push(format!("{} of {n} points of the loop are compared", n / part));
         plan
-    }
-
-    /// The beginning of a record: its first `1.5 2^doublings` cycles; `None` of another kind of test, and where that is all of it.
-    pub fn opening(&self, doublings: u32) -> Option<Plan> {
-        let Work::Transient(record) = &self.work else { return None };
-        let n = record.opening(self, doublings)?;
-        let work = Work::Transient(record.begun(n));
-        let mut plan =
-            Plan { measured: vec![], sigma: vec![], blocks: vec![], scatter: vec![], covariance: None, stray: None, work, ..self.clone() };
-        for block in &self.blocks {
-            let of = |values: &[f64]| values.iter().take(n).copied().collect::<Vec<f64>>();
-            let (measured, sigma) = (of(&self.measured[block.range.clone()]), of(&self.sigma[block.range.clone()]));
-            let range = plan.len()..plan.len() + n;
-            let block = Block { range, abscissa: of(&block.abscissa), x: of(&block.x), v: of(&block.v), ..block.clone() };
-            plan.add_block(block, measured, sigma);
-        }
-        Some(plan)
     }
 
     /// An FRF test whose model is known to be off by itself by this part of |H|, root mean square; others as they are. The variance of each

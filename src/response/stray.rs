@@ -1,6 +1,10 @@
 //! A test in which strengths are not quite those of the others.
 
+use std::sync::Arc;
+
 use crate::model::System;
+
+use super::Plan;
 
 /// Strengths that are others in one test, by temperature or mounting, and what the model computes there carried back to where they are not.
 ///
@@ -25,5 +29,12 @@ impl Stray {
     /// Takes off what lies ahead.
     pub(super) fn back(&self, values: &mut [f64]) {
         values.iter_mut().zip(&self.ahead).for_each(|(v, ahead)| *v -= ahead);
+    }
+}
+
+impl Plan {
+    /// The same test with strengths of its own.
+    pub fn strayed(&self, stray: Option<Arc<Stray>>) -> Plan {
+        Plan { stray, ..self.clone() }
     }
 }

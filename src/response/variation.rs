@@ -2,7 +2,7 @@
 
 use crate::units::Unit;
 
-use super::{BlockKind, Plan, Work};
+use super::{Block, BlockKind, Plan, Work};
 
 /// What is changed of a test.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +40,23 @@ pub struct CycleDrive {
 const LINES: usize = 80;
 
 impl Plan {
+    /// The beginning of a record: its first `1.5 2^doublings` cycles; `None` of another kind of test, and where that is all of it.
+    pub fn opening(&self, doublings: u32) -> Option<Plan> {
+        let Work::Transient(record) = &self.work else { return None };
+        let n = record.opening(self, doublings)?;
+        let work = Work::Transient(record.begun(n));
+        let mut plan =
+            Plan { measured: vec![], sigma: vec![], blocks: vec![], scatter: vec![], covariance: None, stray: None, work, ..self.clone() };
+        for block in &self.blocks {
+            let of = |values: &[f64]| values.iter().take(n).copied().collect::<Vec<f64>>();
+            let (measured, sigma) = (of(&self.measured[block.range.clone()]), of(&self.sigma[block.range.clone()]));
+            let range = plan.len()..plan.len() + n;
+            let block = Block { range, abscissa: of(&block.abscissa), x: of(&block.x), v: of(&block.v), ..block.clone() };
+            plan.add_block(block, measured, sigma);
+        }
+        Some(plan)
+    }
+
     /// The same test with its drive changed; `None` for tests that are neither cycles nor FRFs. What was measured loses its meaning, and
     /// with it what instruments add to the covariance; sigma grows with the range of a drive and shrinks with none.
     pub fn varied(&self, by: &Variation) -> Option<Plan> {

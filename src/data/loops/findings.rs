@@ -19,6 +19,12 @@ pub(super) fn findings(record: &TimeRecord, settled: &SettledLoop) -> Vec<Note> 
     all
 }
 
+/// Roles and places of the channels that are clipped, each with what shows it.
+pub(super) fn clipped(record: &TimeRecord, settled: &SettledLoop) -> Vec<(Role, String, String)> {
+    let of = |c: &Channel| clipping(c, record, settled.frequency).map(|n| (c.role, c.at.clone(), n.text));
+    record.channels.iter().filter_map(of).collect()
+}
+
 fn places(l: &SettledLoop) -> impl Iterator<Item = &str> {
     let mut seen: Vec<&str> = Vec::new();
     l.channels.iter().filter_map(move |c| {

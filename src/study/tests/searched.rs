@@ -1,8 +1,8 @@
 //! Where the search looks, and over what.
 
-use super::{CHAIN, FRF, Folder};
+use super::{CHAIN, FRF, Folder, ONE};
 use crate::diagnose::Case;
-use crate::diagnose::testing::{Name, Scene, candidates, given};
+use crate::diagnose::testing::{Name, Scene, candidates, given, unclipped};
 use crate::evidence::Evidence;
 use crate::response::{Plan, Stray};
 
@@ -96,4 +96,30 @@ fn a_test_is_computed_at_strengths_of_its_own() {
     let kept = plans[0].strayed(seen.stray());
     let again = evidence.records[0].see(&kept, &kept.evaluate(system, &free, true).unwrap(), system, &free);
     assert!((again.r - &seen.r).norm() < 1e-12 * moved);
+}
+
+/// A force that stands at its extreme in one test of three is the instrument's, and that test is left out; in two of three the device may do so.
+#[test]
+fn a_clipped_channel_is_an_instrument_at_fault() {
+    let folder = Folder::one(ONE);
+    let clip = |hz: f64| {
+        let file = folder.path().join(format!("data/loop-{hz}.csv"));
+        let clipped = |line: &str| match line.rsplit_once(',') {
+            Some((rest, f)) if f.parse().is_ok_and(|f: f64| f > 4.0) => format!("{rest},4.0\n"),
+            _ => format!("{line}\n"),
+        };
+        let text = std::fs::read_to_string(&file).unwrap();
+        std::fs::write(&file, text.lines().map(clipped).collect::<String>()).unwrap();
+    };
+    let found = |folder: &Folder| {
+        let (case, found) = unclipped(&Case::from_study(&folder.load().unwrap(), 1).unwrap());
+        (case.plans.iter().map(|(p, _)| p.id.clone()).collect::<Vec<_>>(), found)
+    };
+    assert!(found(&folder).1.is_empty());
+    clip(2.0);
+    let (kept, faults) = found(&folder);
+    assert_eq!(kept, ["loop-1Hz", "loop-5Hz"]);
+    assert_eq!((faults[0].effect.as_str(), faults[0].at.as_str(), faults.len()), ("clipping", "loop-2Hz.force", 1));
+    clip(5.0);
+    assert!(found(&folder).1.is_empty());
 }
