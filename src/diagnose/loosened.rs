@@ -156,7 +156,9 @@ impl Climb<'_> {
         let whole = scale.weigh(&former.now.fitted.system, &former.now.v, self.monitor);
         let found = self.added.len() as f64 - former.added.len() as f64;
         let extra = 0.5 * former.slack.len() as f64 * self.scale.counts.n.ln() + found * self.tried.max(1.0).ln();
-        whole.map_or(f64::INFINITY, |w| self.scale.worth(&w) + extra - self.scale.worth(&self.now))
+        // A model that cannot be weighed once more stays as it is.
+        let above = whole.ok().map(|w| self.scale.worth(&w) + extra - self.scale.worth(&self.now));
+        above.filter(|gain| gain.is_finite()).unwrap_or(f64::INFINITY)
     }
 
     /// The effects exchanged for what does their work now, and what else is missing looked for. What was found here is exchanged where that may decide
