@@ -19,7 +19,8 @@ pub fn astray(
 ) -> bool {
     let one = |t: usize| {
         let mut best = seen[t].clone();
-        if !evidence.adds_up(t) {
+        // Where strengths do not scatter there is nothing to look for.
+        if !evidence.adds_up(t) || v.omega <= evidence.settings.no_scatter {
             return None;
         }
         let mut cost = evidence.cost_at_strays(t, &best, counts, v);

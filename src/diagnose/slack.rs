@@ -115,13 +115,17 @@ fn reach(parameter: &str, settings: &Settings) -> [f64; 2] {
     }
 }
 
-/// Whether a body ends a chain of springs with mass on them: one of them alone hangs on it, or one leads to the ground, which may hold a part of that mass.
+/// Whether a body ends a chain of springs with mass on them: those of one connector alone hang on it, or one leads to the ground, which may hold a part of
+/// that mass.
 fn ends(system: &System, mass: &Nominal, between: &Nominal) -> bool {
     let model = &system.model;
     let own: Vec<usize> = mass.places.iter().filter_map(|p| model.places[*p].to).collect();
     let here = |p: &&usize| [model.places[**p].from, model.places[**p].to].iter().flatten().any(|d| own.contains(d));
     let beside: Vec<usize> = between.places.iter().filter(here).copied().collect();
-    beside.len() == 1 || beside.iter().any(|p| model.places[*p].from.is_none() || model.places[*p].to.is_none())
+    let mut connectors: Vec<usize> = beside.iter().map(|p| model.places[*p].connector).collect();
+    connectors.sort_unstable();
+    connectors.dedup();
+    connectors.len() == 1 || beside.iter().any(|p| model.places[*p].from.is_none() || model.places[*p].to.is_none())
 }
 
 /// Places of the bodies beside these springs.
