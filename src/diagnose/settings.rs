@@ -27,7 +27,7 @@ pub struct Settings {
     /// Fits and estimates of variances in turn; and estimates of the counts and of the widths of slack by what is then left.
     pub rounds: usize,
     /// Steps to the strengths that a record has by itself, at most, before each of these fits. None: fits that follow them leave the strengths of all
-    /// beside where they fit best (hits with a cubic spring end at 1.2 floors instead of 1.0), and take ten times as long.
+    /// beside where they fit best (one of three hits of a chain with a cubic spring ended at 1.23 times its noise).
     pub strays: usize,
     /// Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed.
     pub estimates: usize,
