@@ -6,7 +6,6 @@ use crate::parallel;
 use crate::residual::mean_square;
 use crate::response::Plan;
 
-use super::astray::astray;
 use super::settings::Settings;
 use super::weigh::Weighed;
 
@@ -91,10 +90,8 @@ impl<'a> HeldOutTests<'a> {
 
     /// A model in them; none where it cannot be computed there.
     pub fn look<'w>(&self, w: &'w Weighed) -> Option<Look<'w>> {
-        let system = &w.fitted.system;
-        let (mut seen, values) = self.see(system)?;
+        let (seen, values) = self.see(&w.fitted.system)?;
         let v = Variances { kappa: self.kappa, ..w.v.carried(self.fitted, &self.evidence) };
-        astray((&self.evidence, &self.counts, &v), &self.plans, (system, &system.free()), &mut seen, self.settings);
         let density = self.evidence.likelihood(&seen, &self.counts, &v) - self.evidence.prior(&self.counts, &v);
         density.is_finite().then_some(Look { of: w, seen, values, density })
     }

@@ -1,7 +1,6 @@
 //! From misfit to missing physics: fit a case, see where it fails, search what explains it, prove it, and climb.
 
 mod approach;
-mod astray;
 mod candidates;
 mod case;
 mod chance;

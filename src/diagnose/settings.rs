@@ -26,9 +26,6 @@ pub struct Settings {
     pub promise_pair: f64,
     /// Fits and estimates of variances in turn; and estimates of the counts and of the widths of slack by what is then left.
     pub rounds: usize,
-    /// Steps to the strengths that a record has by itself, at most, before each of these fits. None: fits that follow them leave the strengths of all
-    /// beside where they fit best (one of three hits of a chain with a cubic spring ended at 1.23 times its noise).
-    pub strays: usize,
     /// Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed.
     pub estimates: usize,
     /// Iterations of each of these fits.
@@ -168,7 +165,6 @@ impl Default for Settings {
             promise_series: 5.0,
             promise_pair: 5.0,
             rounds: 2,
-            strays: 0,
             estimates: 4,
             iterations: 12,
             finish: 10,

@@ -7,9 +7,8 @@ use crate::identify::{Monitor, Termination};
 use crate::model::System;
 use crate::parallel;
 use crate::residual::Memo;
-use crate::response::{Plan, Stray};
+use crate::response::Plan;
 
-use super::astray::astray;
 use super::case::{Case, Fitted};
 use super::refit::some;
 use super::results::SplitName;
@@ -74,28 +73,26 @@ impl Scale {
 
     /// The case under the covariance that a weighed model has.
     pub fn under(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Case {
-        let mut covariances = self.evidence.covariances(seen, v, counts).into_iter().zip(seen);
-        let covered = |(p, s): &(Plan, SplitName)| match if *s == SplitName::Fit { covariances.next() } else { None } {
-            Some((covariance, seen)) => (p.under(Some(Arc::new(covariance))).strayed(seen.stray()), *s),
-            None => (p.under(None), *s),
+        let mut covariances = self.evidence.covariances(seen, v, counts).into_iter();
+        let covered = |(p, s): &(Plan, SplitName)| {
+            let covariance = if *s == SplitName::Fit { covariances.next().map(Arc::new) } else { None };
+            (p.under(covariance), *s)
         };
         Case { plans: Arc::new(self.case.plans.iter().map(covered).collect()), ..self.case.clone() }
     }
 
     /// A system in the fitted tests.
     pub fn see(&self, system: &System) -> Result<Vec<Seen>, String> {
-        self.see_again(system, &[], &Memo::default())
+        self.see_again(system, &Memo::default())
     }
 
-    /// The same, computed unless it is known, strengths in each test where `strays` say.
-    fn see_again(&self, system: &System, strays: &[Option<Arc<Stray>>], memo: &Memo) -> Result<Vec<Seen>, String> {
+    /// The same, computed unless it is known.
+    fn see_again(&self, system: &System, memo: &Memo) -> Result<Vec<Seen>, String> {
         let (plans, free) = (self.case.plans_of(SplitName::Fit), system.free());
-        let stray = |t: usize| strays.get(t).cloned().flatten();
-        let plans: Vec<Plan> = plans.into_iter().enumerate().map(|(t, p)| p.strayed(stray(t))).collect();
         let computed = match memo.find(system, &free) {
             Some(known) => known,
             None => {
-                let one = |p: &Plan| p.evaluate(system, &free, true).map_err(|e| e.to_string());
+                let one = |p: &&Plan| p.evaluate(system, &free, true).map_err(|e| e.to_string());
                 let computed = Arc::new(parallel::map(&plans, one).into_iter().collect::<Result<Vec<_>, _>>()?);
                 memo.keep(system, &free, computed.clone());
                 computed
@@ -104,7 +101,7 @@ impl Scale {
         let of = |t: usize| {
             let finite = computed[t].values.iter().chain(&computed[t].slopes).all(|v| v.is_finite());
             if finite {
-                Ok(self.evidence.records[t].see(&plans[t], &computed[t], system, &free))
+                Ok(self.evidence.records[t].see(plans[t], &computed[t], system, &free))
             } else {
                 Err("its response is not finite".into())
             }
@@ -116,19 +113,11 @@ impl Scale {
     /// unfound.
     pub fn weigh(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
         let (mut system, mut v, mut last) = (system.clone(), start.clone(), None);
-        let mut memo = Arc::new(Memo::default());
-        let begun: Vec<Option<Arc<Stray>>> =
-            v.strays.iter().map(|by| (!by.is_empty()).then(|| Arc::new(Stray { by: by.clone(), ahead: vec![] }))).collect();
-        let mut seen = self.see_again(&system, &begun, &memo)?;
+        let memo = Arc::new(Memo::default());
+        let mut seen = self.see_again(&system, &memo)?;
         for round in 0..self.settings.rounds.max(1) {
             if round > 0 && super::trace::stopped(monitor) {
                 break;
-            }
-            self.stray(&system, &mut seen, &v);
-            let strays: Vec<Option<Arc<Stray>>> = seen.iter().map(Seen::stray).collect();
-            if strays.iter().any(Option::is_some) {
-                // What is known was computed elsewhere.
-                memo = Arc::new(Memo::default());
             }
             let under = self.under(&seen, &v, &self.counts);
             let case = Case { worth: Some(self.settings.settled), memo: Some(memo.clone()), ..under };
@@ -138,7 +127,7 @@ impl Scale {
                 return Err(reason.clone());
             }
             system = self.case.deviations.widened(&fitted, &self.settings);
-            seen = self.see_again(&system, &strays, &memo)?;
+            seen = self.see_again(&system, &memo)?;
             last = Some(fitted);
             let before = self.evidence.likelihood(&seen, &self.counts, &v);
             v = self.evidence.estimate(&seen, &self.counts, &v);
@@ -148,28 +137,17 @@ impl Scale {
                 break;
             }
         }
-        v.strays = strays_of(&seen);
         let fitted = last.ok_or("it was not fitted")?;
         let likelihood = self.evidence.likelihood(&seen, &self.counts, &v) - 0.5 * prior_squares(&fitted);
         let likelihood = likelihood - self.case.deviations.price(&fitted);
         Ok(Weighed { fitted, seen, v, likelihood })
     }
 
-    /// Computes records at the strengths that they are likeliest at.
-    fn stray(&self, system: &System, seen: &mut [Seen], v: &Variances) -> bool {
-        let plans = self.case.plans_of(SplitName::Fit);
-        astray((&self.evidence, &self.counts, v), &plans, (system, &system.free()), seen, &self.settings)
-    }
-
     /// A fitted model with its variances, not fitted again under them.
     pub fn as_it_stands(&self, fitted: &Fitted) -> Option<Weighed> {
-        let mut seen = self.see(&fitted.system).ok().filter(|s| !s.is_empty())?;
+        let seen = self.see(&fitted.system).ok().filter(|s| !s.is_empty())?;
         let once = self.evidence.estimate(&seen, &self.counts, &Variances::start(&self.evidence, &seen));
-        let mut v = self.evidence.estimate(&seen, &self.evidence.counts(&seen, &once), &once);
-        if self.stray(&fitted.system, &mut seen, &v) {
-            v = self.evidence.estimate(&seen, &self.evidence.counts(&seen, &v), &v);
-        }
-        v.strays = strays_of(&seen);
+        let v = self.evidence.estimate(&seen, &self.evidence.counts(&seen, &once), &once);
         let likelihood = self.evidence.likelihood(&seen, &self.counts, &v);
         Some(Weighed { fitted: fitted.clone(), seen, v, likelihood })
     }
@@ -242,11 +220,6 @@ impl Scale {
     pub fn worth(&self, w: &Weighed) -> f64 {
         w.likelihood - 0.5 * w.size() as f64 * self.counts.n.ln()
     }
-}
-
-/// Where strengths are in each test that was computed at its own.
-fn strays_of(seen: &[Seen]) -> Vec<Vec<(String, f64)>> {
-    seen.iter().map(|s| s.stray().map_or(vec![], |s| s.by.clone())).collect()
 }
 
 /// Sum of squares of the priors' rows.

@@ -31,7 +31,7 @@ fn information(gram: &Gram, b: &DMatrix<f64>, parts: &[Part], z: &DVector<f64>) 
 }
 
 /// Weight of each residual's square, z over its variance; 0 where a coefficient is not compared.
-pub(super) fn weights(parts: &[Part], z: &DVector<f64>) -> DVector<f64> {
+fn weights(parts: &[Part], z: &DVector<f64>) -> DVector<f64> {
     DVector::from_iterator(parts.len(), parts.iter().zip(z.iter()).map(|(p, z)| 1.0 / p.variance(*z)))
 }
 

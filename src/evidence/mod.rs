@@ -31,7 +31,6 @@ mod facts;
 mod likelihood;
 mod record;
 mod settings;
-mod strays;
 mod variances;
 
 pub use facts::Counts;

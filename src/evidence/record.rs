@@ -1,7 +1,6 @@
 //! A test as the likelihood sees it, and a model in it.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -9,7 +8,7 @@ use crate::data::harmonic_of;
 use crate::effect::{Kind, Role};
 use crate::model::{FreeParam, System};
 use crate::parallel;
-use crate::response::{BlockKind, Coefficients, Computed, Plan, Stray, instruments};
+use crate::response::{BlockKind, Coefficients, Computed, Plan, instruments};
 
 use super::facts::smooth;
 use super::{Settings, beside};
@@ -127,27 +126,6 @@ pub struct Seen {
     pub j: DMatrix<f64>,
     /// What one part of each strength would change.
     pub strengths: DMatrix<f64>,
-    /// Names of these strengths, and the logarithm of the factor that each has in this test where it was computed. `r` is carried back from there to no
-    /// factor.
-    pub strays: Vec<(String, f64)>,
-}
-
-impl Seen {
-    /// What is left at the strengths of this test.
-    pub fn at_strays(&self) -> DVector<f64> {
-        &self.r + self.ahead()
-    }
-
-    /// By how much it is further than at those of all.
-    pub fn ahead(&self) -> DVector<f64> {
-        &self.strengths * DVector::from_iterator(self.strays.len(), self.strays.iter().map(|s| s.1))
-    }
-
-    /// The same as what a plan strays by; `None` where it does not.
-    pub fn stray(&self) -> Option<Arc<Stray>> {
-        let strays = self.strays.iter().any(|s| s.1 != 0.0);
-        strays.then(|| Arc::new(Stray { by: self.strays.clone(), ahead: self.ahead().as_slice().to_vec() }))
-    }
 }
 
 impl Record {
@@ -180,15 +158,7 @@ impl Record {
         let value = |f: &FreeParam| if f.log { 1.0 } else { system.instances[f.instance].params[f.param].value };
         let which: Vec<usize> = (0..free.len()).filter(|k| scatters(&free[*k])).collect();
         let strengths = DMatrix::from_fn(j.nrows(), which.len(), |i, k| j[(i, which[k])] * value(&free[which[k]]));
-        let by = |name: &str| plan.stray.as_ref().and_then(|s| s.by.iter().find(|(n, _)| n == name)).map_or(0.0, |s| s.1);
-        let strays: Vec<(String, f64)> = which.iter().map(|k| (free[*k].name.clone(), by(&free[*k].name))).collect();
-        let mut seen = Seen { r: all.column(0).into_owned(), j, strengths, strays };
-        if let Some(stray) = &plan.stray {
-            // Carried back by the slopes as they are here.
-            stray.ahead.iter().enumerate().for_each(|(i, ahead)| seen.r[i] += ahead);
-            seen.r -= seen.ahead();
-        }
-        seen
+        Seen { r: all.column(0).into_owned(), j, strengths }
     }
 }
 

@@ -51,7 +51,7 @@ fn drawn(draw: usize, tests: usize, error: f64) -> Vec<Seen> {
         r[3] += error;
         let mut j = DMatrix::zeros(81, 1);
         j[(1, 0)] = 1.0;
-        Seen { r, strengths: j.clone(), strays: vec![], j }
+        Seen { r, strengths: j.clone(), j }
     };
     (0..tests).map(of).collect()
 }
@@ -128,7 +128,7 @@ fn a_model_error_is_found_and_counts_as_few() {
 }
 
 fn v_of(e: &Evidence, error: f64) -> Variances {
-    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, own: vec![vec![0.0]; e.records.len()], strays: vec![] }
+    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, own: vec![vec![0.0]; e.records.len()] }
 }
 
 /// A test of one FRF in lines of equal noise and size, the residual a smooth function of the given power beside noise of exactly its size.
@@ -148,7 +148,7 @@ fn lines(smooth: f64) -> (Evidence, Vec<Seen>, DMatrix<f64>, f64) {
     let rough = &w - &basis * basis.tr_mul(&w);
     let rough = &rough * ((n - 6) as f64 * nu).sqrt() / rough.norm();
     let r = rough + basis.column(2) * (smooth * n as f64).sqrt();
-    let seen = vec![Seen { r, j: DMatrix::zeros(n, 0), strengths: DMatrix::zeros(n, 0), strays: vec![] }];
+    let seen = vec![Seen { r, j: DMatrix::zeros(n, 0), strengths: DMatrix::zeros(n, 0) }];
     (e, seen, basis, nu)
 }
 
@@ -236,24 +236,4 @@ fn a_channel_errs_elsewhere_as_those_of_its_name_do() {
     approx::assert_relative_eq!(errors[1][0], low, max_relative = 1e-12);
     approx::assert_relative_eq!(errors[2][0], high, max_relative = 1e-12);
     approx::assert_relative_eq!(errors[0][0], (2.0 * low + high) / 3.0, max_relative = 1e-12);
-}
-
-/// One strength that scatters by omega beside noise of one size: `d = -omega^2 S'r / (sigma^2 + omega^2 S'S)`, and the cost there is below that of its
-/// neighbours.
-#[test]
-fn a_strength_is_likeliest_between_its_prior_and_what_its_test_says() {
-    let e = evidence(1);
-    let s = noise(81, 3.0);
-    let r = &s * -0.01 + noise(81, 7.0) * (1e-2 / 9.0);
-    let column = DMatrix::from_column_slice(81, 1, s.as_slice());
-    let at = |d: f64| Seen { r: r.clone(), j: column.clone(), strengths: column.clone(), strays: vec![("k".into(), d)] };
-    let v = Variances { tau: -20.0, omega: 0.02f64.ln(), ..v_of(&e, 1e-9) };
-    let least = Variances { own: vec![vec![0.0]], ..v };
-    let d = e.likeliest_strays(0, &at(0.0), &e.independent(), &least).unwrap()[0];
-    let variance = 1e-4 / 81.0 + 0.003f64.powi(2) / 81.0;
-    approx::assert_relative_eq!(d, -4e-4 * s.dot(&r) / (variance + 4e-4 * s.norm_squared()), max_relative = 1e-9);
-    assert!((d - 0.01).abs() < 1e-3, "{d}");
-    let cost = |d: f64| e.cost_at_strays(0, &at(d), &e.independent(), &least);
-    assert!(cost(d) < cost(d + 1e-4) && cost(d) < cost(d - 1e-4) && cost(d) < cost(0.0));
-    assert!(!e.adds_up(0), "a loop has no cycles along which it adds up");
 }

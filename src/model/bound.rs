@@ -77,23 +77,10 @@ impl Bound {
     /// Binds `system` to a test with the given conditions [SI]. The chains refer to `free`, whose variables are the logarithms where
     /// `free[k].log`.
     pub fn new(system: &System, free: &[FreeParam], test: &str, conditions: &BTreeMap<String, f64>) -> Result<Bound, ModelError> {
-        Bound::scaled(system, free, test, conditions, &[])
-    }
-
-    /// The same where parameters `(instance, parameter)` have a factor in this test.
-    pub fn scaled(
-        system: &System,
-        free: &[FreeParam],
-        test: &str,
-        conditions: &BTreeMap<String, f64>,
-        factors: &[((usize, usize), f64)],
-    ) -> Result<Bound, ModelError> {
         let mut values: Vec<Vec<f64>> = system.instances.iter().map(|i| i.params.iter().map(|p| p.value).collect()).collect();
-        factors.iter().for_each(|((i, k), factor)| values[*i][*k] *= factor);
         let mut chains: Vec<Vec<Chain>> = system.instances.iter().map(|i| vec![Chain::new(); i.params.len()]).collect();
         for (k, f) in free.iter().enumerate() {
-            let factor = factors.iter().find(|(at, _)| *at == (f.instance, f.param)).map_or(1.0, |(_, factor)| *factor);
-            let slope = if f.log { values[f.instance][f.param] } else { factor };
+            let slope = if f.log { values[f.instance][f.param] } else { 1.0 };
             chains[f.instance][f.param].push((k, slope));
         }
         every_condition_has_values(system, conditions)?;

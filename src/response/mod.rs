@@ -15,7 +15,6 @@ mod geometry;
 mod modal;
 mod settling;
 mod site;
-mod stray;
 mod transient;
 mod variation;
 
@@ -37,7 +36,6 @@ pub use family::Family;
 pub use frf::FrfPlan;
 pub use modal::{ModalPlan, TableModes};
 pub use settling::Transient;
-pub use stray::Stray;
 pub use transient::TransientPlan;
 pub use variation::{CycleDrive, Variation};
 
@@ -120,8 +118,6 @@ pub struct Plan {
     pub tolerances: Tolerances,
     /// The covariance that the test is held against; none: sigma is all there is.
     pub covariance: Option<Arc<Covariance>>,
-    /// Strengths that are others in this test.
-    pub stray: Option<Arc<Stray>>,
     work: Work,
 }
 
@@ -186,7 +182,6 @@ impl Plan {
             scatter: vec![],
             tolerances: Tolerances::GOOD,
             covariance: None,
-            stray: None,
             work: Work::Energy(EnergyPlan::default()),
         };
         plan.work = match &test.record {
@@ -305,16 +300,12 @@ impl Plan {
 
     /// Binds the system to this test.
     pub fn bind(&self, system: &System, free: &[FreeParam]) -> Result<Bound, ResponseError> {
-        let factors = self.stray.as_ref().map_or(vec![], |s| s.factors(system));
-        Ok(Bound::scaled(system, free, &self.id, &self.conditions, &factors)?)
+        Ok(Bound::new(system, free, &self.id, &self.conditions)?)
     }
 
     /// Runs the engine.
     pub fn evaluate(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Computed, ResponseError> {
-        let mut computed =
-            geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))?;
-        self.stray.iter().for_each(|s| s.back(&mut computed.values));
-        Ok(computed)
+        geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))
     }
 
     /// The same of a system whose parts lie where they are drawn.

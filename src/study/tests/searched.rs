@@ -4,7 +4,7 @@ use super::{CHAIN, FRF, Folder, ONE};
 use crate::diagnose::Case;
 use crate::diagnose::testing::{Name, Scene, candidates, given, unclipped};
 use crate::evidence::Evidence;
-use crate::response::{Plan, Stray};
+use crate::response::Plan;
 
 /// A guide that brakes the third body, FRFs under two preloads: a relaxing spring is looked for in the guide, not at bodies that slide on nothing, and
 /// the preload is a load by its unit, whatever its name.
@@ -66,36 +66,6 @@ fn an_interference_is_no_load() {
     let plans: Vec<&Plan> = case.plans.iter().map(|(p, _)| p).collect();
     let (names, _) = candidates(&case, &study.system, &plans, &Scene::new(&plans, &study.system));
     assert!(names.iter().any(|n| n.effect == "interference_law") && !names.iter().any(|n| n.effect == "load_stiffness"));
-}
-
-/// A test computed at strengths of its own: the values are those of a model that has them, carried back by what the likelihood holds against it; the slopes
-/// are those of the fit's variables there.
-#[test]
-fn a_test_is_computed_at_strengths_of_its_own() {
-    let study = Folder::new(CHAIN, &format!("{FRF}{}", FRF.replace("frf-a", "frf-b"))).load().unwrap();
-    let case = Case::from_study(&study, 1).unwrap();
-    let plans: Vec<&Plan> = case.plans.iter().map(|(p, _)| p).collect();
-    let (system, free) = (&study.system, study.system.free());
-    let evidence = Evidence::of_fitted(&plans, system, &Default::default());
-    let (name, by) = (free[0].name.clone(), 0.005f64);
-    let strayed = plans[0].strayed(Some(std::sync::Arc::new(Stray { by: vec![(name.clone(), by)], ahead: vec![] })));
-    let mut there = system.clone();
-    there.instances[free[0].instance].params[free[0].param].value *= by.exp();
-    let (own, other) = (strayed.evaluate(system, &free, true).unwrap(), plans[0].evaluate(&there, &free, true).unwrap());
-    assert_eq!(own.values, other.values);
-    for (k, (a, b)) in own.slopes.iter().zip(&other.slopes).enumerate() {
-        let factor = if k % free.len() == 0 && !free[0].log { by.exp() } else { 1.0 };
-        approx::assert_relative_eq!(*a, b * factor, max_relative = 1e-12);
-    }
-    // Carried back it is the model's own, to second order in half a percent of a stiffness.
-    let seen = evidence.records[0].see(&strayed, &own, system, &free);
-    let plain = evidence.records[0].see(plans[0], &plans[0].evaluate(system, &free, true).unwrap(), system, &free);
-    let (moved, left) = ((seen.at_strays() - &plain.r).norm(), (&seen.r - &plain.r).norm());
-    assert!(left < 0.1 * moved, "{left} of {moved}");
-    // What a plan keeps of it gives the same residual.
-    let kept = plans[0].strayed(seen.stray());
-    let again = evidence.records[0].see(&kept, &kept.evaluate(system, &free, true).unwrap(), system, &free);
-    assert!((again.r - &seen.r).norm() < 1e-12 * moved);
 }
 
 /// A force that stands at its extreme in one test of three is the instrument's, and that test is left out; in two of three the device may do so.
