@@ -921,9 +921,6 @@ class Settings(msgspec.Struct, kw_only=True):
     steps: list[list[float | None]]
     """...steps of its pattern search at first, in the logarithms of noise, model error and scatter. The last gives the noise what it takes from
     the model error: where both are white the likelihood has a ridge along it, and steps along the axes alone stop beside its crest..."""
-    strays: int
-    """Steps to the strengths that a record has by itself, at most, before each of these fits. None: fits that follow them leave the strengths
-    of all beside where they fit best (one of three hits of a chain with a cubic spring ended at 1.23 times its noise)."""
     swap: float | None
     """Nats by which an alternative must be better to take the place of what stands."""
     telling: Telling
