@@ -14,7 +14,7 @@ use super::results::Rung;
 use super::search::{Against, Move, Step, Stood, step};
 use super::settings::Settings;
 use super::slack::{self, Slack};
-use super::weigh::{Scale, Weighed};
+use super::weigh::{Scale, Tied, Weighed};
 use super::{DiagnoseError, trace};
 
 /// An effect that was added.
@@ -22,8 +22,8 @@ use super::{DiagnoseError, trace};
 pub struct Added {
     /// Its name.
     pub name: Name,
-    /// What it cannot be told from.
-    pub tied: Vec<(Name, Weighed)>,
+    /// What it cannot be told from, what is alike first.
+    pub tied: Vec<(Tied, Name, Weighed)>,
     /// What came closest to it at other places and what was tied with it at its own, as it was fitted there.
     pub rivals: Vec<(Name, Instance)>,
     /// Nats that it gained when it was added.
@@ -38,6 +38,12 @@ impl Added {
     /// Nothing else is known of it.
     pub fn new(name: Name) -> Added {
         Added { name, tied: vec![], rivals: vec![], gain: 0.0, without: None, loss: 0.0 }
+    }
+
+    /// Laws that are as good a statement: a larger one contains what was added, or nearly, and an instrument reads so in every test, so that none of them
+    /// tells these apart.
+    pub fn alike(&self) -> impl Iterator<Item = &(Tied, Name, Weighed)> {
+        self.tied.iter().filter(|(how, _, w)| *how == Tied::Alike && w.last().is_some_and(|i| !of_channel(i)))
     }
 }
 
@@ -166,8 +172,9 @@ impl<'a> Climb<'a> {
             let mut added = Added { gain: taken.gain / taken.names.len() as f64, ..Added::new(name.clone()) };
             if let [_] = taken.names.as_slice() {
                 let others = || step.stood.iter().filter(|s| s.admissible && s.name != *name);
-                let close = others().filter(|s| taken.gain - s.gain <= self.settings.tie).take(self.settings.ties);
-                added.tied = close.map(|s| (s.name.clone(), s.weighed.clone())).collect();
+                let tied = |s: &Stood| self.scale.tied(&s.weighed, &taken.weighed);
+                let close = others().filter_map(|s| Some((tied(s)?, s.name.clone(), s.weighed.clone())));
+                added.tied = close.take(self.settings.ties).collect();
                 let rival = |s: &Stood| {
                     let instance = s.weighed.fitted.system.instances.last()?;
                     (!of_channel(instance) && instance.target.is_none()).then(|| (s.name.clone(), instance.clone()))
@@ -175,8 +182,8 @@ impl<'a> Climb<'a> {
                 let here = |s: &&Stood| s.name.at == name.at;
                 added.rivals = others().filter(|s| !here(s)).filter_map(rival).take(self.settings.race.closest).collect();
                 // A tie at its own place may be broken by what is added next.
-                let tied = others().filter(here).filter(|s| taken.gain - s.gain <= self.settings.tie);
-                added.rivals.extend(tied.filter_map(rival).take(self.settings.ties));
+                let alike = others().filter(here).filter(|s| tied(s) == Some(Tied::Alike));
+                added.rivals.extend(alike.filter_map(rival).take(self.settings.ties));
                 added.without = Some(self.now.clone());
             }
             self.added.push(added);

@@ -22,6 +22,11 @@ fn own_test(instance: &Instance) -> Option<&str> {
     }
 }
 
+/// Whether it is a fault that all tests share: what a channel reads in each of them, which may be told from no force at all.
+pub fn of_all(instance: &Instance) -> bool {
+    of_channel(instance) && own_test(instance).is_none()
+}
+
 impl Scale {
     /// What in the record contradicts the fault that the last instance of a weighed model is; none where the record shows it. `before`: the
     /// model without it.

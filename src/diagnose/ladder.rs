@@ -2,17 +2,16 @@
 
 use crate::effect::{Dim, Role};
 use crate::identify::Monitor;
-use crate::model::{Instance, System};
+use crate::model::System;
 use crate::parallel;
 use crate::response::Plan;
 
 use super::candidates::Name;
 use super::case::{Began, Case, Fitted, begin, effects, fit, parameters};
-use super::climb::{Added, Climb};
+use super::climb::Climb;
 use super::compare::compare;
-use super::fault::of_channel;
 use super::findings::{findings, unsettled};
-use super::held_out::{HeldOutTests, Look};
+use super::held_out::HeldOutTests;
 use super::results::*;
 use super::righted::{righted, unclipped};
 use super::search::Step;
@@ -79,7 +78,7 @@ fn detectable(case: &Case, system: &System, visible: &[(Name, f64)]) -> Vec<Stri
 }
 
 /// Unit of a candidate's strength with its value in SI.
-fn strength_unit(case: &Case, system: &System, name: &Name) -> (String, f64) {
+pub(super) fn strength_unit(case: &Case, system: &System, name: &Name) -> (String, f64) {
     let place = system.model.places_at(&name.at).ok().and_then(|p| p.first().copied());
     let rotational = place.is_some_and(|p| system.model.places[p].axis.rotational());
     let dim = crate::effect::find(name.effect).ok().and_then(|e| e.info().params.first()).map(|p| p.dim);
@@ -255,19 +254,6 @@ impl Climb<'_> {
         Ok(())
     }
 
-    fn instance(&self, k: usize) -> Option<&Instance> {
-        self.now.fitted.system.instances.get(self.base + k)
-    }
-
-    /// Effects that were added; what an instrument does is none.
-    pub(super) fn effects(&self) -> usize {
-        (0..self.added.len()).filter(|k| !self.is_fault(*k)).count()
-    }
-
-    fn is_fault(&self, k: usize) -> bool {
-        self.instance(k).is_some_and(of_channel)
-    }
-
     /// What the verdict rests on.
     fn grounds(&self, held_out: Option<(super::held_out::Word, f64, f64)>, stopped: bool) -> Grounds {
         let any = |of: &dyn Fn(usize) -> bool| (0..self.added.len()).any(of);
@@ -297,13 +283,13 @@ impl Climb<'_> {
 
     /// The test that separates what is tied, or why there is none; the search for it takes a share of the time since `started`.
     fn next_test(&self, started: std::time::Instant) -> (Option<NextTest>, Option<String>) {
-        let tie = self.added.iter().enumerate().find(|(k, a)| !a.tied.is_empty() && self.is_physics(*k)).map(|(_, a)| a);
+        let tie = self.added.iter().enumerate().find(|(k, a)| a.alike().next().is_some() && self.is_physics(*k)).map(|(_, a)| a);
         let Some(added) = tie.filter(|_| !trace::stopped(self.monitor)) else { return (None, None) };
         (self.watch)("looking for the test that separates what is tied");
         let case = self.scale.under(&self.now.seen, &self.now.v, &self.scale.evidence.independent());
         let under = |system: &System| case.fit_system(system, case.plans_of(SplitName::Fit), &self.monitor.quiet()).ok();
         let rivals: Vec<(Name, Fitted)> =
-            added.tied.iter().take(3).filter_map(|(n, w)| Some((n.clone(), under(&w.fitted.system)?))).collect();
+            added.alike().take(3).filter_map(|(_, n, w)| Some((n.clone(), under(&w.fitted.system)?))).collect();
         let Some(best) = under(&self.now.fitted.system).filter(|_| !rivals.is_empty()) else { return (None, None) };
         match super::next::separating(&case, &best, &rivals, started.elapsed(), self.monitor) {
             Ok(test) => (Some(test), None),
@@ -424,40 +410,6 @@ impl Climb<'_> {
     fn held_out(&self, w: &Weighed) -> Result<Vec<TestResult>, DiagnoseError> {
         compare(&self.case, &w.fitted.system, &[SplitName::HeldOut], &self.monitor.watch())
     }
-
-    /// Physics that was added, what costs most to leave out first.
-    fn missing(&self, held: Option<(&HeldOutTests, &Look)>) -> Vec<Missing> {
-        let of = |k: &usize| {
-            let a = &self.added[*k];
-            let proven = held.and_then(|(h, last)| Some(last.density > h.look(a.without.as_ref()?)?.density));
-            Missing { effect: a.name.effect.into(), at: a.name.at.clone(), of: a.name.of.clone(), tied_with: tied_with(a), proven }
-        };
-        self.order.iter().filter(|k| self.is_physics(**k)).map(of).collect()
-    }
-
-    /// Instruments at fault, with what the record says.
-    fn instruments(&self) -> Vec<Instrument> {
-        let of = |k: &usize| -> Option<Instrument> {
-            let (a, instance) = (&self.added[*k], self.instance(*k)?);
-            let (unit, factor) = strength_unit(&self.case, &self.now.fitted.system, &a.name);
-            let value = instance.params.first()?.value / factor;
-            let (test, role) = a.name.at.rsplit_once('.')?;
-            let who = if test == "*" { format!("the {role} channel of all tests") } else { format!("the {role} channel of {test}") };
-            let why = match a.name.effect {
-                "gain" => format!("{who} reads {value:.3} of what the model and the other tests say"),
-                "delay" => format!("{who} is late by {value:.3e} {unit}"),
-                "offset" => format!("{who} lies {value:.3e} {unit} beside the others"),
-                "moving_mass" => format!("{who} carries a mass of {value:.3e} {unit}"),
-                other => format!("{who} has a {other} of {value:.3e} {unit}"),
-            };
-            Some(Instrument { effect: a.name.effect.into(), at: a.name.at.clone(), why, tied_with: tied_with(a) })
-        };
-        self.turned.iter().cloned().chain(self.order.iter().filter(|k| self.is_fault(**k)).filter_map(of)).collect()
-    }
-}
-
-fn tied_with(a: &Added) -> Vec<String> {
-    a.tied.iter().map(|(n, _)| format!("{} at {}", n.effect, n.at)).collect()
 }
 
 impl Scale {

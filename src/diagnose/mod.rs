@@ -19,6 +19,7 @@ mod loosened;
 mod map;
 mod method;
 mod mode_energy;
+mod named;
 mod next;
 mod own_case;
 mod pairs;
@@ -39,6 +40,7 @@ mod settings;
 mod slack;
 mod spread;
 mod states;
+mod survivors;
 mod trace;
 mod turns;
 mod unexplained;
@@ -71,4 +73,5 @@ pub(crate) mod testing {
     pub use super::score::{Score, score};
     pub use super::settings::Settings;
     pub use super::slack::{correction, given};
+    pub(crate) use super::weigh::{Scale, Tied, Weighed};
 }

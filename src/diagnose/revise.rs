@@ -6,19 +6,19 @@ use crate::parallel;
 use super::DiagnoseError;
 use super::candidates::Name;
 use super::climb::{Added, Climb};
-use super::fault::of_channel;
+use super::fault::{of_all, of_channel};
 use super::held_out::HeldOutTests;
 use super::results::{EffectAt, Rung, SplitName};
 use super::search::{Against, Step, step};
 use super::trace;
-use super::weigh::{Scale, Weighed};
+use super::weigh::{Scale, Tied, Weighed};
 
 /// What could stand in the place of an addition.
 struct Alternatives {
     /// The addition.
     of: usize,
     /// Tied with it.
-    tied: Vec<(Name, Weighed)>,
+    tied: Vec<(Tied, Name, Weighed)>,
     /// What is better than it, by so many nats.
     better: Option<(f64, Name, Weighed)>,
     /// The model without it.
@@ -149,7 +149,9 @@ impl Climb<'_> {
             let (mut scale, small, whole) = self.beside_smaller(k)?;
             let stands = scale.worth(&whole);
             if instance.effect.info().role != Role::Coefficient {
-                scale.case.search.places = Some(vec![instance.at.clone()]);
+                // What stands at its place, and what an instrument reads in all tests, since that is seen at every place.
+                let roles = scale.case.plans.iter().flat_map(|(p, _)| p.blocks.iter().map(|b| format!("*.{}", b.role)));
+                scale.case.search.places = Some(std::iter::once(instance.at.clone()).chain(roles).collect());
             }
             let need = stands - scale.worth(&small) - self.settings.tie;
             let quiet = |_: &str| {};
@@ -160,7 +162,7 @@ impl Climb<'_> {
             let own = &self.added[k].name;
             let mut others: Vec<(f64, Name, Weighed)> = stood
                 .into_iter()
-                .filter(|s| s.admissible && s.name != *own && s.weighed.fitted.system.instances.last().is_some_and(|i| !of_channel(i)))
+                .filter(|s| s.admissible && s.name != *own && s.weighed.last().is_some_and(|i| !of_channel(i) || of_all(i)))
                 .map(|s| (scale.worth(&s.weighed) - stands, s.name, s.weighed))
                 .collect();
             others.extend(self.added[k].rivals.iter().filter_map(|(name, instance)| {
@@ -177,8 +179,9 @@ impl Climb<'_> {
                 told.push(o.1.clone());
                 first
             });
-            let better = others.first().filter(|o| o.0 > self.settings.swap).cloned();
-            let tied = others.into_iter().filter(|o| o.0 > -self.settings.tie).take(self.settings.ties).map(|(_, n, w)| (n, w)).collect();
+            let best = others.iter().find(|o| o.2.last().is_some_and(|i| !of_channel(i)));
+            let better = best.filter(|o| o.0 > self.settings.swap).cloned();
+            let tied = others.into_iter().filter_map(|(_, n, w)| Some((scale.tied(&w, &whole)?, n, w))).take(self.settings.ties).collect();
             Some(Alternatives { of: k, tied, better, without: small })
         };
         parallel::over(self.added.len(), of).into_iter().flatten().collect()

@@ -14,6 +14,7 @@ use super::refit::{Bench, Leader, Refit, best_per_candidate};
 use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
 use super::score::{Score, Scores, score};
 use super::states::{self, Wanted};
+use super::survivors::Survivors;
 use super::weigh::{Scale, Weighed};
 use super::{DiagnoseError, trace};
 
@@ -116,7 +117,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let cut = trace::stopped(&hurried);
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
-    let (stood, mut reasons) = weighed(a, &refits, cut, &names, &price, cost, &loose);
+    let (stood, mut reasons) = Survivors { against: a, refits: &refits, names: &names, price: &price, cost, from: &loose }.weighed(cut);
     let single = stood.iter().filter(|s| s.admissible && a.need.is_none()).max_by(|a, b| a.gain.total_cmp(&b.gain));
     let mut taken = None;
     if let Some(s) = single {
@@ -135,8 +136,10 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         }
     }
     let listed = Listed { names: &names, trials: &trials, selected: &scores.selected, error: error_of(scale, base) };
-    let tie =
-        |s: &Stood| taken.as_ref().is_some_and(|t| t.names.len() == 1 && t.names[0] != s.name && t.gain - s.gain <= scale.settings.tie);
+    let tie = |s: &Stood| {
+        let beside = |t: &Move| t.names.len() == 1 && t.names[0] != s.name && scale.tied(&s.weighed, &t.weighed).is_some();
+        taken.as_ref().is_some_and(beside)
+    };
     let tied: Vec<&Name> = stood.iter().filter(|s| s.admissible && tie(s)).map(|s| &s.name).collect();
     let mut list: Vec<Candidate> =
         refits.iter().zip(&reasons).map(|(r, reason)| listed.weighed(r, reason, &stood, taken.as_ref(), &tied)).collect();
@@ -214,7 +217,7 @@ pub(super) struct Price<'a> {
     against: &'a Against<'a>,
     names: &'a [Name],
     /// `r'V^-1 r` of the model without a candidate.
-    squares: f64,
+    pub squares: f64,
     physics: f64,
     all: f64,
 }
@@ -230,7 +233,7 @@ impl<'a> Price<'a> {
     }
 
     /// What was tried where this candidate was.
-    fn tried(&self, candidate: usize) -> f64 {
+    pub fn tried(&self, candidate: usize) -> f64 {
         if role(&self.names[candidate]) == Some(Role::Channel) { self.all } else { self.physics }
     }
 
@@ -246,11 +249,11 @@ impl<'a> Price<'a> {
         factor * promised(self.squares, drop)
     }
 
-    fn promises(&self, candidate: usize, drop: f64) -> bool {
+    pub fn promises(&self, candidate: usize, drop: f64) -> bool {
         self.bound(candidate, drop) >= self.price(candidate) - self.against.scale.settings.tie
     }
 
-    fn left_out(&self, candidate: usize, drop: f64) -> Reason {
+    pub fn left_out(&self, candidate: usize, drop: f64) -> Reason {
         if self.promises(candidate, drop) {
             return Reason::NotTried;
         }
@@ -312,67 +315,6 @@ fn refitted(
 fn sort(refits: &mut [Refit]) {
     let key = |r: &Refit| r.result.as_ref().map_or(f64::INFINITY, |p| p.fitted.outcome.cost);
     refits.sort_by(|a, b| key(a).total_cmp(&key(b)).then(b.score.drop.total_cmp(&a.score.drop)));
-}
-
-/// The refits that may gain, each weighed with variances of its own, and what was decided of every refit.
-fn weighed(
-    a: &Against,
-    refits: &[Refit],
-    cut: bool,
-    names: &[Name],
-    price: &Price,
-    cost: f64,
-    from: &Variances,
-) -> (Vec<Stood>, Vec<Reason>) {
-    let scale = a.scale;
-    let fall = |r: &Refit| r.result.as_ref().map_or(0.0, |p| 1.0 - p.fitted.outcome.cost / cost.max(f64::MIN_POSITIVE));
-    let nats = |r: &Refit| promised(price.squares, fall(r));
-    let best = refits.iter().map(nats).fold(0.0, f64::max);
-    let mut left = scale.settings.weighed;
-    let of = |r: &Refit| -> Option<Reason> {
-        match &r.result {
-            Err(_) if cut || trace::stopped(a.monitor) => Some(Reason::Interrupted),
-            Err(why) => Some(Reason::Failed { why: why.clone() }),
-            Ok(_) if !price.promises(r.candidate, fall(r)) => Some(price.left_out(r.candidate, fall(r))),
-            // Beside what already gains so much, with the variances of the model without either, it cannot come first.
-            Ok(_) if price.bound(r.candidate, fall(r)) < best - scale.settings.tie => Some(Reason::Behind { nats: best - nats(r) }),
-            Ok(_) if left == 0 => Some(Reason::NotTried),
-            Ok(_) => {
-                left -= 1;
-                None
-            }
-        }
-    };
-    let mut reasons: Vec<Option<Reason>> = refits.iter().map(of).collect();
-    let open: Vec<usize> = (0..refits.len()).filter(|k| reasons[*k].is_none()).collect();
-    let weigh = |k: &usize| {
-        let Ok(proof) = &refits[*k].result else { return Err("it was not fitted".into()) };
-        let mut start = from.clone();
-        start.tau += 0.5 * (1.0 - fall(&refits[*k])).max(1e-9).ln();
-        let w = scale.weigh(&proof.fitted.system, &start, a.monitor)?;
-        let contradicted = scale.contradicted(&w);
-        Ok((w, contradicted))
-    };
-    let found: Vec<Result<_, String>> = parallel::map(&open, weigh);
-    let mut stood = Vec::new();
-    for (k, found) in open.into_iter().zip(found) {
-        let c = refits[k].candidate;
-        reasons[k] = Some(match found {
-            Err(_) if trace::stopped(a.monitor) => Reason::Interrupted,
-            Err(why) => Reason::Failed { why },
-            Ok((weighed, contradicted)) => {
-                let gain = scale.gain(&weighed, a.base, price.tried(c));
-                stood.push(Stood { name: names[c].clone(), weighed, gain, admissible: contradicted.is_none() });
-                match contradicted {
-                    Some(fault) => Reason::NotInRecord { fault },
-                    None if gain > 0.0 => Reason::Gains { nats: gain },
-                    None => Reason::TooLittle { nats: gain },
-                }
-            }
-        });
-    }
-    stood.sort_by(|a, b| scale.worth(&b.weighed).total_cmp(&scale.worth(&a.weighed)));
-    (stood, reasons.into_iter().map(|r| r.unwrap_or(Reason::NotTried)).collect())
 }
 
 /// Pooled relative error of a model on the fitted tests.

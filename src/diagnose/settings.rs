@@ -30,6 +30,8 @@ pub struct Settings {
     pub estimates: usize,
     /// Iterations of each of these fits.
     pub iterations: u64,
+    /// Parts of the way to where such a fit ends that are tried, in turn, where the likelihood is less there.
+    pub parts_of_a_fit: [f64; 3],
     /// Times that these are gone through again, at most, for a model that others are held against and that has not come to its end.
     pub finish: usize,
     /// Nats that a fit which decides between models may leave unfound: far below a tie.
@@ -167,6 +169,7 @@ impl Default for Settings {
             rounds: 2,
             estimates: 4,
             iterations: 12,
+            parts_of_a_fit: [0.5, 0.25, 0.1],
             finish: 10,
             settled: 0.02,
             pair_of: 4,

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use crate::evidence::{Counts, Evidence, Seen, Variances};
-use crate::identify::{Monitor, Termination};
-use crate::model::System;
+use crate::identify::{FitOutcome, Monitor, Prior, Termination};
+use crate::model::{Instance, System};
 use crate::parallel;
-use crate::residual::Memo;
+use crate::residual::{Memo, Problem};
 use crate::response::Plan;
 
 use super::case::{Case, Fitted};
@@ -33,6 +33,37 @@ impl Weighed {
     pub fn size(&self) -> usize {
         self.fitted.free.len()
     }
+
+    /// The effect that was put in last.
+    pub fn last(&self) -> Option<&Instance> {
+        self.fitted.system.instances.last()
+    }
+}
+
+/// What a fit under a model's own variances may come to.
+pub struct Promised {
+    /// The model as it stands.
+    pub stands: Weighed,
+    /// Nats that a step of its parameters promises.
+    pub step: f64,
+}
+
+/// How two models are tied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tied {
+    /// Each is as good a statement as the other.
+    Alike,
+    /// The other one needs more parameters, and the tests do not speak against it.
+    Larger,
+}
+
+/// Where a model stands while it is weighed.
+struct Standing {
+    system: System,
+    seen: Vec<Seen>,
+    v: Variances,
+    /// That of its residuals alone.
+    likelihood: f64,
 }
 
 /// What models are weighed on: the fitted tests, and what a coefficient of them counts as.
@@ -110,37 +141,91 @@ impl Scale {
     }
 
     /// Fits the system and estimates its variances in turn, from these variances on, until they move the likelihood by no more than fits leave
-    /// unfound.
+    /// unfound. The covariance of a fit stands still, and where strengths scatter along records it is another one where the fit ends: as far as the
+    /// likelihood is less there, the fit is taken back.
     pub fn weigh(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
-        let (mut system, mut v, mut last) = (system.clone(), start.clone(), None);
         let memo = Arc::new(Memo::default());
-        let mut seen = self.see_again(&system, &memo)?;
+        let here = self.standing(system, start, &memo)?;
+        let (own, mut now, mut last) = (here.v.clone(), Standing { v: start.clone(), ..here }, None);
         for round in 0..self.settings.rounds.max(1) {
             if round > 0 && super::trace::stopped(monitor) {
                 break;
             }
-            let under = self.under(&seen, &v, &self.counts);
-            let case = Case { worth: Some(self.settings.settled), memo: Some(memo.clone()), ..under };
-            let fit = some(&case, self.settings.iterations);
-            let fitted = fit.fit_system(&system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
-            if let Termination::Failed(reason) = &fitted.outcome.termination {
-                return Err(reason.clone());
-            }
-            system = self.case.deviations.widened(&fitted, &self.settings);
-            seen = self.see_again(&system, &memo)?;
+            let fitted = self.fitted(&now, self.settings.iterations, &memo, monitor)?;
+            let Some((fitted, next)) = self.ascended(&now, fitted, &memo, monitor)? else { break };
+            let before = self.evidence.likelihood(&next.seen, &self.counts, &now.v);
+            let settled = (next.likelihood - before).abs() <= self.settings.settled;
+            now = next;
+            now.system = self.case.deviations.widened(&fitted, &self.settings);
             last = Some(fitted);
-            let before = self.evidence.likelihood(&seen, &self.counts, &v);
-            v = self.evidence.estimate(&seen, &self.counts, &v);
-            if self.case.deviations.is_empty()
-                && (self.evidence.likelihood(&seen, &self.counts, &v) - before).abs() <= self.settings.settled
-            {
+            if self.case.deviations.is_empty() && settled {
                 break;
             }
         }
-        let fitted = last.ok_or("it was not fitted")?;
-        let likelihood = self.evidence.likelihood(&seen, &self.counts, &v) - 0.5 * prior_squares(&fitted);
-        let likelihood = likelihood - self.case.deviations.price(&fitted);
-        Ok(Weighed { fitted, seen, v, likelihood })
+        let fitted = match last {
+            Some(fitted) => fitted,
+            None => {
+                now.v = own;
+                let fitted = self.fitted(&now, 0, &memo, monitor)?;
+                let outcome = FitOutcome { termination: Termination::Stalled, ..fitted.outcome };
+                Fitted { outcome, ..fitted }
+            }
+        };
+        let likelihood = now.likelihood - 0.5 * prior_squares(&fitted) - self.case.deviations.price(&fitted);
+        Ok(Weighed { fitted, seen: now.seen, v: now.v, likelihood })
+    }
+
+    /// A system in the tests, its variances estimated from these on.
+    fn standing(&self, system: &System, from: &Variances, memo: &Memo) -> Result<Standing, String> {
+        let seen = self.see_again(system, memo)?;
+        let v = self.evidence.estimate(&seen, &self.counts, from);
+        let likelihood = self.evidence.likelihood(&seen, &self.counts, &v);
+        Ok(Standing { system: system.clone(), seen, v, likelihood })
+    }
+
+    /// The system fitted under the covariance that it has where it stands.
+    fn fitted(&self, from: &Standing, iterations: u64, memo: &Arc<Memo>, monitor: &Monitor) -> Result<Fitted, String> {
+        let under = self.under(&from.seen, &from.v, &self.counts);
+        let case = Case { worth: Some(self.settings.settled), memo: Some(memo.clone()), ..under };
+        let fitted = some(&case, iterations).fit_system(&from.system, case.plans_of(SplitName::Fit), &monitor.quiet());
+        let fitted = fitted.map_err(|e| e.to_string())?;
+        match &fitted.outcome.termination {
+            Termination::Failed(reason) => Err(reason.clone()),
+            _ => Ok(fitted),
+        }
+    }
+
+    /// Where a fit leads from here without loss: to its end, or part of the way there; none where every part of it loses.
+    fn ascended(&self, now: &Standing, fitted: Fitted, memo: &Arc<Memo>, monitor: &Monitor) -> Result<Option<(Fitted, Standing)>, String> {
+        let squares = |p: &[f64]| -> f64 {
+            let square = |prior: &Prior| ((p[prior.index] - prior.mean) / prior.sigma).powi(2);
+            fitted.options.priors.iter().map(square).sum()
+        };
+        let problem = Problem::new(self.case.plans_of(SplitName::Fit), now.system.clone());
+        let (begun, end) = (problem.variables(), &fitted.outcome.p);
+        let least = now.likelihood - 0.5 * squares(&begun) - self.settings.settled;
+        let there = self.standing(&fitted.system, &now.v, memo);
+        if there.as_ref().is_ok_and(|t| t.likelihood - 0.5 * squares(end) >= least) {
+            return Ok(Some((fitted, there?)));
+        }
+        for part in self.settings.parts_of_a_fit {
+            let p: Vec<f64> = begun.iter().zip(end).map(|(from, to)| from + part * (to - from)).collect();
+            let Ok(there) = self.standing(&problem.system_at(&p), &now.v, memo) else { continue };
+            if there.likelihood - 0.5 * squares(&p) >= least {
+                return Ok(Some((self.fitted(&there, 0, memo, monitor)?, there)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// A fitted model under variances of its own, no fit made under them.
+    pub fn promised(&self, fitted: &Fitted, start: &Variances) -> Result<Promised, String> {
+        let Standing { seen, v, likelihood, .. } = self.standing(&fitted.system, start, &Memo::default())?;
+        let likelihood = likelihood - 0.5 * prior_squares(fitted) - self.case.deviations.price(fitted);
+        let prior = |p: &Prior| (p.index, fitted.outcome.p[p.index], p.mean, p.sigma);
+        let priors: Vec<_> = fitted.options.priors.iter().map(prior).collect();
+        let step = self.evidence.within_a_step(&seen, &self.counts, &v, &priors).unwrap_or(f64::INFINITY);
+        Ok(Promised { stands: Weighed { fitted: fitted.clone(), seen, v, likelihood }, step })
     }
 
     /// A fitted model with its variances, not fitted again under them.
@@ -219,6 +304,21 @@ impl Scale {
     /// What a model is worth beside others of unlike size.
     pub fn worth(&self, w: &Weighed) -> f64 {
         w.likelihood - 0.5 * w.size() as f64 * self.counts.n.ln()
+    }
+
+    /// How the tests tell a model from another one that stands in its place; none where they do. What is worth less by a tie alone is as likely. A larger
+    /// model that is worth less by its price alone is not refuted: the price says which of two is the smaller statement, and supposes that the tests know
+    /// every parameter. One whose shape has gone to the end of its range is no other statement: there it says what the smaller one does.
+    pub fn tied(&self, other: &Weighed, than: &Weighed) -> Option<Tied> {
+        let (tie, behind) = (self.settings.tie, self.worth(than) - self.worth(other));
+        if behind <= tie {
+            return Some(Tied::Alike);
+        }
+        let price = 0.5 * (other.size() as f64 - than.size() as f64).max(0.0) * self.counts.n.ln();
+        let inside = other.fitted.inside();
+        let last = other.fitted.system.instances.len().saturating_sub(1);
+        let ended = (0..other.fitted.free.len()).any(|k| other.fitted.free[k].instance == last && !inside.contains(&k));
+        (behind - price <= tie && !ended).then_some(Tied::Larger)
     }
 }
 

@@ -45,23 +45,24 @@ impl Force for Film {
         let (u1, u2) = (s[0], s[1]);
         let (v0, d, rate) = (p[1].re(), p[2].re(), 1.5 / dt);
         let (elastic, pull) = (d * rate, u.v.re() + d * (u1.re() * 4.0 - u2.re()) * (0.5 / dt));
+        let (sign, before, pull) = (1f64.copysign(pull), u1.re() * 1f64.copysign(pull), pull.abs());
+        let linear = pull / (v0 + elastic);
         // With sinh(u) >= u the answer is not beyond that of a linear film, nor beyond the rigid one.
-        let mut w = pull / (v0 + elastic);
-        if w.abs() > 1.0 || d <= 0.0 {
-            let x = pull.abs() / v0;
-            w = w.abs().min((x + (x * x + 1.0).sqrt()).ln()).copysign(pull);
-        }
+        let most = || if linear > 1.0 || d <= 0.0 { linear.min((pull / v0 + ((pull / v0).powi(2) + 1.0).sqrt()).ln()) } else { linear };
+        // The step before is near, where it lies on the same side. From below a step may lead far beyond, from above it does not.
+        let mut w = if d > 0.0 && before > 0.0 && before < linear { before } else { most() };
         // Halley's method; the step of Newton's method is at most doubled.
         for _ in 0..60 {
             let (sinh, cosh) = sinh_cosh(w);
             let slope = v0 * cosh + elastic;
             let newton = (v0 * sinh + elastic * w - pull) / slope;
             let step = newton / (1.0 - 0.5 * newton * v0 * sinh / slope).max(0.5);
-            w -= step;
+            w = if step > -1.0 { w - step } else { (w - step).min(most()) };
             if step.abs() <= 1e-5 {
                 break;
             }
         }
+        let w = sign * w;
         let ((sinh, cosh), w) = (sinh_cosh(w), T::from(w));
         let gap = p[1] * sinh + p[2] * bdf2(w, u1, u2, dt) - u.v;
         let w = w - gap / (p[1] * cosh + p[2] * rate);

@@ -111,6 +111,29 @@ pub(super) fn restricted(e: &Evidence, grams: &[Gram], seen: &[Seen], counts: &C
     Some(-0.5 * (ld + whole[(0, 0)]) - restricted).filter(|l| l.is_finite())
 }
 
+impl Evidence {
+    /// Nats by which a model's likelihood would rise with a step of its parameters, to first order in these: `1/2 g'H^-1 g` with `g = J'V^-1 r`,
+    /// `H = J'V^-1 J`, their priors `(parameter, value, mean, sigma)` with both. None where `H` is singular.
+    pub fn within_a_step(&self, seen: &[Seen], counts: &Counts, v: &Variances, priors: &[(usize, f64, f64, f64)]) -> Option<f64> {
+        let n = seen.first()?.j.ncols();
+        let mut whole = DMatrix::zeros(n + 1, n + 1);
+        for (t, (record, s)) in self.records.iter().zip(seen).enumerate() {
+            let r = DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice());
+            let gram = Gram { x: beside(&r, &s.j), b: DMatrix::zeros(0, 0) };
+            whole += information(&gram, &record.shared(s, v.omega), &record.parts(v.kappa, &v.own_errors(t, record)), &counts.z[t])?.0;
+        }
+        for (k, value, mean, sigma) in priors {
+            whole[(k + 1, k + 1)] += sigma.powi(-2);
+            whole[(k + 1, 0)] += (value - mean) / sigma.powi(2);
+        }
+        let size: Vec<f64> = (1..=n).map(|k| whole[(k, k)].sqrt()).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
+        let g = DVector::from_fn(n, |k, _| whole[(k + 1, 0)] / size[k]);
+        let mut h = DMatrix::from_fn(n, n, |i, k| whole[(i + 1, k + 1)] / (size[i] * size[k]));
+        (0..n).for_each(|k| h[(k, k)] += self.settings.ridge);
+        Some(0.5 * g.dot(&h.cholesky()?.solve(&g)))
+    }
+}
+
 /// What is left of a residual without what its coefficients share, `D V^-1 r`.
 pub(super) fn cleaned(record: &Record, seen: &Seen, parts: &[Part], z: &DVector<f64>, omega: f64) -> DVector<f64> {
     let b = record.shared(seen, omega);

@@ -237,3 +237,31 @@ fn a_channel_errs_elsewhere_as_those_of_its_name_do() {
     approx::assert_relative_eq!(errors[2][0], high, max_relative = 1e-12);
     approx::assert_relative_eq!(errors[0][0], (2.0 * low + high) / 3.0, max_relative = 1e-12);
 }
+
+/// A step to the least of a quadratic cost takes as many nats as it was said to, a prior with it.
+#[test]
+fn a_step_gains_what_it_promises() {
+    let (e, v) = (evidence(2), v_of(&evidence(2), 0.02));
+    let counts = e.independent();
+    let mut begun = drawn(3, 2, 0.05);
+    for (t, s) in begun.iter_mut().enumerate() {
+        s.j = DMatrix::from_columns(&[noise(81, 11.0 + t as f64) / 9.0, noise(81, 17.0 + t as f64) / 9.0]);
+        s.r += &s.j * DVector::from_vec(vec![0.3, -0.2]);
+    }
+    let (value, mean, sigma) = (0.4, 0.1, 0.5);
+    let cost = |d: &DVector<f64>| {
+        let moved: Vec<Seen> = begun.iter().map(|s| Seen { r: &s.r + &s.j * d, ..s.clone() }).collect();
+        0.5 * (e.squares(&moved, &counts, &v) + ((value + d[0] - mean) / sigma).powi(2))
+    };
+    let promised = e.within_a_step(&begun, &counts, &v, &[(0, value, mean, sigma)]).unwrap();
+    // The least by differences of the quadratic cost itself.
+    let unit = |k: usize, h: f64| DVector::from_fn(2, |i, _| if i == k { h } else { 0.0 });
+    let zero = DVector::zeros(2);
+    let g = DVector::from_fn(2, |k, _| (cost(&unit(k, 1.0)) - cost(&unit(k, -1.0))) / 2.0);
+    let h = DMatrix::from_fn(2, 2, |i, k| {
+        let (i, k) = (unit(i, 1.0), unit(k, 1.0));
+        (cost(&(&i + &k)) - cost(&(&i - &k)) - cost(&(&k - &i)) + cost(&(-&i - &k))) / 4.0
+    });
+    let least = -h.lu().solve(&g).unwrap();
+    approx::assert_relative_eq!(promised, cost(&zero) - cost(&least), max_relative = 1e-6);
+}

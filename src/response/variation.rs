@@ -45,8 +45,7 @@ impl Plan {
         let Work::Transient(record) = &self.work else { return None };
         let n = record.opening(self, doublings)?;
         let work = Work::Transient(record.begun(n));
-        let mut plan =
-            Plan { measured: vec![], sigma: vec![], blocks: vec![], scatter: vec![], covariance: None, work, ..self.clone() };
+        let mut plan = Plan { measured: vec![], sigma: vec![], blocks: vec![], scatter: vec![], covariance: None, work, ..self.clone() };
         for block in &self.blocks {
             let of = |values: &[f64]| values.iter().take(n).copied().collect::<Vec<f64>>();
             let (measured, sigma) = (of(&self.measured[block.range.clone()]), of(&self.sigma[block.range.clone()]));

@@ -14,7 +14,7 @@ use crate::effect::Inputs;
 use crate::model::{Depth, Element, ElementScratch, Sensed};
 
 use super::super::EngineError;
-use super::fixed_point::FixedPoint;
+use super::fixed_point::{FixedPoint, extrapolate};
 
 /// Samples of `1, cos t, sin t, cos 2t, ...` over a cycle.
 pub(super) struct Basis {
@@ -125,6 +125,10 @@ const FORGETS: f64 = 0.1;
 const CYCLES: usize = 40;
 /// Factor by which a cycle must bring that change down for its derivatives to serve once more.
 const FAST: f64 = 0.1;
+
+/// Cycles of candidates after the first, and the change from one to the next below which there are no more: far below what a score tells apart.
+const FOLLOWED: usize = 3;
+const ALIKE: f64 = 1e-7;
 
 fn sized(v: &mut Vec<f64>, len: usize) {
     v.clear();
@@ -425,7 +429,7 @@ impl Aft {
         }
     }
 
-    /// Brings the followers' states to the start of their steady cycle: three cycles, then the limit of a geometric approach.
+    /// Brings the followers' states to the start of their steady cycle: [`FOLLOWED`] cycles, then the limit of a geometric approach.
     fn settle_followers(&mut self, element: &Element, basis: &Basis, omega: f64) {
         let n = basis.samples;
         sized(&mut self.fs, element.n_follower_states());
@@ -433,8 +437,11 @@ impl Aft {
             return;
         }
         let dt = TAU / omega / n as f64;
+        if !element.has_openings() {
+            return self.settle_forces(element, n, dt);
+        }
         let mut seen = [self.fs.clone(), self.fs.clone()];
-        for cycle in 0..4 {
+        for cycle in 0..=FOLLOWED {
             if cycle > 0 {
                 self.s.clone_from(&self.start);
                 seen.swap(0, 1);
@@ -451,12 +458,34 @@ impl Aft {
             }
         }
         let [first, second] = &seen;
-        for (s, (first, second)) in self.fs.iter_mut().zip(first.iter().zip(second)) {
-            let (before, last) = (second - first, *s - second);
-            let ratio = last / before;
-            if before != 0.0 && ratio.abs() < 1.0 && last.abs() > 1e-12 * s.abs() {
-                *s += last * ratio / (1.0 - ratio);
+        extrapolate(&mut self.fs, first, second);
+    }
+
+    /// The same of candidates in parallel, each by itself for as many cycles as it needs: a friction is periodic after its first.
+    fn settle_forces(&mut self, element: &Element, n: usize, dt: f64) {
+        let mut from = 0;
+        for k in 0..element.n_followers() {
+            let mut s = element.follower_states(k);
+            let to = from + s.len();
+            let mut seen = [s.clone(), s.clone()];
+            for cycle in 0..=FOLLOWED {
+                if s.is_empty() {
+                    break;
+                }
+                seen.swap(0, 1);
+                seen[1].clone_from(&s);
+                for step in usize::from(cycle > 0)..=n {
+                    element.follower_force(k, &self.inputs(step, n), dt, &mut s, &mut self.scratch);
+                }
+                let same = |(a, b): (&f64, &f64)| (a - b).abs() <= ALIKE * a.abs();
+                if cycle > 0 && s.iter().zip(&seen[1]).all(same) {
+                    break;
+                }
             }
+            let [first, second] = &seen;
+            extrapolate(&mut s, first, second);
+            self.fs[from..to].copy_from_slice(&s);
+            from = to;
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Small linear systems `(I - M) d = b` of a periodic state, without allocation after the first call.
 
+use super::aft::PERIODIC;
+
 /// Working memory of the elimination.
 #[derive(Default)]
 pub(super) struct FixedPoint {
@@ -81,6 +83,17 @@ impl FixedPoint {
                 (0..n).for_each(|c| self.a[r * n + c] -= factor * self.a[pr * n + c]);
                 (0..columns).for_each(|c| b[r * columns + c] -= factor * b[pr * columns + c]);
             }
+        }
+    }
+}
+
+/// States after another cycle to the limit of a geometric approach.
+pub(super) fn extrapolate(s: &mut [f64], first: &[f64], second: &[f64]) {
+    for (s, (first, second)) in s.iter_mut().zip(first.iter().zip(second)) {
+        let (before, last) = (second - first, *s - second);
+        let ratio = last / before;
+        if before != 0.0 && ratio.abs() < 1.0 && last.abs() > PERIODIC * s.abs() {
+            *s += last * ratio / (1.0 - ratio);
         }
     }
 }

@@ -7,6 +7,7 @@ use super::super::EngineError;
 use super::aft::{Aft, PERIODIC};
 use super::balance::{Balance, put};
 use super::structure::Part;
+use crate::model::Element;
 
 impl Balance<'_> {
     /// Derivatives of the elements' forces with respect to the free parameters at the motion held where it is.
@@ -14,38 +15,39 @@ impl Balance<'_> {
         let (bound, omega, w) = (self.structure.bound, self.omega, self.basis.width);
         let harmonics = self.moving();
         let motion: Vec<Vec<Complex64>> = harmonics.iter().map(|k| self.motion(*k)).collect();
-        let (mut dp, mut candidate, mut sources) = (Vec::new(), Aft::default(), Vec::new());
+        let (mut dp, mut sources) = (Vec::new(), Vec::new());
+        let mut marched = [(); 2].map(|()| Aft::default());
         for (e, element) in bound.elements.iter().enumerate().filter(|(_, e)| e.chains.iter().any(|c| !c.is_empty())) {
-            if self.structure.parts[e] == Part::Candidate {
+            let (said, candidates) = &self.structure.candidates[e];
+            for (candidate, aft) in candidates.iter().zip(&mut marched) {
                 let mut x = vec![0.0; w];
                 harmonics.iter().zip(&motion).for_each(|(k, q)| put(&mut x, *k, self.structure.relative(e, q)));
-                candidate.evaluate(element, &self.basis, omega, &x, PERIODIC)?;
-                candidate.parameters(element, &self.basis, omega);
+                aft.evaluate(candidate, &self.basis, omega, &x, PERIODIC)?;
+                aft.parameters(candidate, &self.basis, omega);
+                // A candidate that is not linear answers in harmonics in which the structure does not move.
+                for k in 0..=self.harmonics {
+                    let force = |p: usize| column(&aft.by_param, candidate.n_params(), p, k);
+                    sources.extend(Source::of(e, k, candidate, &force));
+                }
             }
             if let Part::Nonlinear(a) = self.structure.parts[e] {
                 self.aft[a].parameters(element, &self.basis, omega);
             }
-            // A candidate that is not linear answers in harmonics in which the structure does not move.
-            let all = 0..=self.harmonics;
-            for k in all.filter(|k| self.structure.parts[e] == Part::Candidate || harmonics.contains(k)) {
-                if self.structure.parts[e] == Part::Linear {
-                    element.stiffness(Complex64::new(0.0, k as f64 * omega), &mut dp)?;
-                }
-                let moved = harmonics.iter().position(|h| *h == k).map_or(Complex64::ZERO, |h| self.structure.relative(e, &motion[h]));
-                for (p, chain) in element.chains.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
-                    let np = element.n_params();
-                    let force = match self.structure.parts[e] {
-                        Part::Linear => dp[p] * moved,
-                        Part::Candidate => column(&candidate.by_param, np, p, k),
-                        Part::Nonlinear(a) => column(&self.aft[a].by_param, np, p, k),
-                    };
-                    sources.extend(chain.iter().map(|(theta, slope)| Source {
-                        element: e,
-                        harmonic: k,
-                        parameter: *theta,
-                        force: force * *slope,
-                    }));
-                }
+            for (k, motion) in harmonics.iter().zip(&motion) {
+                let by_param = match self.structure.parts[e] {
+                    Part::Nonlinear(a) => Some(&self.aft[a].by_param),
+                    _ => {
+                        element.stiffness(Complex64::new(0.0, *k as f64 * omega), &mut dp)?;
+                        None
+                    }
+                };
+                let moved = self.structure.relative(e, motion);
+                let force = |p: usize| match by_param {
+                    Some(by_param) => column(by_param, element.n_params(), p, *k),
+                    None if said.get(p) == Some(&false) => Complex64::ZERO,
+                    None => dp[p] * moved,
+                };
+                sources.extend(Source::of(e, *k, element, &force));
             }
         }
         Ok(sources)
@@ -105,6 +107,22 @@ pub(super) struct Source {
     pub harmonic: usize,
     pub parameter: usize,
     pub force: Complex64,
+}
+
+impl Source {
+    /// Those of an element at a harmonic, from the derivatives of its force with respect to its own parameters.
+    fn of<'a>(
+        element: usize,
+        harmonic: usize,
+        law: &'a Element,
+        force: &'a dyn Fn(usize) -> Complex64,
+    ) -> impl Iterator<Item = Source> + 'a {
+        let acts = law.chains.iter().enumerate().filter(|(_, c)| !c.is_empty());
+        acts.flat_map(move |(p, chain)| {
+            let force = force(p);
+            chain.iter().map(move |(theta, slope)| Source { element, harmonic, parameter: *theta, force: force * *slope })
+        })
+    }
 }
 
 /// Derivative of coefficient `k` with respect to parameter `p`.

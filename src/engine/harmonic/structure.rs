@@ -66,6 +66,8 @@ pub(super) struct Flexibility {
 pub(super) struct Structure<'a> {
     pub bound: &'a Bound,
     pub parts: Vec<Part>,
+    /// Of each element that is [`Part::Candidate`], which parameters its stiffness says all of, and what is marched for the others.
+    pub candidates: Vec<(Vec<bool>, Vec<Element>)>,
     /// Element index of each nonlinear one.
     pub nonlinear: Vec<usize>,
     pub n: usize,
@@ -123,6 +125,11 @@ impl<'a> Structure<'a> {
         Ok(Structure {
             rest_slope: nonlinear.iter().map(|&i| rest_slope(&bound.elements[i])).collect(),
             bound,
+            candidates: parts
+                .iter()
+                .zip(&bound.elements)
+                .map(|(p, e)| if *p == Part::Candidate { e.candidates() } else { (vec![], vec![]) })
+                .collect(),
             parts,
             nonlinear,
             n,

@@ -10,6 +10,11 @@ impl Element {
         self.followers.len() + self.opening_followers().count()
     }
 
+    /// Whether something opens here.
+    pub fn has_openings(&self) -> bool {
+        !self.series.is_empty()
+    }
+
     fn opening_followers(&self) -> impl Iterator<Item = &SeriesPiece> {
         self.series.iter().filter(|s| s.follower.is_some())
     }

@@ -23,6 +23,36 @@ impl Element {
         self.followers.iter().all(|f| f.law.superposes()) && self.series.iter().filter(|s| s.follower.is_some()).all(|s| s.law.linear())
     }
 
+    /// Where all but candidates is linear: of which parameters [`Element::stiffness`] says all at every amplitude, and elements for the others, whose own
+    /// parameters alone have chains: candidates in parallel by themselves, and openings beside what bears them.
+    pub fn candidates(&self) -> (Vec<bool>, Vec<Element>) {
+        let mut said = vec![true; self.n_params()];
+        let mut beside = Element::empty(self.place, self.from, self.to);
+        for piece in self.followers.iter().filter(|f| !f.law.superposes()) {
+            said[piece.p.clone()].fill(false);
+            let p = beside.push_params(self.p[piece.p.clone()].to_vec(), self.chains[piece.p.clone()].to_vec());
+            let s = beside.n_follower_states..beside.n_follower_states + piece.s.len();
+            beside.n_follower_states = s.end;
+            beside.followers.push(ForcePiece { p, s, ..piece.clone() });
+        }
+        let mut before = self.clone();
+        before.followers.clear();
+        before.n_follower_states = 0;
+        before.series.retain(|s| s.follower.is_none() || !s.law.linear());
+        let mut own = vec![false; self.n_params()];
+        for piece in before.series.iter_mut().filter(|s| s.follower.is_some()) {
+            piece.follower = Some(before.n_follower_states);
+            before.n_follower_states += 2;
+            own[piece.p.clone()].fill(true);
+        }
+        for (p, _) in own.iter().enumerate().filter(|(_, own)| !**own) {
+            (before.chains[p], before.active[p]) = (vec![], false);
+        }
+        said.iter_mut().zip(&own).for_each(|(said, own)| *said &= !own);
+        let both = [beside, before].into_iter().filter(|e| e.chains.iter().any(|c| !c.is_empty()));
+        (said, both.collect())
+    }
+
     /// The same law as two elements side by side, what is linear at every amplitude and the rest; `None` where one of them is empty, or an opening
     /// stands before both.
     pub fn apart(&self) -> Option<[Element; 2]> {

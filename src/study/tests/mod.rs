@@ -22,6 +22,7 @@ mod secants;
 mod slack;
 mod space;
 mod tensioner;
+mod weighed;
 mod write;
 
 /// The contract's first example.

@@ -1,0 +1,122 @@
+//! Models held against each other.
+
+use std::f64::consts::TAU;
+
+use super::{Folder, ONE};
+use crate::diagnose::Case;
+use crate::diagnose::testing::{Scale, Settings, Tied, Weighed};
+use crate::identify::Monitor;
+use crate::model::System;
+
+/// Loops of a spring with a dry friction of 2 N, whose sliding force grows by `rises` from small speeds to the largest.
+fn loops(rises: f64) -> Folder {
+    let folder = Folder::one(ONE);
+    for hz in [1.0, 2.0, 5.0] {
+        let row = |i: usize| {
+            let t = f64::from(i as u32) * 0.01 / hz;
+            let (x, v) = (0.4 * (TAU * hz * t).sin(), (TAU * hz * t).cos());
+            let noise = 0.02 * (12.9898 * f64::from(i as u32) + 78.233 * hz).sin();
+            format!("{t:.6},{x:.8},{:.8}\n", 20.0 * x + 2.0 * v.signum() * (1.0 + rises * v * v) + noise)
+        };
+        let csv = "t,x,F\n".to_string() + &(0..400).map(row).collect::<String>();
+        std::fs::write(folder.path().join(format!("data/loop-{hz}.csv")), csv).unwrap();
+    }
+    folder
+}
+
+/// The case of loops, and each of these effects weighed at c1.x.
+fn weighed(rises: f64, effects: &[(&str, &[(&str, f64)])]) -> (Scale, Vec<Weighed>) {
+    let case = Case::from_study(&loops(rises).load().unwrap(), 1).unwrap();
+    let quiet = Monitor::default();
+    let mut scale = Scale::new(&case, &case.system, &Settings::default());
+    let base = scale.begin(&case.system, &quiet).unwrap();
+    let with = |(effect, values): &(&str, &[(&str, f64)])| -> System {
+        let mut system = base.fitted.system.clone().and(effect, "c1.x", values).unwrap();
+        let last = system.instances.last_mut().unwrap();
+        last.params.iter_mut().for_each(|p| p.free = true);
+        system
+    };
+    let of = |e: &(&str, &[(&str, f64)])| scale.weigh(&with(e), &base.v, &quiet).unwrap();
+    let models = effects.iter().map(of).collect();
+    (scale, models)
+}
+
+/// Of two laws that fit alike, one with more parameters, the larger is not refuted by their price; where it has gone to the end of its range it says what the
+/// smaller one does; and what the loops contradict is no tie.
+#[test]
+fn a_larger_law_is_refuted_by_what_it_fits_worse_and_not_by_its_parameters() {
+    let friction: [(&str, &[(&str, f64)]); 3] =
+        [("coulomb", &[("f", 2.0)]), ("quadratic_damping", &[("c", 1e6)]), ("coulomb", &[("f", 1.9)])];
+    let (scale, models) = weighed(0.0, &friction);
+    assert_eq!(scale.tied(&models[2], &models[0]), Some(Tied::Alike), "the same from elsewhere");
+    assert_eq!(scale.tied(&models[1], &models[0]), None);
+    // The same fit with two parameters more, as many of them inside as it likes.
+    let likelier = |by: f64, free: bool| {
+        let mut larger = models[0].clone();
+        let extra = larger.fitted.free.last().unwrap().clone();
+        larger.fitted.free.extend([extra.clone(), extra]);
+        larger.likelihood += by;
+        let n = larger.fitted.free.len();
+        if free {
+            let kept = larger.fitted.outcome.p.clone();
+            larger.fitted.outcome.p.extend(kept.iter().rev().take(2).copied().collect::<Vec<_>>());
+            larger.fitted.options.constraints = crate::identify::Constraints::bounds(vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]);
+        } else {
+            larger.fitted.outcome.p.extend([1.0, 1.0]);
+            let (mut low, high) = (vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]);
+            low[n - 1] = 1.0;
+            larger.fitted.options.constraints = crate::identify::Constraints::bounds(low, high);
+        }
+        scale.tied(&larger, &models[0])
+    };
+    assert!(scale.counts.n.ln() > 1.5, "two parameters cost more than a tie");
+    assert_eq!(likelier(0.1, true), Some(Tied::Larger));
+    assert_eq!(likelier(scale.counts.n.ln(), true), Some(Tied::Alike), "it pays for its parameters");
+    assert_eq!(likelier(-2.0, true), None, "it fits worse");
+    assert_eq!(likelier(0.1, false), None, "at the end of its range");
+}
+
+/// Two decays of one body whose spring is by 3 % another in each: after twenty cycles the model of both is a quarter of a turn out of step with either, where
+/// columns of strengths say nothing. A model is not worth less for having been fitted.
+#[test]
+fn what_is_weighed_is_worth_no_less_than_where_it_stands() {
+    let hit = |id: &str| {
+        format!(
+            "[[test]]\nid = \"{id}\"\nkind = \"transient\"\nfile = \"{id}.csv\"\ncontrol = \"force\"\nchannels = [\n \
+             {{ role=\"time\", column=\"t\", unit=\"s\" }},\n {{ role=\"force\", at=\"end.x\", column=\"F\", unit=\"N\", input=true }},\n \
+             {{ role=\"displacement\", at=\"end.x\", column=\"x\", unit=\"mm\", sigma=\"0.002 mm\" }}]\n"
+        )
+    };
+    let study = ONE.replace("split = { select = [\"loop-2Hz\"], held_out = [\"loop-5Hz\"] }\n", "");
+    let study = study.replace("free = [\"x\"]", "free = [\"x\"]\nmass = \"0.5 kg\"").replace("0.1 N s/mm", "0.0005 N s/mm");
+    let folder = Folder::new(&study, &["a", "b", "c"].map(hit).concat());
+    for (id, k) in [("a", 0.97 * 20e3), ("b", 20e3), ("c", 1.03 * 20e3)] {
+        // Semi-implicit Euler in a hundred steps a sample is not the march of the program.
+        let (mut x, mut v, h) = (0.0, 0.0, 1e-5);
+        let mut csv = "t,F,x\n".to_string();
+        for i in 0..1500 {
+            let t = f64::from(i) * 1e-3;
+            let force = if i < 8 { 50.0 * (TAU * t / 0.016).sin() } else { 0.0 };
+            csv += &format!("{t:.4},{force:.6},{:.8}\n", 1e3 * x);
+            for step in 0..100 {
+                let at = t + h * f64::from(step);
+                let force = if at < 0.008 { 50.0 * (TAU * at / 0.016).sin() } else { 0.0 };
+                v += h * (force - k * x - 0.5 * v) / 0.5;
+                x += h * v;
+            }
+        }
+        std::fs::write(folder.path().join(format!("data/{id}.csv")), csv).unwrap();
+    }
+    let case = Case::from_study(&folder.load().unwrap(), 1).unwrap();
+    let quiet = Monitor::default();
+    let mut scale = Scale::new(&case, &case.system, &Settings::default());
+    let mut now = scale.begin(&case.system, &quiet).unwrap();
+    for off in [1.0, 0.99, 1.015] {
+        let mut system = now.fitted.system.clone();
+        system.instances[0].params[0].value *= off;
+        let here = scale.as_it_stands(&crate::diagnose::Fitted { system: system.clone(), ..now.fitted.clone() }).unwrap();
+        let stands = scale.weigh(&system, &here.v, &quiet).unwrap();
+        assert!(stands.likelihood >= here.likelihood - 0.1, "{off}: {} from {}", stands.likelihood, here.likelihood);
+        now = if stands.likelihood > now.likelihood { stands } else { now };
+    }
+}
