@@ -872,15 +872,20 @@ class Settings(msgspec.Struct, kw_only=True):
     """Candidates that stood best alone and are tried in pairs where none alone gains."""
     pairs_from: float | None
     """Model error, in parts of the least, from which pairs are tried."""
+    parts_of_a_fit: list[float | None]
+    """Parts of the way to where such a fit ends that are tried, in turn, where the likelihood is less there."""
     promise: float | None
     """Factor on the gain that a score or a refit under the base's variances promises, below which a candidate is not looked at further: once it
     is there, the error it leaves has a smaller variance."""
     promise_pair: float | None
     """The most that a pair may gain over what its two gained each by itself, before their price: each hides part of what the other does."""
     promise_series: float | None
-    """The same of an effect in series, whose score at opening zero says little."""
+    """The same as `Settings::promise` of an effect in series, whose score at opening zero says little."""
     race: Race
     """Which candidates are refitted, from where, for how long."""
+    reach: float | None
+    """Factor on the nats that one step of a refit under variances of its own promises, for what its fit may gain at most: more steps follow,
+    and the variances fall with what they leave (2 to 11 times that step on one chain)."""
     refits: int
     """Candidates refitted for their scores: what is not refitted is not found."""
     remainder: float | None
@@ -932,6 +937,9 @@ class Settings(msgspec.Struct, kw_only=True):
     """Ties named at most."""
     turned_gives: float | None
     """Sine of the loss angle below which a loop gives energy beyond any delay of a channel: its force is turned round..."""
+    turned_phase: float | None
+    """Mean cosine of the angle between the lines of an FRF and those of a model below minus which its response is turned round; modes that are
+    displaced by a tenth leave 0.8."""
     turned_stands: float | None
     """...where the correlation of force and displacement is below this: a late channel turns the loss and leaves the stiffness."""
     turns: int

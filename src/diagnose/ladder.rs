@@ -13,7 +13,7 @@ use super::compare::compare;
 use super::findings::{findings, unsettled};
 use super::held_out::HeldOutTests;
 use super::results::*;
-use super::righted::{righted, unclipped};
+use super::righted::{phased, righted, unclipped};
 use super::search::Step;
 use super::unexplained::{Unexplained, unexplained};
 use super::verdict::{Grounds, Judged, judged};
@@ -155,7 +155,8 @@ pub fn ladder_keeping(
     watch("fitting the study as it stands");
     let (case, clipped) = unclipped(case);
     let (case, mut turned) = righted(&case);
-    turned.extend(clipped);
+    let (case, opposite) = phased(&case, monitor);
+    turned.extend(clipped.into_iter().chain(opposite));
     // Its model is weighed next, which fits it once more: it need not come closer than that.
     let Began { case, fitted, .. } = begin(&Case { worth: Some(case.search.settings.settled), ..case }, monitor)?;
     let case = Case { worth: None, ..case };

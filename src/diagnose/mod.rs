@@ -69,7 +69,7 @@ pub(crate) mod testing {
     pub use super::case::begin;
     pub(crate) use super::next::within;
     pub use super::refit::{Bench, cost, whitened};
-    pub use super::righted::unclipped;
+    pub use super::righted::{phased, unclipped};
     pub use super::score::{Score, score};
     pub use super::settings::Settings;
     pub use super::slack::{correction, given};

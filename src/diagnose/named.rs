@@ -7,7 +7,6 @@ use super::held_out::{HeldOutTests, Look};
 use super::ladder::strength_unit;
 use super::results::{Instrument, Missing};
 use super::weigh::{Tied, Weighed};
-use crate::evidence::Seen;
 use crate::model::Instance;
 
 impl Climb<'_> {
@@ -35,7 +34,7 @@ impl Climb<'_> {
 
     /// Instruments that read, in all tests, the very same as an addition does.
     fn same(&self, a: &Added) -> Vec<Instrument> {
-        let equal = a.tied.iter().filter(|(how, _, w)| *how == Tied::Alike && self.apart(w) <= self.settings.settled);
+        let equal = a.tied.iter().filter(|(how, _, w)| *how == Tied::Alike && self.scale.apart(w, &self.now) <= self.settings.settled);
         let of = |(_, name, w): &(Tied, Name, Weighed)| {
             let why = format!(
                 "{}, or {} at {}: in these tests both say the same",
@@ -47,13 +46,6 @@ impl Climb<'_> {
             Some(Instrument { effect: name.effect.into(), at: name.at.clone(), why, tied_with: effect })
         };
         equal.filter_map(of).collect()
-    }
-
-    /// Nats by which the responses of a model and of the present one are apart.
-    fn apart(&self, w: &Weighed) -> f64 {
-        let of = |(a, b): (&Seen, &Seen)| Seen { r: &a.r - &b.r, ..a.clone() };
-        let apart: Vec<Seen> = self.now.seen.iter().zip(&w.seen).map(of).collect();
-        0.5 * self.scale.evidence.squares(&apart, &self.scale.counts, &self.now.v)
     }
 
     /// What a fault does to a channel, in words.

@@ -1,10 +1,13 @@
-//! Channels that say of themselves what is wrong with them: forces that are turned round, by a loop that gives energy where a device can only take it, and
-//! readings that are clipped.
+//! Channels that say of themselves what is wrong with them: forces that are turned round, by a loop that gives energy where a device can only take it,
+//! responses whose phase is opposite to that of a model of all tests, and readings that are clipped.
 
 use std::sync::Arc;
 
+use crate::identify::Monitor;
+use crate::model::System;
 use crate::response::{BlockKind, Plan};
 
+use super::approach::approached;
 use super::case::Case;
 use super::results::{Instrument, SplitName};
 use super::settings::Settings;
@@ -50,6 +53,47 @@ pub fn righted(case: &Case) -> (Case, Vec<Instrument>) {
         (if turn { p.turned_round("force") } else { p.clone() }, *s)
     };
     (Case { plans: Arc::new(case.plans.iter().enumerate().map(right).collect()), ..case.clone() }, found)
+}
+
+/// Mean over the lines of an FRF of the cosine of the angle between what is measured and what a model computes: 1 where they are in phase whatever their
+/// size, -1 where the response is turned round. None of other tests.
+fn in_phase(plan: &Plan, system: &System) -> Option<f64> {
+    let block = plan.blocks.iter().find(|b| b.kind == BlockKind::Frf)?;
+    let computed = plan.evaluate(system, &[], false).ok()?.values;
+    let lines = plan.measured[block.range.clone()].chunks_exact(2).zip(computed[block.range.clone()].chunks_exact(2));
+    let cosines: Vec<f64> =
+        lines.map(|(m, h)| (m[0] * h[0] + m[1] * h[1]) / (m[0].hypot(m[1]) * h[0].hypot(h[1]))).filter(|c| c.is_finite()).collect();
+    (!cosines.is_empty()).then(|| cosines.iter().sum::<f64>() / cosines.len() as f64)
+}
+
+/// The case with turned responses of FRFs put right, and what was turned. One is turned round where the model that comes nearest to all tests as they are is
+/// opposite to it in phase, and the one that comes nearest with it turned back is in phase: a model far from its tests says neither.
+pub fn phased(case: &Case, monitor: &Monitor) -> (Case, Vec<Instrument>) {
+    let opposite = |k: usize, system: &System, below: f64| in_phase(&case.plans[k].0, system).is_some_and(|c| c < below);
+    let suspect: Vec<usize> = (0..case.plans.len()).filter(|k| opposite(*k, &case.system, 0.0)).collect();
+    let with = |turned: &[usize]| {
+        let right =
+            |(k, (p, s)): (usize, &(Plan, SplitName))| (if turned.contains(&k) { p.turned_round("response") } else { p.clone() }, *s);
+        Case { plans: Arc::new(case.plans.iter().enumerate().map(right).collect()), ..case.clone() }
+    };
+    let near = |case: &Case| approached(case, &monitor.quiet()).ok().flatten().unwrap_or_else(|| case.system.clone());
+    if suspect.is_empty() {
+        return (case.clone(), vec![]);
+    }
+    let (plain, least) = (near(case), -case.search.settings.turned_phase);
+    let suspect: Vec<usize> = suspect.into_iter().filter(|k| opposite(*k, &plain, least)).collect();
+    if suspect.is_empty() {
+        return (case.clone(), vec![]);
+    }
+    let system = near(&with(&suspect));
+    let turned: Vec<usize> = suspect.into_iter().filter(|k| opposite(*k, &system, least)).collect();
+    let told = |k: &usize| {
+        let id = &case.plans[*k].0.id;
+        let why =
+            format!("the phase of {id} is opposite to that of a model of all tests: its response is turned round, and was turned back");
+        Instrument { effect: "gain".into(), at: format!("{id}.response"), why, tied_with: vec![] }
+    };
+    (with(&turned), turned.iter().map(told).collect())
 }
 
 /// The case without the tests that have a clipped channel, and what is clipped. Where a channel stands at its extreme in half of its tests or more it is the

@@ -20,7 +20,10 @@ pub struct Settings {
     /// Factor on the gain that a score or a refit under the base's variances promises, below which a candidate is not looked at further: once
     /// it is there, the error it leaves has a smaller variance.
     pub promise: f64,
-    /// The same of an effect in series, whose score at opening zero says little.
+    /// Factor on the nats that one step of a refit under variances of its own promises, for what its fit may gain at most: more steps follow, and the variances
+    /// fall with what they leave (2 to 11 times that step on one chain).
+    pub reach: f64,
+    /// The same as [`Settings::promise`] of an effect in series, whose score at opening zero says little.
     pub promise_series: f64,
     /// The most that a pair may gain over what its two gained each by itself, before their price: each hides part of what the other does.
     pub promise_pair: f64,
@@ -110,6 +113,9 @@ pub struct Settings {
     pub turned_gives: f64,
     /// ...where the correlation of force and displacement is below this: a late channel turns the loss and leaves the stiffness.
     pub turned_stands: f64,
+    /// Mean cosine of the angle between the lines of an FRF and those of a model below minus which its response is turned round; modes that are displaced by
+    /// a tenth leave 0.8.
+    pub turned_phase: f64,
     /// What the likelihood assumes.
     #[serde(flatten)]
     pub evidence: evidence::Settings,
@@ -164,6 +170,7 @@ impl Default for Settings {
             refits: 8,
             weighed: 8,
             promise: 2.0,
+            reach: 12.0,
             promise_series: 5.0,
             promise_pair: 5.0,
             rounds: 2,
@@ -207,6 +214,7 @@ impl Default for Settings {
             next: Proposals::default(),
             turned_gives: -0.02,
             turned_stands: 0.3,
+            turned_phase: 0.5,
             evidence: evidence::Settings::default(),
         }
     }

@@ -86,7 +86,7 @@ impl Survivors<'_> {
         };
         match promised {
             Ok(Promised { stands, step }) => {
-                let most = self.gain(k, &stands) + scale.settings.promise * step;
+                let most = self.gain(k, &stands) + scale.settings.reach * step;
                 Weighing { refit: k, model: Ok(stands), most }
             }
             Err(why) => Weighing { refit: k, model: Err(why), most: f64::NEG_INFINITY },

@@ -53,7 +53,8 @@ fn percent(v: f64) -> String {
 
 /// Judges a climb.
 pub fn judged(g: &Grounds, s: &Settings) -> Judged {
-    let left = g.held_out.map_or(g.model_error, |(word, ..)| word.left.1);
+    // What is said of the model holds of the fitted tests as well.
+    let left = g.held_out.map_or(g.model_error, |(word, ..)| word.left.1.max(g.model_error));
     let changed = g.added || g.faults;
     let remainder = g.held_out.filter(|_| changed).map(|(word, ..)| word.left.1 / word.left.0);
     let unexplained = g.seen(left, s);

@@ -308,17 +308,21 @@ impl Scale {
 
     /// How the tests tell a model from another one that stands in its place; none where they do. What is worth less by a tie alone is as likely. A larger
     /// model that is worth less by its price alone is not refuted: the price says which of two is the smaller statement, and supposes that the tests know
-    /// every parameter. One whose shape has gone to the end of its range is no other statement: there it says what the smaller one does.
+    /// every parameter. One that computes what the smaller one does, its shape at the end of its range, is no other statement.
     pub fn tied(&self, other: &Weighed, than: &Weighed) -> Option<Tied> {
         let (tie, behind) = (self.settings.tie, self.worth(than) - self.worth(other));
         if behind <= tie {
             return Some(Tied::Alike);
         }
         let price = 0.5 * (other.size() as f64 - than.size() as f64).max(0.0) * self.counts.n.ln();
-        let inside = other.fitted.inside();
-        let last = other.fitted.system.instances.len().saturating_sub(1);
-        let ended = (0..other.fitted.free.len()).any(|k| other.fitted.free[k].instance == last && !inside.contains(&k));
-        (behind - price <= tie && !ended).then_some(Tied::Larger)
+        (behind - price <= tie && self.apart(other, than) > self.settings.settled).then_some(Tied::Larger)
+    }
+
+    /// Nats by which the responses of two models are apart, under the variances of the second.
+    pub fn apart(&self, a: &Weighed, b: &Weighed) -> f64 {
+        let of = |(a, b): (&Seen, &Seen)| Seen { r: &a.r - &b.r, ..b.clone() };
+        let apart: Vec<Seen> = a.seen.iter().zip(&b.seen).map(of).collect();
+        0.5 * self.evidence.squares(&apart, &self.counts, &b.v)
     }
 }
 

@@ -2,8 +2,9 @@
 
 use super::{CHAIN, FRF, Folder, ONE};
 use crate::diagnose::Case;
-use crate::diagnose::testing::{Name, Scene, candidates, given, unclipped};
+use crate::diagnose::testing::{Name, Scene, candidates, given, phased, unclipped};
 use crate::evidence::Evidence;
+use crate::identify::Monitor;
 use crate::response::Plan;
 
 /// A guide that brakes the third body, FRFs under two preloads: a relaxing spring is looked for in the guide, not at bodies that slide on nothing, and
@@ -92,4 +93,32 @@ fn a_clipped_channel_is_an_instrument_at_fault() {
     assert_eq!((faults[0].effect.as_str(), faults[0].at.as_str(), faults.len()), ("clipping", "loop-2Hz.force", 1));
     clip(5.0);
     assert!(found(&folder).1.is_empty());
+}
+
+/// One FRF of three with its sign turned is told and turned back, where springs of the study begin a fifth off; as they are measured none is.
+#[test]
+fn a_response_of_opposite_phase_is_turned_round() {
+    let one = |id: &str, at: &str| FRF.replace("frf-a", id).replace("respond = \"m8.x\"", &format!("respond = \"{at}\""));
+    let study = Folder::new(CHAIN, &[one("frf-a", "m8.x"), one("frf-b", "m1.x"), one("frf-c", "m4.x")].concat()).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let mut there = study.system.clone();
+    there.instances.iter_mut().for_each(|i| i.params[0].value *= 1.2);
+    let measured = |turned: &str| {
+        let plans = case.plans.iter().map(|(plan, split)| {
+            let sign = if plan.id == turned { -1.0 } else { 1.0 };
+            let values = plan.evaluate(&there, &[], false).unwrap().values;
+            let mut plan = plan.clone();
+            plan.measured = values.iter().map(|v| sign * v).collect();
+            (plan, *split)
+        });
+        Case { plans: std::sync::Arc::new(plans.collect()), ..case.clone() }
+    };
+    for turned in ["", "frf-a", "frf-b", "frf-c"] {
+        let (right, told) = phased(&measured(turned), &Monitor::default());
+        let names: Vec<(&str, &str)> = told.iter().map(|t| (t.effect.as_str(), t.at.as_str())).collect();
+        let at = format!("{turned}.response");
+        assert_eq!(names, if turned.is_empty() { vec![] } else { vec![("gain", at.as_str())] });
+        let plain = measured("");
+        assert!(right.plans.iter().zip(plain.plans.iter()).all(|(a, b)| a.0.measured == b.0.measured));
+    }
 }
