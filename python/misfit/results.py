@@ -603,7 +603,7 @@ class Instrument(msgspec.Struct, kw_only=True):
     at: str
     """Channel, `test.role`."""
     effect: str
-    """gain, delay, offset, drift, moving_mass."""
+    """gain, delay, offset, drift, moving_mass, accelerometer_mass, clipping."""
     tied_with: list[str]
     """`effect at place` of the tied."""
     why: str

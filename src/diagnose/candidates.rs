@@ -304,6 +304,13 @@ fn channels(plans: &[&Plan], law: &dyn Channel) -> Vec<ChannelSite> {
     let motions =
         ["displacement", "velocity", "acceleration"].map(|role| (role, plans.iter().filter(|p| timed(p, role)).collect::<Vec<_>>()));
     let frfs: Vec<_> = plans.iter().filter(is_frf).collect();
+    if law.reads() == Some("response") {
+        // One accelerometer is moved from place to place.
+        if !frfs.is_empty() {
+            add("*", "response");
+        }
+        return sites;
+    }
     if !forces.is_empty() && (frfs.is_empty() || law.in_frequency()) {
         add("*", "force");
     }

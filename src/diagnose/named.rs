@@ -58,7 +58,7 @@ impl Climb<'_> {
             "gain" => format!("{who} reads {value:.3} of what the model and the other tests say"),
             "delay" => format!("{who} is late by {value:.3e} {unit}"),
             "offset" => format!("{who} lies {value:.3e} {unit} beside the others"),
-            "moving_mass" => format!("{who} carries a mass of {value:.3e} {unit}"),
+            "moving_mass" | "accelerometer_mass" => format!("{who} carries a mass of {value:.3e} {unit}"),
             other => format!("{who} has a {other} of {value:.3e} {unit}"),
         })
     }

@@ -20,15 +20,16 @@ pub trait ChannelLaw: Send + Sync + 'static {
     const INFO: Info;
     /// Whether it is seen in a frequency response.
     const IN_FREQUENCY: bool = true;
-    /// Whether it acts on the reading of a force alone.
-    const FORCE_ONLY: bool = false;
+    /// The role whose readings alone it acts on, `force` or `response`.
+    const READS: Option<&'static str> = None;
     /// Time by which the reading lags the signal [s].
     fn shift<T: Num>(_p: &[T]) -> T {
         T::from(0.0)
     }
     /// Reading of a signal `y`.
     fn reading<T: Num>(y: T, at: Moment, p: &[T]) -> T;
-    /// Factor on the amplitude of the signal at the circular frequency `w` [rad/s]; `drive` is the accelerance at the driven end.
+    /// Factor on the amplitude of the signal at the circular frequency `w` [rad/s]; `drive` is the accelerance at the driven end, of what
+    /// acts on responses alone that at the place of the response.
     fn factor<T: Num>(w: f64, drive: Complex<T>, p: &[T]) -> Complex<T>;
 }
 
@@ -38,8 +39,8 @@ pub trait Channel: Send + Sync {
     fn info(&self) -> &'static Info;
     /// [`ChannelLaw::IN_FREQUENCY`].
     fn in_frequency(&self) -> bool;
-    /// Whether it acts on the reading of a force alone.
-    fn force_only(&self) -> bool;
+    /// [`ChannelLaw::READS`].
+    fn reads(&self) -> Option<&'static str>;
     /// Time shift [s] and its derivatives with respect to the parameters.
     fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64;
     /// Reading, its derivative with respect to the signal, and with respect to the parameters.
@@ -69,8 +70,8 @@ impl<L: ChannelLaw> Channel for L {
     fn in_frequency(&self) -> bool {
         L::IN_FREQUENCY
     }
-    fn force_only(&self) -> bool {
-        L::FORCE_ONLY
+    fn reads(&self) -> Option<&'static str> {
+        L::READS
     }
     fn shift(&self, p: &[f64], dp: &mut [f64]) -> f64 {
         let shift = L::shift(&seeded(p)[..p.len().min(3)]);

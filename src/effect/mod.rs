@@ -23,6 +23,7 @@ pub mod own;
 pub mod series;
 
 mod absorber;
+mod accelerometer_mass;
 mod added_mass;
 mod asymmetric_damping;
 mod backlash;
@@ -221,6 +222,7 @@ pub static LIBRARY: &[Effect] = &[
     Effect::Channel(&offset::Offset),
     Effect::Channel(&drift::Drift),
     Effect::Channel(&moving_mass::MovingMass),
+    Effect::Channel(&accelerometer_mass::AccelerometerMass),
     Effect::Formula(&formula::FORMULA),
 ];
 

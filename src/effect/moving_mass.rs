@@ -23,7 +23,7 @@ impl ChannelLaw for MovingMass {
         range: "on force channels",
     };
 
-    const FORCE_ONLY: bool = true;
+    const READS: Option<&'static str> = Some("force");
 
     fn reading<T: Num>(y: T, at: Moment, p: &[T]) -> T {
         y + p[0] * at.acceleration

@@ -6,9 +6,9 @@ use num_complex::Complex64;
 
 use crate::data::{Frf, FrfQuantity};
 use crate::engine::EngineError;
-use crate::engine::frf::receptance;
+use crate::engine::frf::{Receptance, receptance};
 use crate::engine::harmonic;
-use crate::model::{Bound, Model};
+use crate::model::{Bound, ChannelPiece, Model};
 
 use super::site::{Seat, seat};
 use super::variation::Variation;
@@ -117,6 +117,27 @@ impl FrfPlan {
         Ok(Some(widest))
     }
 
+    /// The receptance of the place of the response under a force there, for an accelerometer that weighs something: in small motion, whatever excites the
+    /// structure. Its derivatives have a part where the mass is not null.
+    fn loaded(
+        &self,
+        model: &Model,
+        bound: &Bound,
+        pieces: &[&ChannelPiece],
+        sensitivities: bool,
+    ) -> Result<Option<Receptance>, EngineError> {
+        let mut on = pieces.iter().filter(|p| p.law.reads() == Some("response")).peekable();
+        if on.peek().is_none() {
+            return Ok(None);
+        }
+        let weighs = on.any(|p| p.p[0] != 0.0);
+        match receptance(model, bound, &self.omega, &[self.output], &[self.output], sensitivities && weighs) {
+            // A structure without small motion shows nothing of a candidate.
+            Err(_) if !weighs => Ok(None),
+            found => found.map(Some),
+        }
+    }
+
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
         let pieces: Vec<_> = bound.channels.iter().filter(|c| ["force", "response"].iter().any(|r| c.site.covers(&plan.id, r))).collect();
         let outputs = if pieces.is_empty() { vec![self.output] } else { vec![self.output, self.input] };
@@ -127,6 +148,7 @@ impl FrfPlan {
             None => receptance(model, bound, &self.omega, &[self.input], &outputs, sensitivities)?,
         };
         let n_free = if sensitivities { bound.n_free } else { 0 };
+        let loaded = self.loaded(model, bound, &pieces, sensitivities)?;
         let mut out =
             Computed { values: Vec::with_capacity(2 * self.omega.len()), slopes: Vec::with_capacity(2 * self.omega.len() * n_free) };
         let mut dh = vec![Complex64::ZERO; n_free];
@@ -136,14 +158,19 @@ impl FrfPlan {
             let mut h = r.h[at];
             dh.copy_from_slice(&r.dh[at * n_free..(at + 1) * n_free]);
             for piece in &pieces {
-                // The drive-point accelerance, for what moves with the load cell.
-                let drive = -r.h[at + 1] * w * w;
+                // The accelerance of the driven place, for what moves with the load cell, or of that of the response.
+                let (own, dr, dfrom) = match (piece.law.reads() == Some("response"), &loaded) {
+                    (true, None) => continue,
+                    (true, Some(l)) => (l.h[line], &l.dh, line * n_free),
+                    (false, _) => (r.h[at + 1], &r.dh, (at + 1) * n_free),
+                };
+                let drive = -own * w * w;
                 let mut dp = vec![Complex64::ZERO; piece.p.len()];
                 let (factor, ddrive) = piece.law.factor(*w, drive, &piece.p, &mut dp);
                 // A factor on the response multiplies H, one on the force divides it.
                 let (g, sign) = if piece.site.role == "force" { (factor.inv(), -1.0) } else { (factor, 1.0) };
                 for (k, d) in dh.iter_mut().enumerate() {
-                    let df = -ddrive * r.dh[(at + 1) * n_free + k] * w * w;
+                    let df = -ddrive * dr.get(dfrom + k).copied().unwrap_or_default() * w * w;
                     *d = *d * g + h * g * (df / factor) * sign;
                 }
                 for (d, chain) in dp.iter().zip(&piece.chains) {

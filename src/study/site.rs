@@ -49,7 +49,7 @@ pub(super) fn resolve(finder: &Finder, dataset: &Dataset, effect: &Effect, at: &
     let info = effect.info();
     if info.role == EffectRole::Channel {
         return match at {
-            [one] => channel(dataset, one).and_then(|site| reads_force(dataset, effect, one, site)).map(Site::Channel).map_err(|e| (0, e)),
+            [one] => channel(dataset, one).and_then(|site| reads(dataset, effect, one, site)).map(Site::Channel).map_err(|e| (0, e)),
             _ => {
                 let message = format!("`{}` acts on one channel, and {} are named", info.name, at.len());
                 Err((1, ModelError::invalid(at.join(","), message, "one [[effect]] for each channel, or `*.force` for all of a role")))
@@ -68,18 +68,16 @@ pub(super) fn resolve(finder: &Finder, dataset: &Dataset, effect: &Effect, at: &
     finder.all_places(at).map(Site::Places)
 }
 
-/// Refuses an effect of the load cell on what is no load cell.
-fn reads_force(dataset: &Dataset, effect: &Effect, at: &str, site: ChannelSite) -> Result<ChannelSite, ModelError> {
+/// Refuses an effect of a load cell, or of an accelerometer, on what is none.
+fn reads(dataset: &Dataset, effect: &Effect, at: &str, site: ChannelSite) -> Result<ChannelSite, ModelError> {
     let Effect::Channel(law) = effect else { return Ok(site) };
-    let force = Role::Force.word();
-    if !law.force_only() || site.role == force {
-        return Ok(site);
-    }
-    let has_force = |t: &&Test| channels(t).iter().any(|c| c.role == force);
-    let known: Vec<String> = dataset.tests.iter().filter(has_force).take(5).map(|t| format!("{}.{force}", t.id)).collect();
-    let message = format!("`{}` acts on what a load cell reads, and `{at}` is a {}", effect.info().name, site.role);
+    let Some(role) = law.reads().filter(|role| *role != site.role) else { return Ok(site) };
+    let who = if role == Role::Force.word() { "what a load cell reads" } else { "the responses of FRFs" };
+    let has = |t: &&Test| channels(t).iter().any(|c| c.role == role);
+    let known: Vec<String> = dataset.tests.iter().filter(has).take(5).map(|t| format!("{}.{role}", t.id)).collect();
+    let message = format!("`{}` acts on {who}, and `{at}` is a {}", effect.info().name, site.role);
     let accepted =
-        if known.is_empty() { "a test with a force channel".into() } else { format!("`*.{force}`, or one of {}", known.join(", ")) };
+        if known.is_empty() { format!("a test with a {role} channel") } else { format!("`*.{role}`, or one of {}", known.join(", ")) };
     Err(ModelError::invalid(at, message, accepted))
 }
 

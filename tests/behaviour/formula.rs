@@ -40,7 +40,7 @@ fn formulas_that_cannot_be_are_refused_before_the_fit() {
 fn every_effect_shows_its_loop_and_its_response() {
     let all = misfit(&["effects", "--json"]).json();
     let names: Vec<&str> = all["effects"].as_array().unwrap().iter().map(|e| e["effect"].as_str().unwrap()).collect();
-    assert_eq!(names.len(), 50);
+    assert_eq!(names.len(), 51);
     for name in names {
         let text = misfit(&["effects", name]);
         assert_eq!(text.code, 0, "{name}: {}", text.stderr);

@@ -114,6 +114,10 @@ g = 1.03
 effect = "moving_mass"
 at = "frf.force"
 m = "0.02 kg"
+[[effect]]
+effect = "accelerometer_mass"
+at = "frf.response"
+m = "0.03 kg"
 "#,
         &csv,
     );

@@ -5,7 +5,7 @@ use serde::Serialize;
 /// An instrument at fault.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Instrument {
-    /// gain, delay, offset, drift, moving_mass.
+    /// gain, delay, offset, drift, moving_mass, accelerometer_mass, clipping.
     pub effect: String,
     /// Channel, `test.role`.
     pub at: String,

@@ -13,6 +13,7 @@ mod bench;
 mod formula;
 mod every_field;
 mod every_key;
+mod instruments;
 mod levels;
 mod property;
 mod read;

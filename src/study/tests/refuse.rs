@@ -109,6 +109,11 @@ fn effects_that_cannot_act_there() {
         "acts on what a load cell reads, and `loop-1Hz.displacement` is a displacement",
         "line 24, key effect[2].at",
     );
+    add(
+        "effect = \"accelerometer_mass\"\nat = \"loop-1Hz.force\"\nm = \"1 kg\"\n",
+        "acts on the responses of FRFs, and `loop-1Hz.force` is a force",
+        "line 24, key effect[2].at",
+    );
     add("effect = \"offset\"\nat = \"loop-1Hz.force\"\nb = \"1 mm\"\n", "where a force is expected", "key effect[2].b");
     let law =
         "effect = \"interference_law\"\nat = \"c1.x\"\nof = \"viscous.c\"\ncondition = \"i\"\nreference = \"0.3 mm\"\na = \"0.2 1/mm\"\n";
