@@ -251,14 +251,18 @@ fn programs_make_effects_by_name_and_place() {
 
 #[test]
 fn every_library_effect_has_a_unit_for_printing() {
-    let study = Folder::one(ONE).load().unwrap();
+    let (loops, responses) = (Folder::one(ONE).load().unwrap(), Folder::new(CHAIN, FRF).load().unwrap());
     for effect in crate::effect::LIBRARY.iter() {
         // A formula has the units that its study states; the geometry is that of parts in space (tests/space.rs).
         if matches!(effect, crate::effect::Effect::Formula(_) | crate::effect::Effect::Geometry(_)) {
             continue;
         }
         let info = effect.info();
-        let at = if info.role == crate::effect::Role::Channel { "*.force" } else { "c1.x" };
+        let (study, at) = match effect {
+            crate::effect::Effect::Channel(law) if law.reads() == Some("response") => (&responses, "*.response"),
+            crate::effect::Effect::Channel(_) => (&loops, "*.force"),
+            _ => (&loops, "c1.x"),
+        };
         let of = crate::study::CoefficientOf { of: Some("viscous.c".into()), condition: "i".into(), reference: 3e-4 };
         let values: Vec<(&str, f64)> =
             info.params.iter().filter(|p| p.sign == Sign::Positive && p.default == 0.0).map(|p| (p.name, 0.5)).collect();
