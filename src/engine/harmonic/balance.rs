@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector, Dyn, SVD};
 use num_complex::Complex64;
 
 use crate::model::{Bound, Model};
+use crate::parallel;
 
 use super::super::EngineError;
 use super::Settings;
@@ -103,6 +104,9 @@ impl<'a> Balance<'a> {
 
     /// Solves the balance at a frequency, starting from where the two lines before lead, else from the line before.
     pub fn line(&mut self, omega: f64) -> Result<(), EngineError> {
+        if parallel::given_up() {
+            return Err(EngineError::GivenUp);
+        }
         let (from, last) = (self.known.then_some(self.omega), self.x.clone());
         self.condense(omega)?;
         if self.m() == 0 {
@@ -133,7 +137,7 @@ impl<'a> Balance<'a> {
             self.known = true;
             return Ok(());
         }
-        Err(self.failed(residual))
+        Err(if parallel::given_up() { EngineError::GivenUp } else { self.failed(residual) })
     }
 
     /// Moves the solution along the straight line through the last two, where the next frequency is not much further than they are apart.

@@ -5,6 +5,7 @@ use nalgebra::DVector;
 
 use super::super::EngineError;
 use super::balance::Balance;
+use crate::parallel;
 
 /// Smallest step of the continuation in frequency and in force, as a fraction of the whole way.
 const SMALLEST: [f64; 2] = [1.0 / 64.0, 1.0 / 256.0];
@@ -41,6 +42,9 @@ impl Balance<'_> {
         self.x.fill(0.0);
         let mut good = self.x.clone();
         while done < 1.0 {
+            if parallel::given_up() {
+                return false;
+            }
             let next = f64::min(done + step, 1.0);
             // The straight line through rest and the last solution.
             if done > 0.0 {
@@ -81,6 +85,9 @@ impl Balance<'_> {
         let mut before: Option<(DVector<f64>, f64)> = None;
         let mut arc = 0.05;
         for _ in 0..POINTS {
+            if parallel::given_up() {
+                return false;
+            }
             let Some(v) = self.linearize().solve(&linear) else { return false };
             let length = (over(&v, &v) + 1.0).sqrt();
             let forward = before.as_ref().is_none_or(|(x, s)| over(&v, x) + s >= 0.0);

@@ -458,3 +458,14 @@ fn what_the_balance_leaves_to_the_march() {
     rough.forces[0].1 = (0..=400).map(|k| (k % 400) as f64).collect();
     assert!(super::balanced(&system.model, &bound, &rough, &[], false).is_none());
 }
+
+/// Every line asks whether the time is over: a balance that has to be followed past folds takes seconds a line.
+#[test]
+fn it_is_given_up_when_its_time_is_over() {
+    let s = with(&[("coulomb", "c1.x", &[1.0])]);
+    let watch = crate::parallel::Watch { deadline: Some(std::time::Instant::now()), ..Default::default() };
+    let (bound, omega) = (bind(&s), [20.0, 21.0]);
+    let found =
+        crate::parallel::watched(&watch, || at_amplitude(&s.model, &bound, &omega, 2, 1.0, &[0], false, Settings::default()).map(|r| r.h));
+    assert!(matches!(found, Err(EngineError::GivenUp)), "{found:?}");
+}
