@@ -22,7 +22,7 @@ fn own_test(instance: &Instance) -> Option<&str> {
     }
 }
 
-/// Whether it is a fault that all tests share: what a channel reads in each of them, which may be told from no force at all.
+/// Whether it is a fault of a channel in all tests. Such a fault may read in every test as an effect does.
 pub fn of_all(instance: &Instance) -> bool {
     of_channel(instance) && own_test(instance).is_none()
 }

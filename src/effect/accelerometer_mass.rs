@@ -26,7 +26,7 @@ impl ChannelLaw for AccelerometerMass {
 
     const READS: Option<&'static str> = Some("response");
 
-    // Where nothing but time is known the reading is that of the place, mass and all.
+    // It acts on responses of FRFs alone; over time a signal is read as it is.
     fn reading<T: Num>(y: T, _at: Moment, _p: &[T]) -> T {
         y
     }
