@@ -216,6 +216,8 @@ impl<'a> Runner<'a> {
             let Some(outcome) = self.once(task)? else { return Ok(None) };
             let (reason, result) = match outcome {
                 Ok(result) => (None, result),
+                // It failed after all was told to stop: an interpreter that is still starting dies of Ctrl-C with a word and a code of its own.
+                Err(_) if stopped() => return Ok(None),
                 Err((reason, result)) => (Some(reason), result),
             };
             if reason.is_some() && attempts <= self.spec.retries {
@@ -331,4 +333,29 @@ pub fn whole(path: &Path, bytes: &[u8]) -> Result<(), CampaignError> {
     }
     file.persist(path).map_err(|e| fail(e.error))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    #[test]
+    #[cfg(unix)]
+    fn a_task_that_fails_once_all_was_told_to_stop_is_no_failed_task() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("tasks")).unwrap();
+        let file = folder.path().join("many.toml");
+        std::fs::write(&file, "schema = 1\nverb = \"fit\"\nstudies = [\".\"]\n").unwrap();
+        let spec = Spec::load(&file).unwrap();
+        // A program that ends as an interrupted interpreter does.
+        let program = ["sh", "-c", "echo KeyboardInterrupt >&2; exit 1"].map(OsString::from);
+        let runner = Runner::new(&program, &spec, folder.path());
+        let task = Task { id: "one".into(), label: "one".into(), study: None, seed: 1, axes: vec![], set: vec![], arguments: vec![] };
+        let asked = AtomicUsize::new(0);
+        assert!(runner.run(&task, &|| asked.fetch_add(1, Ordering::Relaxed) > 0).unwrap().is_none());
+        assert!(runner.record("one").is_none(), "it is computed when the campaign goes on");
+        let failed = runner.run(&task, &|| false).unwrap().unwrap();
+        assert!(failed.reason.unwrap().contains("KeyboardInterrupt"));
+    }
 }
