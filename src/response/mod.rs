@@ -15,6 +15,7 @@ mod geometry;
 mod modal;
 mod settling;
 mod site;
+mod strengths;
 mod transient;
 mod variation;
 
@@ -36,6 +37,7 @@ pub use family::Family;
 pub use frf::FrfPlan;
 pub use modal::{ModalPlan, TableModes};
 pub use settling::Transient;
+pub use strengths::OwnStrengths;
 pub use transient::TransientPlan;
 pub use variation::{CycleDrive, Variation};
 
@@ -118,6 +120,8 @@ pub struct Plan {
     pub tolerances: Tolerances,
     /// The covariance that the test is held against; none: sigma is all there is.
     pub covariance: Option<Arc<Covariance>>,
+    /// Strengths that are others in this test than in the model.
+    pub strengths: Option<Arc<OwnStrengths>>,
     work: Work,
 }
 
@@ -182,6 +186,7 @@ impl Plan {
             scatter: vec![],
             tolerances: Tolerances::GOOD,
             covariance: None,
+            strengths: None,
             work: Work::Energy(EnergyPlan::default()),
         };
         plan.work = match &test.record {
@@ -267,10 +272,17 @@ impl Plan {
         self.blocks.iter().map(|b| self.measured[b.range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()))).collect()
     }
 
-    /// Whitened residuals, computed minus measured.
+    /// The same test with these strengths of its own.
+    pub fn with_strengths(&self, own: OwnStrengths) -> Plan {
+        let strengths = (!own.by.is_empty()).then(|| Arc::new(own));
+        Plan { strengths, ..self.clone() }
+    }
+
+    /// Whitened residuals, computed minus measured, what strengths of its own change of them left out.
     pub fn whitened(&self, computed: &[f64]) -> DVector<f64> {
         let rows = computed.iter().zip(&self.measured).map(|(y, m)| y - m);
         let mut r = DVector::from_iterator(self.len(), rows);
+        self.strengths.iter().for_each(|own| own.taken_from(&mut r));
         self.whiten(DMatrixViewMut::from_slice(r.as_mut_slice(), self.len(), 1));
         r
     }
@@ -303,9 +315,23 @@ impl Plan {
         Ok(Bound::new(system, free, &self.id, &self.conditions)?)
     }
 
-    /// Runs the engine.
+    /// Runs the engine, at the test's own strengths where it has some.
     pub fn evaluate(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Computed, ResponseError> {
-        geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))
+        self.evaluate_at(self.strengths.as_deref(), system, free, sensitivities)
+    }
+
+    /// The same at these strengths.
+    pub fn evaluate_at(
+        &self,
+        own: Option<&OwnStrengths>,
+        system: &System,
+        free: &[FreeParam],
+        sensitivities: bool,
+    ) -> Result<Computed, ResponseError> {
+        let of = |system: &System| {
+            geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))
+        };
+        own.map_or_else(|| of(system), |own| own.through(system, free, of))
     }
 
     /// The same of a system whose parts lie where they are drawn.
