@@ -40,10 +40,3 @@ impl Explain for DiagnoseError {
         self.inner().accepted()
     }
 }
-
-impl DiagnoseError {
-    /// A model that cannot be weighed where the search begins.
-    pub(super) fn start_fails(reason: String) -> DiagnoseError {
-        crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)).into()
-    }
-}

@@ -173,14 +173,12 @@ pub(super) struct Survey {
 pub(super) fn survey(a: &Against) -> Result<Survey, DiagnoseError> {
     let (scale, base) = (a.scale, a.base);
     // Refits race under the variances of the model without them where strengths do not scatter, every coefficient a datum.
-    // There all tests have the strengths of the model: what deviations of its own make up for in a test may be what is missing.
-    let plain = scale.see(&base.fitted.system).map_err(DiagnoseError::start_fails)?;
-    let loose = scale.evidence.estimate_without_scatter(&plain, &scale.counts, &base.v);
-    let squares = scale.evidence.squares(&plain, &scale.counts, &loose);
+    let loose = scale.evidence.estimate_without_scatter(&base.seen, &scale.counts, &base.v);
+    let squares = scale.evidence.squares(&base.seen, &scale.counts, &loose);
     let independent = scale.evidence.independent();
     // A datum is a part of a fact here, and the cost is counted in data.
     let worth = scale.settings.settled * scale.evidence.independent_facts(&independent, &loose) / scale.counts.n;
-    let race = Case { worth: Some(worth), ..scale.under(&plain, &loose, &independent) };
+    let race = Case { worth: Some(worth), ..scale.under(&base.seen, &loose, &independent) };
     let plans = race.plans_of(SplitName::Fit);
     let system = &base.fitted.system;
     let all = candidates(&race, system, &plans, &Scene::new(&plans, system));

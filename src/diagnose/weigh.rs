@@ -187,7 +187,7 @@ impl Scale {
     /// unfound. The covariance of a fit stands still, and where strengths scatter along records it is another one where the fit ends: as far as the
     /// likelihood is less there, the fit is taken back.
     pub fn weigh(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
-        let here = self.begun(system, start)?;
+        let here = self.standing(system, start, &Arc::default())?;
         let own = here.v.clone();
         let start = Variances { strengths: own.strengths.clone(), ..start.clone() };
         let (mut now, mut last) = (Standing { v: start, ..here }, None);
@@ -231,20 +231,6 @@ impl Scale {
         Ok(Standing { system: system.clone(), seen, v, likelihood, memo: own })
     }
 
-    /// A system in the tests, their own strengths from where these variances have them or from those of the model: an effect does what deviations had to do
-    /// without it.
-    fn begun(&self, system: &System, start: &Variances) -> Result<Standing, String> {
-        let there = self.standing(system, start, &Arc::default());
-        if start.strengths.iter().all(Vec::is_empty) {
-            return there;
-        }
-        let plain = self.standing(system, &Variances { strengths: Arc::default(), ..start.clone() }, &Arc::default());
-        match (there, plain) {
-            (Ok(there), Ok(plain)) => Ok(if plain.likelihood > there.likelihood { plain } else { there }),
-            (there, plain) => there.or(plain),
-        }
-    }
-
     /// The system fitted under the covariance that it has where it stands.
     fn fitted(&self, from: &Standing, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
         let under = self.under(&from.seen, &from.v, &self.counts);
@@ -282,7 +268,7 @@ impl Scale {
 
     /// A fitted model under variances of its own, no fit made under them.
     pub fn promised(&self, fitted: &Fitted, start: &Variances) -> Result<Promised, String> {
-        let Standing { seen, v, likelihood, .. } = self.begun(&fitted.system, start)?;
+        let Standing { seen, v, likelihood, .. } = self.standing(&fitted.system, start, &Arc::default())?;
         let likelihood = likelihood - 0.5 * prior_squares(fitted) - self.case.deviations.price(fitted);
         let prior = |p: &Prior| (p.index, fitted.outcome.p[p.index], p.mean, p.sigma);
         let priors: Vec<_> = fitted.options.priors.iter().map(prior).collect();
