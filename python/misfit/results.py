@@ -926,13 +926,6 @@ class Settings(msgspec.Struct, kw_only=True):
     steps: list[list[float | None]]
     """...steps of its pattern search at first, in the logarithms of noise, model error and scatter. The last gives the noise what it takes from
     the model error: where both are white the likelihood has a ridge along it, and steps along the axes alone stop beside its crest..."""
-    strengths_from: float | None
-    """Nats that own strengths of a test promise at least before its response is computed there: what they promise bounds what taking it as
-    linear may be wrong by..."""
-    strengths_parts: list[float | None]
-    """...and the parts of a step that are tried, each a computed response."""
-    strengths_steps: int
-    """...steps towards them..."""
     swap: float | None
     """Nats by which an alternative must be better to take the place of what stands."""
     telling: Telling
