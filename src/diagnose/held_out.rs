@@ -4,7 +4,7 @@ use crate::evidence::{Counts, Deviations, Evidence, Seen, Variances};
 use crate::model::System;
 use crate::parallel;
 use crate::residual::mean_square;
-use crate::response::{Computed, OwnStrengths, Plan};
+use crate::response::{OwnStrengths, Plan};
 
 use super::settings::Settings;
 use super::weigh::Weighed;
@@ -60,14 +60,14 @@ impl<'a> HeldOutTests<'a> {
         let free = system.free();
         let at = |t: usize, by: &Deviations| {
             let own = OwnStrengths { by: by.clone(), shift: vec![] };
-            let c = self.plans[t].evaluate_at(Some(&own), system, &free, true).ok()?;
+            let c = self.plans[t].evaluate_at((!by.is_empty()).then_some(&own), system, &free, true).ok()?;
             let finite = c.values.iter().chain(&c.slopes).all(|v| v.is_finite());
-            finite.then(|| (self.evidence.records[t].see(self.plans[t], &c, system, &free, by), c))
+            finite.then(|| (self.evidence.records[t].see(self.plans[t], &c, system, &free, by), c.values))
         };
         let all: Option<Vec<_>> = parallel::over(self.plans.len(), |t| at(t, &vec![])).into_iter().collect();
-        let (seen, computed): (Vec<Seen>, Vec<Computed>) = all?.into_iter().unzip();
+        let (seen, values) = all?.into_iter().unzip();
         let settled = self.evidence.settled(seen, &self.counts, v, &at);
-        Some((settled.into_iter().map(|s| s.0).collect(), computed.into_iter().map(|c| c.values).collect()))
+        Some((settled.into_iter().map(|s| s.0).collect(), values))
     }
 
     /// Fall of the mean square relative error and its standard error: every channel of a test is cut into as many pieces as make

@@ -151,7 +151,7 @@ impl Scale {
 
     fn computed(&self, t: usize, own: &[(String, f64)], system: &System, free: &[FreeParam]) -> Result<Computed, String> {
         let own = OwnStrengths { by: own.to_vec(), shift: vec![] };
-        self.plan(t).evaluate_at(Some(&own), system, free, true).map_err(|e| e.to_string())
+        self.plan(t).evaluate_at((!own.by.is_empty()).then_some(&own), system, free, true).map_err(|e| e.to_string())
     }
 
     fn seen(&self, t: usize, own: &[(String, f64)], computed: &Computed, system: &System, free: &[FreeParam]) -> Result<Seen, String> {
@@ -169,7 +169,8 @@ impl Scale {
             let computed = self.computed(t, own, system, &free).ok()?;
             Some((self.seen(t, own, &computed, system, &free).ok()?, computed))
         };
-        let (seen, moved): (Vec<Seen>, Vec<Option<Computed>>) = self.evidence.settled(seen, &self.counts, &v, &see).into_iter().unzip();
+        let (seen, moved): (Vec<Seen>, Vec<Option<Computed>>) =
+            self.evidence.settled(seen, &self.counts, &v, &see).into_iter().unzip();
         let mut memo = memo.clone();
         if moved.iter().any(Option::is_some) {
             let before = memo.find(system, &free);

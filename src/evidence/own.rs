@@ -14,16 +14,12 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::parallel;
-use crate::response::Computed;
 
 use super::likelihood::{Gram, information};
 use super::{Counts, Evidence, Seen, Variances, beside};
 
 /// Deviations of strengths by name, as logarithms.
 pub type Deviations = Vec<(String, f64)>;
-
-/// A test with these deviations, and what was computed for it; none where it cannot be.
-pub type Looks<'a> = dyn Fn(usize, &Deviations) -> Option<(Seen, Computed)> + Sync + 'a;
 
 /// What a test says of its strengths, to second order about where they stand.
 struct Wish {
@@ -57,9 +53,16 @@ impl Evidence {
         Some(Wish { gram })
     }
 
-    /// The tests seen about where their own strengths are likeliest, from where they stand. A step that promises less than [`super::Settings::strengths_from`] is none, and of one that
-    /// the response does not follow a part is taken. With each test what was computed, where it is not as it was.
-    pub fn settled(&self, seen: Vec<Seen>, counts: &Counts, v: &Variances, see: &Looks) -> Vec<(Seen, Option<Computed>)> {
+    /// The tests seen about where their own strengths are likeliest, from where they stand. `see`: a test with these deviations, and what was computed for
+    /// it; none where it cannot be. A step that promises less than [`super::Settings::strengths_from`] is none, and one that the response does not follow
+    /// is halved. With each test what was computed, where it is not as it was.
+    pub fn settled<C: Send>(
+        &self,
+        seen: Vec<Seen>,
+        counts: &Counts,
+        v: &Variances,
+        see: &(dyn Fn(usize, &Deviations) -> Option<(Seen, C)> + Sync),
+    ) -> Vec<(Seen, Option<C>)> {
         let s = &self.settings;
         parallel::map_into(seen, |t, mut seen| {
             let mut last = None;
@@ -77,7 +80,7 @@ impl Evidence {
                     let nearer = self.wish(t, &there.0, counts, v)?.at(&by) < here;
                     nearer.then_some(there)
                 };
-                let Some((there, computed)) = s.strengths_parts.into_iter().find_map(part) else { break };
+                let Some((there, computed)) = [1.0, 0.5, 0.25].into_iter().find_map(part) else { break };
                 (seen, last) = (there, Some(computed));
             }
             (seen, last)

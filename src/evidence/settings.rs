@@ -50,10 +50,8 @@ pub struct Settings {
     /// Nats that own strengths of a test promise at least before its response is computed there: what they promise bounds what taking it as linear
     /// may be wrong by...
     pub strengths_from: f64,
-    /// ...steps towards them...
+    /// ...and steps towards them, each a computed response.
     pub strengths_steps: usize,
-    /// ...and the parts of a step that are tried, each a computed response.
-    pub strengths_parts: [f64; 3],
     /// Ridge on the information of the parameters, of which the tests may not know all.
     pub ridge: f64,
     /// Lines on either side over which the size of an FRF is averaged: between resonances a model errs by what its neighbours are.
@@ -98,7 +96,6 @@ impl Default for Settings {
             scatter_from: -5.3,
             strengths_from: 2.0,
             strengths_steps: 4,
-            strengths_parts: [1.0, 0.5, 0.25],
             ridge: 1e-9,
             neighbours: 3,
             colour_lines: 50,

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::response::{BlockKind, Computed, OwnStrengths};
+use crate::response::{BlockKind, OwnStrengths};
 
 use super::record::Channel;
 use super::{Deviations, Evidence, Record, Seen, Settings, Variances};
@@ -294,7 +294,7 @@ fn own_strengths_are_found_where_the_response_is_not_linear() {
     for (by, calls) in [([0.0; 3], false), ([0.0, 0.03, 0.0], true)] {
         let see = |t: usize, own: &Deviations| {
             computed.fetch_add(1, Ordering::Relaxed);
-            Some((about(t, own[0].1, by), Computed::default()))
+            Some((about(t, own[0].1, by), ()))
         };
         let begun: Vec<Seen> = (0..3).map(|t| about(t, 0.0, by)).collect();
         let flat = e.likelihood(&begun, &e.independent(), &v);

@@ -57,11 +57,7 @@ impl Variances {
             (!of.is_empty()).then(|| of.iter().sum::<f64>() / of.len() as f64)
         };
         let of = |c: &Channel| mean(&|o| o.kind == c.kind && o.label == c.label).or_else(|| mean(&|_| true)).unwrap_or(0.0);
-        Variances {
-            own: to.records.iter().map(|r| r.channels.iter().map(of).collect()).collect(),
-            strengths: Arc::default(),
-            ..self.clone()
-        }
+        Variances { own: to.records.iter().map(|r| r.channels.iter().map(of).collect()).collect(), strengths: Arc::default(), ..self.clone() }
     }
 
     /// Logarithm of the prior density, each channel's own error where it stands.

@@ -272,6 +272,12 @@ impl Plan {
         self.blocks.iter().map(|b| self.measured[b.range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()))).collect()
     }
 
+    /// The same test with these strengths of its own.
+    pub fn with_strengths(&self, own: OwnStrengths) -> Plan {
+        let strengths = (!own.by.is_empty()).then(|| Arc::new(own));
+        Plan { strengths, ..self.clone() }
+    }
+
     /// Whitened residuals, computed minus measured, what strengths of its own change of them left out.
     pub fn whitened(&self, computed: &[f64]) -> DVector<f64> {
         let rows = computed.iter().zip(&self.measured).map(|(y, m)| y - m);
@@ -312,6 +318,20 @@ impl Plan {
     /// Runs the engine, at the test's own strengths where it has some.
     pub fn evaluate(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Computed, ResponseError> {
         self.evaluate_at(self.strengths.as_deref(), system, free, sensitivities)
+    }
+
+    /// The same at these strengths.
+    pub fn evaluate_at(
+        &self,
+        own: Option<&OwnStrengths>,
+        system: &System,
+        free: &[FreeParam],
+        sensitivities: bool,
+    ) -> Result<Computed, ResponseError> {
+        let of = |system: &System| {
+            geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))
+        };
+        own.map_or_else(|| of(system), |own| own.through(system, free, of))
     }
 
     /// The same of a system whose parts lie where they are drawn.

@@ -1,12 +1,10 @@
 //! Strengths of a test that are others than the model's: the temperature and the mounting of a structure differ from one test to the next.
 
-use std::sync::Arc;
-
 use nalgebra::DVector;
 
 use crate::model::{FreeParam, System};
 
-use super::{Computed, Plan, ResponseError, geometry};
+use super::{Computed, ResponseError};
 
 /// The strengths that a test has of its own, about which it is linear.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,30 +47,5 @@ impl OwnStrengths {
     /// Takes from residuals what the own strengths change of them.
     pub(super) fn taken_from(&self, residuals: &mut DVector<f64>) {
         residuals.iter_mut().zip(&self.shift).for_each(|(r, s)| *r -= s);
-    }
-}
-
-impl Plan {
-    /// The same test with these strengths of its own.
-    pub fn with_strengths(&self, own: OwnStrengths) -> Plan {
-        let strengths = (!own.by.is_empty()).then(|| Arc::new(own));
-        Plan { strengths, ..self.clone() }
-    }
-
-    /// As [`Plan::evaluate`], at these strengths; at those of the model where there are none.
-    pub fn evaluate_at(
-        &self,
-        own: Option<&OwnStrengths>,
-        system: &System,
-        free: &[FreeParam],
-        sensitivities: bool,
-    ) -> Result<Computed, ResponseError> {
-        let of = |system: &System| {
-            geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))
-        };
-        match own.filter(|own| !own.by.is_empty()) {
-            Some(own) => own.through(system, free, of),
-            None => of(system),
-        }
     }
 }
