@@ -1,10 +1,10 @@
 //! The last word: tests that nothing was fitted to.
 
-use crate::evidence::{Counts, Deviations, Evidence, Seen, Variances};
+use crate::evidence::{Counts, Evidence, Seen, Variances};
 use crate::model::System;
 use crate::parallel;
 use crate::residual::mean_square;
-use crate::response::{OwnStrengths, Plan};
+use crate::response::Plan;
 
 use super::settings::Settings;
 use super::weigh::Weighed;
@@ -55,19 +55,14 @@ impl<'a> HeldOutTests<'a> {
         Some(tests)
     }
 
-    /// The tests about where their own strengths are likeliest, and what the model computes there with its own.
-    fn see(&self, system: &System, v: &Variances) -> Option<(Vec<Seen>, Vec<Vec<f64>>)> {
+    fn see(&self, system: &System) -> Option<(Vec<Seen>, Vec<Vec<f64>>)> {
         let free = system.free();
-        let at = |t: usize, by: &Deviations| {
-            let own = OwnStrengths { by: by.clone(), shift: vec![] };
-            let c = self.plans[t].evaluate_at((!by.is_empty()).then_some(&own), system, &free, true).ok()?;
+        let of = |t: usize| {
+            let c = self.plans[t].evaluate(system, &free, true).ok()?;
             let finite = c.values.iter().chain(&c.slopes).all(|v| v.is_finite());
-            finite.then(|| (self.evidence.records[t].see(self.plans[t], &c, system, &free, by), c.values))
+            finite.then(|| (self.evidence.records[t].see(self.plans[t], &c, system, &free), c.values))
         };
-        let all: Option<Vec<_>> = parallel::over(self.plans.len(), |t| at(t, &vec![])).into_iter().collect();
-        let (seen, values) = all?.into_iter().unzip();
-        let settled = self.evidence.settled(seen, &self.counts, v, &at);
-        Some((settled.into_iter().map(|s| s.0).collect(), values))
+        parallel::over(self.plans.len(), of).into_iter().collect()
     }
 
     /// Fall of the mean square relative error and its standard error: every channel of a test is cut into as many pieces as make
@@ -95,8 +90,8 @@ impl<'a> HeldOutTests<'a> {
 
     /// A model in them; none where it cannot be computed there.
     pub fn look<'w>(&self, w: &'w Weighed) -> Option<Look<'w>> {
+        let (seen, values) = self.see(&w.fitted.system)?;
         let v = Variances { kappa: self.kappa, ..w.v.carried(self.fitted, &self.evidence) };
-        let (seen, values) = self.see(&w.fitted.system, &v)?;
         let density = self.evidence.likelihood(&seen, &self.counts, &v) - self.evidence.prior(&self.counts, &v);
         density.is_finite().then_some(Look { of: w, seen, values, density })
     }

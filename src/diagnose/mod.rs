@@ -1,6 +1,5 @@
 //! From misfit to missing physics: fit a case, see where it fails, search what explains it, prove it, and climb.
 
-mod apart;
 mod approach;
 mod candidates;
 mod case;

@@ -152,7 +152,7 @@ impl About {
         if computed.iter().any(|c| c.values.iter().chain(&c.slopes).any(|v| !v.is_finite())) {
             return None;
         }
-        let see = |t: usize| scale.evidence.records[t].see(plans[t], &computed[t], &there[of_state[t]], &free, &[]);
+        let see = |t: usize| scale.evidence.records[t].see(plans[t], &computed[t], &there[of_state[t]], &free);
         let seen: Vec<_> = (0..tests).map(see).collect();
         let v = scale.evidence.estimate_without_scatter(&seen, &scale.counts, &base.v);
         let under = scale.under(&seen, &v, &scale.evidence.independent());

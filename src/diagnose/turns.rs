@@ -54,12 +54,7 @@ impl Scale {
             }
             let (kept, left): (Vec<usize>, Vec<usize>) = (0..tests).partition(|t| t % turns != turn);
             let scale = self.of_tests(&kept);
-            let strengths = |v: &Variances| kept.iter().map(|t| v.strengths.get(*t).cloned().unwrap_or_default()).collect();
-            let own = |v: &Variances| Variances {
-                own: kept.iter().map(|t| v.own[*t].clone()).collect(),
-                strengths: Arc::new(strengths(v)),
-                ..v.clone()
-            };
+            let own = |v: &Variances| Variances { own: kept.iter().map(|t| v.own[*t].clone()).collect(), ..v.clone() };
             let weigh = |w: &Weighed| scale.weigh(&w.fitted.system, &own(&w.v), monitor).ok();
             let (small, large) = (weigh(smaller)?, weigh(larger)?);
             let plans: Vec<&Plan> = self.case.plans_of(SplitName::Fit);

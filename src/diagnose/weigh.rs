@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::evidence::{Counts, Deviations, Evidence, Seen, Variances, standing};
+use crate::evidence::{Counts, Evidence, Seen, Variances};
 use crate::identify::{FitOutcome, Monitor, Prior, Termination};
-use crate::model::{FreeParam, Instance, System};
+use crate::model::{Instance, System};
 use crate::parallel;
 use crate::residual::{Memo, Problem};
-use crate::response::{Computed, OwnStrengths, Plan};
+use crate::response::Plan;
 
-use super::apart::apart;
 use super::case::{Case, Fitted};
 use super::refit::some;
 use super::results::SplitName;
@@ -65,8 +64,6 @@ struct Standing {
     v: Variances,
     /// That of its residuals alone.
     likelihood: f64,
-    /// What was computed with the strengths of its tests.
-    memo: Arc<Memo>,
 }
 
 /// What models are weighed on: the fitted tests, and what a coefficient of them counts as.
@@ -99,11 +96,6 @@ impl Scale {
         Scale { counts: evidence.independent(), evidence, case, selects: false, settings: settings.clone() }
     }
 
-    /// Whether strengths may differ between its tests.
-    fn scatters(&self) -> bool {
-        self.evidence.records.iter().any(|r| r.scatters)
-    }
-
     /// The same once more, for counts of its own.
     pub fn again(&self) -> Scale {
         let (case, evidence, counts, settings) = (self.case.clone(), self.evidence.clone(), self.counts.clone(), self.settings.clone());
@@ -113,91 +105,54 @@ impl Scale {
     /// The case under the covariance that a weighed model has.
     pub fn under(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Case {
         let mut covariances = self.evidence.covariances(seen, v, counts).into_iter();
-        let mut own = seen.iter().map(|s| &s.own);
         let covered = |(p, s): &(Plan, SplitName)| {
-            if *s != SplitName::Fit {
-                return (p.under(None), *s);
-            }
-            let own = own.next().cloned().unwrap_or_default();
-            (p.under(covariances.next().map(Arc::new)).with_strengths(own), *s)
+            let covariance = if *s == SplitName::Fit { covariances.next().map(Arc::new) } else { None };
+            (p.under(covariance), *s)
         };
         Case { plans: Arc::new(self.case.plans.iter().map(covered).collect()), ..self.case.clone() }
     }
 
-    /// A system in the fitted tests, their strengths those of the model.
+    /// A system in the fitted tests.
     pub fn see(&self, system: &System) -> Result<Vec<Seen>, String> {
-        self.see_about(&[], system, &Memo::default())
+        self.see_again(system, &Memo::default())
     }
 
-    /// The same with strengths of their own, computed unless it is known.
-    fn see_about(&self, strengths: &[Deviations], system: &System, memo: &Memo) -> Result<Vec<Seen>, String> {
-        let (tests, free) = (self.evidence.records.len(), system.free());
-        let own = |t: usize| strengths.get(t).map_or(&[][..], Vec::as_slice);
+    /// The same, computed unless it is known.
+    fn see_again(&self, system: &System, memo: &Memo) -> Result<Vec<Seen>, String> {
+        let (plans, free) = (self.case.plans_of(SplitName::Fit), system.free());
         let computed = match memo.find(system, &free) {
             Some(known) => known,
             None => {
-                let one = |t: usize| self.computed(t, own(t), system, &free);
-                let computed = Arc::new(parallel::over(tests, one).into_iter().collect::<Result<Vec<_>, _>>()?);
+                let one = |p: &&Plan| p.evaluate(system, &free, true).map_err(|e| e.to_string());
+                let computed = Arc::new(parallel::map(&plans, one).into_iter().collect::<Result<Vec<_>, _>>()?);
                 memo.keep(system, &free, computed.clone());
                 computed
             }
         };
-        parallel::over(tests, |t| self.seen(t, own(t), &computed[t], system, &free)).into_iter().collect()
-    }
-
-    fn plan(&self, t: usize) -> &Plan {
-        self.case.plans_of(SplitName::Fit)[t]
-    }
-
-    fn computed(&self, t: usize, own: &[(String, f64)], system: &System, free: &[FreeParam]) -> Result<Computed, String> {
-        let own = OwnStrengths { by: own.to_vec(), shift: vec![] };
-        self.plan(t).evaluate_at((!own.by.is_empty()).then_some(&own), system, free, true).map_err(|e| e.to_string())
-    }
-
-    fn seen(&self, t: usize, own: &[(String, f64)], computed: &Computed, system: &System, free: &[FreeParam]) -> Result<Seen, String> {
-        if computed.values.iter().chain(&computed.slopes).all(|v| v.is_finite()) {
-            Ok(self.evidence.records[t].see(self.plan(t), computed, system, free, own))
-        } else {
-            Err("its response is not finite".into())
-        }
-    }
-
-    /// The tests seen about where their own strengths are likeliest under these variances, which carry it on; and what was computed there.
-    fn settled(&self, system: &System, seen: Vec<Seen>, v: Variances, memo: &Arc<Memo>) -> (Vec<Seen>, Variances, Arc<Memo>) {
-        let free = system.free();
-        let see = |t: usize, own: &Deviations| {
-            let computed = self.computed(t, own, system, &free).ok()?;
-            Some((self.seen(t, own, &computed, system, &free).ok()?, computed))
-        };
-        let (seen, moved): (Vec<Seen>, Vec<Option<Computed>>) =
-            self.evidence.settled(seen, &self.counts, &v, &see).into_iter().unzip();
-        let mut memo = memo.clone();
-        if moved.iter().any(Option::is_some) {
-            let before = memo.find(system, &free);
-            memo = Arc::new(Memo::default());
-            let of = |(t, moved): (usize, Option<Computed>)| moved.or_else(|| before.as_ref().map(|b| b[t].clone()));
-            if let Some(all) = moved.into_iter().enumerate().map(of).collect::<Option<Vec<_>>>() {
-                memo.keep(system, &free, Arc::new(all));
+        let of = |t: usize| {
+            let finite = computed[t].values.iter().chain(&computed[t].slopes).all(|v| v.is_finite());
+            if finite {
+                Ok(self.evidence.records[t].see(plans[t], &computed[t], system, &free))
+            } else {
+                Err("its response is not finite".into())
             }
-        }
-        let v = Variances { strengths: Arc::new(standing(&seen)), ..v };
-        (seen, v, memo)
+        };
+        parallel::over(plans.len(), of).into_iter().collect()
     }
 
     /// Fits the system and estimates its variances in turn, from these variances on, until they move the likelihood by no more than fits leave
     /// unfound. The covariance of a fit stands still, and where strengths scatter along records it is another one where the fit ends: as far as the
     /// likelihood is less there, the fit is taken back.
     pub fn weigh(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
-        let here = self.standing(system, start, &Arc::default())?;
-        let own = here.v.clone();
-        let start = Variances { strengths: own.strengths.clone(), ..start.clone() };
-        let (mut now, mut last) = (Standing { v: start, ..here }, None);
+        let memo = Arc::new(Memo::default());
+        let here = self.standing(system, start, &memo)?;
+        let (own, mut now, mut last) = (here.v.clone(), Standing { v: start.clone(), ..here }, None);
         for round in 0..self.settings.rounds.max(1) {
             if round > 0 && super::trace::stopped(monitor) {
                 break;
             }
-            let fitted = self.fitted(&now, self.settings.iterations, monitor)?;
-            let Some((fitted, next)) = self.ascended(&now, fitted, monitor)? else { break };
+            let fitted = self.fitted(&now, self.settings.iterations, &memo, monitor)?;
+            let Some((fitted, next)) = self.ascended(&now, fitted, &memo, monitor)? else { break };
             let before = self.evidence.likelihood(&next.seen, &self.counts, &now.v);
             let settled = (next.likelihood - before).abs() <= self.settings.settled;
             now = next;
@@ -211,7 +166,7 @@ impl Scale {
             Some(fitted) => fitted,
             None => {
                 now.v = own;
-                let fitted = self.fitted(&now, 0, monitor)?;
+                let fitted = self.fitted(&now, 0, &memo, monitor)?;
                 let outcome = FitOutcome { termination: Termination::Stalled, ..fitted.outcome };
                 Fitted { outcome, ..fitted }
             }
@@ -220,22 +175,18 @@ impl Scale {
         Ok(Weighed { fitted, seen: now.seen, v: now.v, likelihood })
     }
 
-    /// A system in the tests, its variances estimated from these on, and with them where the strengths of each test stand.
-    fn standing(&self, system: &System, from: &Variances, memo: &Arc<Memo>) -> Result<Standing, String> {
-        let seen = self.see_about(&from.strengths, system, memo)?;
+    /// A system in the tests, its variances estimated from these on.
+    fn standing(&self, system: &System, from: &Variances, memo: &Memo) -> Result<Standing, String> {
+        let seen = self.see_again(system, memo)?;
         let v = self.evidence.estimate(&seen, &self.counts, from);
-        let (seen, mut v, own) = self.settled(system, seen, v, memo);
-        if !Arc::ptr_eq(&own, memo) {
-            v = self.evidence.estimate(&seen, &self.counts, &v);
-        }
         let likelihood = self.evidence.likelihood(&seen, &self.counts, &v);
-        Ok(Standing { system: system.clone(), seen, v, likelihood, memo: own })
+        Ok(Standing { system: system.clone(), seen, v, likelihood })
     }
 
     /// The system fitted under the covariance that it has where it stands.
-    fn fitted(&self, from: &Standing, iterations: u64, monitor: &Monitor) -> Result<Fitted, String> {
+    fn fitted(&self, from: &Standing, iterations: u64, memo: &Arc<Memo>, monitor: &Monitor) -> Result<Fitted, String> {
         let under = self.under(&from.seen, &from.v, &self.counts);
-        let case = Case { worth: Some(self.settings.settled), memo: Some(from.memo.clone()), ..under };
+        let case = Case { worth: Some(self.settings.settled), memo: Some(memo.clone()), ..under };
         let fitted = some(&case, iterations).fit_system(&from.system, case.plans_of(SplitName::Fit), &monitor.quiet());
         let fitted = fitted.map_err(|e| e.to_string())?;
         match &fitted.outcome.termination {
@@ -245,7 +196,7 @@ impl Scale {
     }
 
     /// Where a fit leads from here without loss: to its end, or part of the way there; none where every part of it loses.
-    fn ascended(&self, now: &Standing, fitted: Fitted, monitor: &Monitor) -> Result<Option<(Fitted, Standing)>, String> {
+    fn ascended(&self, now: &Standing, fitted: Fitted, memo: &Arc<Memo>, monitor: &Monitor) -> Result<Option<(Fitted, Standing)>, String> {
         let squares = |p: &[f64]| -> f64 {
             let square = |prior: &Prior| ((p[prior.index] - prior.mean) / prior.sigma).powi(2);
             fitted.options.priors.iter().map(square).sum()
@@ -253,15 +204,15 @@ impl Scale {
         let problem = Problem::new(self.case.plans_of(SplitName::Fit), now.system.clone());
         let (begun, end) = (problem.variables(), &fitted.outcome.p);
         let least = now.likelihood - 0.5 * squares(&begun) - self.settings.settled;
-        let there = self.standing(&fitted.system, &now.v, &now.memo);
+        let there = self.standing(&fitted.system, &now.v, memo);
         if there.as_ref().is_ok_and(|t| t.likelihood - 0.5 * squares(end) >= least) {
             return Ok(Some((fitted, there?)));
         }
         for part in self.settings.parts_of_a_fit {
             let p: Vec<f64> = begun.iter().zip(end).map(|(from, to)| from + part * (to - from)).collect();
-            let Ok(there) = self.standing(&problem.system_at(&p), &now.v, &now.memo) else { continue };
+            let Ok(there) = self.standing(&problem.system_at(&p), &now.v, memo) else { continue };
             if there.likelihood - 0.5 * squares(&p) >= least {
-                return Ok(Some((self.fitted(&there, 0, monitor)?, there)));
+                return Ok(Some((self.fitted(&there, 0, memo, monitor)?, there)));
             }
         }
         Ok(None)
@@ -269,7 +220,7 @@ impl Scale {
 
     /// A fitted model under variances of its own, no fit made under them.
     pub fn promised(&self, fitted: &Fitted, start: &Variances) -> Result<Promised, String> {
-        let Standing { seen, v, likelihood, .. } = self.standing(&fitted.system, start, &Arc::default())?;
+        let Standing { seen, v, likelihood, .. } = self.standing(&fitted.system, start, &Memo::default())?;
         let likelihood = likelihood - 0.5 * prior_squares(fitted) - self.case.deviations.price(fitted);
         let prior = |p: &Prior| (p.index, fitted.outcome.p[p.index], p.mean, p.sigma);
         let priors: Vec<_> = fitted.options.priors.iter().map(prior).collect();
@@ -282,7 +233,6 @@ impl Scale {
         let seen = self.see(&fitted.system).ok().filter(|s| !s.is_empty())?;
         let once = self.evidence.estimate(&seen, &self.counts, &Variances::start(&self.evidence, &seen));
         let v = self.evidence.estimate(&seen, &self.evidence.counts(&seen, &once), &once);
-        let (seen, v, _) = self.settled(&fitted.system, seen, v, &Arc::default());
         let likelihood = self.evidence.likelihood(&seen, &self.counts, &v);
         Some(Weighed { fitted: fitted.clone(), seen, v, likelihood })
     }
@@ -300,12 +250,6 @@ impl Scale {
                 self.counts = self.evidence.counts(&plain, &v);
             }
             let mut now = self.weigh(system, &v, monitor)?;
-            // Tests that the model is far from may be where their own strengths lead, and these where no derivative does.
-            let strengths = if self.scatters() { apart(&self.case, system, self.settings.evidence.scatter_most, monitor) } else { vec![] };
-            if strengths.iter().any(|own| !own.is_empty()) {
-                let apart = self.weigh(system, &Variances { strengths: Arc::new(strengths), ..v }, monitor);
-                now = apart.ok().filter(|w| w.likelihood > now.likelihood).unwrap_or(now);
-            }
             for _ in 0..self.settings.rounds {
                 now = self.tempered(&now, monitor)?;
             }

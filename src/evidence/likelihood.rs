@@ -7,12 +7,12 @@ use super::{Counts, Evidence, Record, Seen, Variances, beside};
 
 /// A test with its columns `X = [r, J / ||J||]` and `B`.
 pub struct Gram {
-    pub(super) x: DMatrix<f64>,
-    pub(super) b: DMatrix<f64>,
+    x: DMatrix<f64>,
+    b: DMatrix<f64>,
 }
 
 /// `(X'V^-1X, ln|V|)` of a test whose coefficients vary by these parts, counted `z` times.
-pub(super) fn information(gram: &Gram, b: &DMatrix<f64>, parts: &[Part], z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
+fn information(gram: &Gram, b: &DMatrix<f64>, parts: &[Part], z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
     let w = weights(parts, z);
     let mut ld: f64 = parts.iter().zip(z.iter()).map(|(p, z)| p.level(*z)).sum();
     let weighed = |m: &DMatrix<f64>| {

@@ -7,7 +7,7 @@
 //! y_t - f_t(theta) ~ N(0, V_t),  V_t = noise + model error + B B'
 //! noise   nu_i, by the spectrum of the scatter between cycles, by coherence, or as stated; kappa^2 its unknown scale in loops and records
 //! error   tau_b^2 rho_i, tau_b = max(tau e^(g_b), tau_min) relative in block b (a channel of a test); rho_i what an error of 1 is in coefficient i
-//! B       one column each: instruments within tolerance; omega df_t/db, a strength s e^b that differs a little from test to test (`own`)
+//! B       one column each: instruments within tolerance; omega s_k df_t/ds_k, a strength that differs a little from test to test
 //! ```
 //!
 //! The error of a model is few facts, however many coefficients show it. How few, and how it lies in them, goes by the kind of block:
@@ -29,13 +29,11 @@
 
 mod facts;
 mod likelihood;
-mod own;
 mod record;
 mod settings;
 mod variances;
 
 pub use facts::Counts;
-pub use own::{Deviations, standing};
 pub use record::{Record, Seen};
 pub use settings::Settings;
 pub use variances::Variances;

@@ -8,7 +8,7 @@ use crate::data::harmonic_of;
 use crate::effect::{Kind, Role};
 use crate::model::{FreeParam, System};
 use crate::parallel;
-use crate::response::{BlockKind, Coefficients, Computed, OwnStrengths, Plan, instruments};
+use crate::response::{BlockKind, Coefficients, Computed, Plan, instruments};
 
 use super::facts::smooth;
 use super::{Settings, beside};
@@ -126,24 +126,6 @@ pub struct Seen {
     pub j: DMatrix<f64>,
     /// What one part of each strength would change.
     pub strengths: DMatrix<f64>,
-    /// Names of these strengths.
-    pub names: Vec<String>,
-    /// Where the test's own strengths stand, about which the residual and all derivatives are linear.
-    pub own: OwnStrengths,
-}
-
-impl Seen {
-    /// Of made-up tests.
-    #[cfg(test)]
-    pub fn of(r: DVector<f64>, j: DMatrix<f64>) -> Seen {
-        let names = (0..j.ncols()).map(|k| format!("k{k}")).collect();
-        Seen { r, strengths: j.clone(), j, names, own: OwnStrengths::default() }
-    }
-
-    /// The own strengths as a vector, in the order of their columns.
-    pub fn standing(&self) -> DVector<f64> {
-        DVector::from_iterator(self.names.len(), self.names.iter().map(|n| self.own.of(n)))
-    }
 }
 
 impl Record {
@@ -165,9 +147,8 @@ impl Record {
         beside(&self.instruments, &(&seen.strengths * omega.exp()))
     }
 
-    /// The model in this test, from its response with derivatives at the strengths `own` of the test: its residual is that of the model's strengths, to first
-    /// order about these.
-    pub fn see(&self, plan: &Plan, computed: &Computed, system: &System, free: &[FreeParam], own: &[(String, f64)]) -> Seen {
+    /// The model in this test, from its response with derivatives.
+    pub fn see(&self, plan: &Plan, computed: &Computed, system: &System, free: &[FreeParam]) -> Seen {
         let all = plan.turned(&self.coefficients, computed, free.len());
         let j = all.columns(1, free.len()).into_owned();
         let scatters = |f: &FreeParam| {
@@ -177,17 +158,7 @@ impl Record {
         let value = |f: &FreeParam| if f.log { 1.0 } else { system.instances[f.instance].params[f.param].value };
         let which: Vec<usize> = (0..free.len()).filter(|k| scatters(&free[*k])).collect();
         let strengths = DMatrix::from_fn(j.nrows(), which.len(), |i, k| j[(i, which[k])] * value(&free[which[k]]));
-        let names: Vec<String> = which.iter().map(|k| free[*k].name.clone()).collect();
-        let mut seen = Seen { r: all.column(0).into_owned(), j, strengths, names, own: OwnStrengths::default() };
-        let stands: Vec<(usize, f64)> = own.iter().filter_map(|(n, b)| Some((seen.names.iter().position(|o| o == n)?, *b))).collect();
-        if !stands.is_empty() {
-            let along = |row: usize, (k, b): &(usize, f64)| computed.slopes[row * free.len() + which[*k]] * value(&free[which[*k]]) * b;
-            let shift = (0..plan.len()).map(|row| stands.iter().map(|s| along(row, s)).sum()).collect();
-            stands.iter().for_each(|(k, b)| seen.r -= seen.strengths.column(*k) * *b);
-            let by = stands.iter().map(|(k, b)| (seen.names[*k].clone(), *b)).collect();
-            seen.own = OwnStrengths { by, shift };
-        }
-        seen
+        Seen { r: all.column(0).into_owned(), j, strengths }
     }
 }
 

@@ -47,11 +47,6 @@ pub struct Settings {
     pub no_scatter: f64,
     /// ...and of that from which an estimate begins at least: below it the likelihood is flat.
     pub scatter_from: f64,
-    /// Nats that own strengths of a test promise at least before its response is computed there: what they promise bounds what taking it as linear
-    /// may be wrong by...
-    pub strengths_from: f64,
-    /// ...and steps towards them, each a computed response.
-    pub strengths_steps: usize,
     /// Ridge on the information of the parameters, of which the tests may not know all.
     pub ridge: f64,
     /// Lines on either side over which the size of an FRF is averaged: between resonances a model errs by what its neighbours are.
@@ -94,8 +89,6 @@ impl Default for Settings {
             own_points: 41,
             no_scatter: -6.2,
             scatter_from: -5.3,
-            strengths_from: 2.0,
-            strengths_steps: 4,
             ridge: 1e-9,
             neighbours: 3,
             colour_lines: 50,

@@ -1,13 +1,11 @@
 //! The likelihood on made-up tests: noise alone, a model error, and what each counts as.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use nalgebra::{DMatrix, DVector};
 
-use crate::response::{BlockKind, OwnStrengths};
+use crate::response::BlockKind;
 
 use super::record::Channel;
-use super::{Deviations, Evidence, Record, Seen, Settings, Variances};
+use super::{Evidence, Record, Seen, Settings, Variances};
 
 /// Deterministic numbers of variance 1.
 fn noise(n: usize, seed: f64) -> DVector<f64> {
@@ -53,7 +51,7 @@ fn drawn(draw: usize, tests: usize, error: f64) -> Vec<Seen> {
         r[3] += error;
         let mut j = DMatrix::zeros(81, 1);
         j[(1, 0)] = 1.0;
-        Seen::of(r, j)
+        Seen { r, strengths: j.clone(), j }
     };
     (0..tests).map(of).collect()
 }
@@ -130,7 +128,7 @@ fn a_model_error_is_found_and_counts_as_few() {
 }
 
 fn v_of(e: &Evidence, error: f64) -> Variances {
-    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, own: vec![vec![0.0]; e.records.len()], strengths: Default::default() }
+    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, own: vec![vec![0.0]; e.records.len()] }
 }
 
 /// A test of one FRF in lines of equal noise and size, the residual a smooth function of the given power beside noise of exactly its size.
@@ -150,7 +148,7 @@ fn lines(smooth: f64) -> (Evidence, Vec<Seen>, DMatrix<f64>, f64) {
     let rough = &w - &basis * basis.tr_mul(&w);
     let rough = &rough * ((n - 6) as f64 * nu).sqrt() / rough.norm();
     let r = rough + basis.column(2) * (smooth * n as f64).sqrt();
-    let seen = vec![Seen::of(r, DMatrix::zeros(n, 0))];
+    let seen = vec![Seen { r, j: DMatrix::zeros(n, 0), strengths: DMatrix::zeros(n, 0) }];
     (e, seen, basis, nu)
 }
 
@@ -266,44 +264,4 @@ fn a_step_gains_what_it_promises() {
     });
     let least = -h.lu().solve(&g).unwrap();
     approx::assert_relative_eq!(promised, cost(&zero) - cost(&least), max_relative = 1e-6);
-}
-
-/// A resonance that lies beside the model's in one test of three: columns of derivatives do not lead there, the least of the response does. In tests alike
-/// nothing is computed.
-#[test]
-fn own_strengths_are_found_where_the_response_is_not_linear() {
-    let response = |b: f64| {
-        let line = |i: usize| {
-            let w = 0.8 + 0.4 * (i / 2) as f64 / 40.0;
-            let (re, im) = (b.exp() - w * w, 0.02 * w);
-            0.02 * if i.is_multiple_of(2) { re } else { -im } / (re * re + im * im)
-        };
-        DVector::from_fn(81, |i, _| line(i))
-    };
-    let e = evidence(3);
-    let computed = AtomicUsize::new(0);
-    let measured = |t: usize, by: [f64; 3]| response(by[t]) + noise(81, t as f64) * (1e-2 / 9.0);
-    let column = |b: f64| (response(b + 1e-5) - response(b - 1e-5)) / 2e-5;
-    let about = |t: usize, b: f64, by: [f64; 3]| {
-        let s = column(b);
-        let j = DMatrix::from_column_slice(81, 1, s.as_slice());
-        let own = OwnStrengths { by: vec![("k0".into(), b)], shift: vec![] };
-        Seen { own, ..Seen::of(response(b) - measured(t, by) - &s * b, j) }
-    };
-    let v = Variances { omega: (0.02f64).ln(), ..v_of(&e, 0.003) };
-    for (by, calls) in [([0.0; 3], false), ([0.0, 0.03, 0.0], true)] {
-        let see = |t: usize, own: &Deviations| {
-            computed.fetch_add(1, Ordering::Relaxed);
-            Some((about(t, own[0].1, by), ()))
-        };
-        let begun: Vec<Seen> = (0..3).map(|t| about(t, 0.0, by)).collect();
-        let flat = e.likelihood(&begun, &e.independent(), &v);
-        let settled: Vec<Seen> = e.settled(begun, &e.independent(), &v, &see).into_iter().map(|s| s.0).collect();
-        assert_eq!(computed.load(Ordering::Relaxed) > 0, calls);
-        for (t, seen) in settled.iter().enumerate() {
-            assert!((seen.standing()[0] - by[t]).abs() < 2e-3, "{t}: {} of {}", seen.standing()[0], by[t]);
-        }
-        let there = e.likelihood(&settled, &e.independent(), &v);
-        assert!(if calls { there > flat + 50.0 } else { there == flat }, "{flat} to {there}");
-    }
 }

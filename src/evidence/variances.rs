@@ -1,7 +1,5 @@
 //! The variances of a model in its tests, and their estimate.
 
-use std::sync::Arc;
-
 use super::likelihood::restricted;
 use super::record::{Channel, Part};
 use super::{Counts, Evidence, Record, Seen, Settings};
@@ -17,9 +15,6 @@ pub struct Variances {
     pub omega: f64,
     /// Error of the model in each channel of each test over the common one.
     pub own: Vec<Vec<f64>>,
-    /// Where the strengths of each test stand over those of the model ([`OwnStrengths::by`]), by which its response is taken to be linear; none
-    /// where nothing speaks for others.
-    pub strengths: Arc<Vec<Vec<(String, f64)>>>,
 }
 
 impl Variances {
@@ -33,7 +28,7 @@ impl Variances {
             compared.for_each(|i| (left, size) = (left + seen.r[i] * seen.r[i], size + record.size[i]));
         }
         let tau = if left > 0.0 && size > 0.0 { 0.5 * (left / size).ln() } else { s.least().ln() };
-        Variances { kappa: 0.0, tau, omega: (0.25 * s.scatter_most).ln(), own, strengths: Arc::default() }.bounded(s)
+        Variances { kappa: 0.0, tau, omega: (0.25 * s.scatter_most).ln(), own }.bounded(s)
     }
 
     /// Relative error of the model in each channel of a test.
@@ -57,7 +52,7 @@ impl Variances {
             (!of.is_empty()).then(|| of.iter().sum::<f64>() / of.len() as f64)
         };
         let of = |c: &Channel| mean(&|o| o.kind == c.kind && o.label == c.label).or_else(|| mean(&|_| true)).unwrap_or(0.0);
-        Variances { own: to.records.iter().map(|r| r.channels.iter().map(of).collect()).collect(), strengths: Arc::default(), ..self.clone() }
+        Variances { own: to.records.iter().map(|r| r.channels.iter().map(of).collect()).collect(), ..self.clone() }
     }
 
     /// Logarithm of the prior density, each channel's own error where it stands.
@@ -97,7 +92,6 @@ impl Variances {
             tau: self.tau + part * step[1],
             omega: self.omega + part * step[2],
             own: self.own.clone(),
-            strengths: self.strengths.clone(),
         }
     }
 }

@@ -15,7 +15,6 @@ mod geometry;
 mod modal;
 mod settling;
 mod site;
-mod strengths;
 mod transient;
 mod variation;
 
@@ -37,7 +36,6 @@ pub use family::Family;
 pub use frf::FrfPlan;
 pub use modal::{ModalPlan, TableModes};
 pub use settling::Transient;
-pub use strengths::OwnStrengths;
 pub use transient::TransientPlan;
 pub use variation::{CycleDrive, Variation};
 
@@ -120,8 +118,6 @@ pub struct Plan {
     pub tolerances: Tolerances,
     /// The covariance that the test is held against; none: sigma is all there is.
     pub covariance: Option<Arc<Covariance>>,
-    /// Strengths that are others in this test than in the model.
-    pub strengths: Option<Arc<OwnStrengths>>,
     work: Work,
 }
 
@@ -186,7 +182,6 @@ impl Plan {
             scatter: vec![],
             tolerances: Tolerances::GOOD,
             covariance: None,
-            strengths: None,
             work: Work::Energy(EnergyPlan::default()),
         };
         plan.work = match &test.record {
@@ -272,17 +267,10 @@ impl Plan {
         self.blocks.iter().map(|b| self.measured[b.range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()))).collect()
     }
 
-    /// The same test with these strengths of its own.
-    pub fn with_strengths(&self, own: OwnStrengths) -> Plan {
-        let strengths = (!own.by.is_empty()).then(|| Arc::new(own));
-        Plan { strengths, ..self.clone() }
-    }
-
-    /// Whitened residuals, computed minus measured, what strengths of its own change of them left out.
+    /// Whitened residuals, computed minus measured.
     pub fn whitened(&self, computed: &[f64]) -> DVector<f64> {
         let rows = computed.iter().zip(&self.measured).map(|(y, m)| y - m);
         let mut r = DVector::from_iterator(self.len(), rows);
-        self.strengths.iter().for_each(|own| own.taken_from(&mut r));
         self.whiten(DMatrixViewMut::from_slice(r.as_mut_slice(), self.len(), 1));
         r
     }
@@ -315,23 +303,9 @@ impl Plan {
         Ok(Bound::new(system, free, &self.id, &self.conditions)?)
     }
 
-    /// Runs the engine, at the test's own strengths where it has some.
+    /// Runs the engine.
     pub fn evaluate(&self, system: &System, free: &[FreeParam], sensitivities: bool) -> Result<Computed, ResponseError> {
-        self.evaluate_at(self.strengths.as_deref(), system, free, sensitivities)
-    }
-
-    /// The same at these strengths.
-    pub fn evaluate_at(
-        &self,
-        own: Option<&OwnStrengths>,
-        system: &System,
-        free: &[FreeParam],
-        sensitivities: bool,
-    ) -> Result<Computed, ResponseError> {
-        let of = |system: &System| {
-            geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))
-        };
-        own.map_or_else(|| of(system), |own| own.through(system, free, of))
+        geometry::through(system, free, sensitivities, |system, free, sensitivities| self.run(system, free, sensitivities))
     }
 
     /// The same of a system whose parts lie where they are drawn.

@@ -52,7 +52,7 @@ fn in_one_test_alone_nothing_scatters() {
     let scattering = |plans: &[&Plan]| {
         let evidence = Evidence::of_fitted(plans, &study.system, &Default::default());
         let computed = plans[0].evaluate(&study.system, &free, true).unwrap();
-        let seen = evidence.records[0].see(plans[0], &computed, &study.system, &free, &[]);
+        let seen = evidence.records[0].see(plans[0], &computed, &study.system, &free);
         seen.strengths.ncols()
     };
     assert!(scattering(&plans) > 0);
