@@ -216,7 +216,8 @@ impl<'a> Runner<'a> {
             let Some(outcome) = self.once(task)? else { return Ok(None) };
             let (reason, result) = match outcome {
                 Ok(result) => (None, result),
-                // It failed after all was told to stop: an interpreter that is still starting dies of Ctrl-C with a word and a code of its own.
+                // All was told to stop meanwhile. A Python that is still starting dies of that with exit code 1, as if the task had failed by itself; it is
+                // computed when the campaign goes on.
                 Err(_) if stopped() => return Ok(None),
                 Err((reason, result)) => (Some(reason), result),
             };
