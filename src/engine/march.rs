@@ -20,6 +20,7 @@ use super::spatial::{self, Joint};
 
 mod broyden;
 mod effort;
+mod exact;
 mod kept;
 mod link;
 mod method;
@@ -48,6 +49,13 @@ pub struct Loads {
     pub prescribed: Vec<(usize, Vec<[f64; 3]>)>,
     /// External general forces [N or N m].
     pub forces: Vec<(usize, Vec<f64>)>,
+}
+
+impl Loads {
+    /// Number of steps.
+    fn steps(&self) -> usize {
+        self.prescribed.first().map(|p| p.1.len()).or(self.forces.first().map(|f| f.1.len())).unwrap_or(1) - 1
+    }
 }
 
 /// The march of one model under one set of loads.
@@ -99,6 +107,8 @@ pub struct March<'a> {
     keep: bool,
     kept: kept::Kept,
     trend: Trend,
+    /// What exact steps need, of a march of these.
+    exact: Option<Box<exact::Exact>>,
     /// What hard steps have taken so far.
     effort: effort::Effort,
 }
@@ -191,6 +201,7 @@ impl<'a> March<'a> {
             keep: false,
             kept: kept::Kept::default(),
             trend: Trend::new(n),
+            exact: None,
             effort: effort::Effort::default(),
         };
         march.leave_out(&model.attached, model);
@@ -291,17 +302,9 @@ impl<'a> March<'a> {
         scale
     }
 
-    /// A step of `self.dt` that ends at the part `to` of the way to the loads at index `k`.
-    fn advance(&mut self, k: usize, to: f64, state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
-        let (dt, alpha, rates, n) = (self.dt, self.alpha, self.rates(), self.mass.len());
-        let steps = self.loads.prescribed.first().map(|p| p.1.len()).or(self.loads.forces.first().map(|f| f.1.len())).unwrap_or(1) - 1;
+    /// The loads at the part `to` of the way to those at index `k`, and the prescribed motion there into the state.
+    fn load(&mut self, k: usize, to: f64, state: &mut State) {
         let along = |before: f64, after: f64| if to < 1.0 { before + to * (after - before) } else { after };
-        let moving = self.spatial.is_some() && !alpha.still;
-        if moving {
-            self.trend.follow(dt, &self.old.w, &state.w);
-        }
-        self.uniform_history(state, columns);
-        self.old.clone_from(state);
         self.external.fill(0.0);
         for (dof, f) in &self.constant {
             self.external[*dof] += f;
@@ -309,13 +312,25 @@ impl<'a> March<'a> {
         for (dof, path) in &self.loads.forces {
             self.external[*dof] += along(path[k - 1], path[k]);
         }
-        if let Some(spatial) = &mut self.spatial {
-            spatial.begin(&self.old);
-        }
         for (dof, path) in &self.loads.prescribed {
             let [q, v, a] = [0, 1, 2].map(|i| along(path[k - 1][i], path[k][i]));
             (state.q[*dof], state.v[*dof], state.a[*dof]) = (q, v, a);
         }
+    }
+
+    /// A step of `self.dt` that ends at the part `to` of the way to the loads at index `k`.
+    fn advance(&mut self, k: usize, to: f64, state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
+        let (dt, alpha, rates, n) = (self.dt, self.alpha, self.rates(), self.mass.len());
+        let moving = self.spatial.is_some() && !alpha.still;
+        if moving {
+            self.trend.follow(dt, &self.old.w, &state.w);
+        }
+        self.uniform_history(state, columns);
+        self.old.clone_from(state);
+        if let Some(spatial) = &mut self.spatial {
+            spatial.begin(&self.old);
+        }
+        self.load(k, to, state);
         let update = |state: &mut State, old: &State, dofs: &[usize]| {
             for &d in dofs {
                 (state.w[d], state.v[d], state.a[d]) = alpha.end(dt, state.q[d], old.q[d], old.v[d], old.w[d], old.a[d]);
@@ -407,7 +422,7 @@ impl<'a> March<'a> {
             // Sensitivities take factors of their own.
             self.keep &= columns > 0 || self.kept.serve(evaluations);
             if !converged && last.0 > ACCEPTED * last.1 {
-                return Err(EngineError::NoEquilibrium { step: k, steps, residual: last.0 / last.1 });
+                return Err(EngineError::NoEquilibrium { step: k, steps: self.loads.steps(), residual: last.0 / last.1 });
             }
         }
         let stage = if columns > 0 || self.n_follower_states > 0 { Stage::Full } else { Stage::Value };

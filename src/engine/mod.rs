@@ -30,4 +30,6 @@ mod tests;
 #[cfg(test)]
 mod space_tests;
 #[cfg(test)]
+mod exact_tests;
+#[cfg(test)]
 mod space_peers;

@@ -16,14 +16,14 @@ fn body(name: &str, mass: f64) -> Body {
 }
 
 /// ground - m1 - m2 - ... with connectors c0, c1, ...
-fn chain(masses: &[f64]) -> Model {
+pub(super) fn chain(masses: &[f64]) -> Model {
     let mut bodies = vec![body("ground", 0.0)];
     bodies.extend(masses.iter().enumerate().map(|(k, m)| body(&format!("m{}", k + 1), *m)));
     let connectors = (0..masses.len()).map(|k| Connector { name: format!("c{k}"), from: k, to: k + 1 }).collect();
     Model::new(bodies, connectors).unwrap()
 }
 
-fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
+pub(super) fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
     let effect = find(name).unwrap();
     let params = effect
         .info()
@@ -35,7 +35,7 @@ fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
     Instance::new(effect, at, Site::Places(model.places_at(at).unwrap()), params)
 }
 
-fn bind(system: &System) -> Bound {
+pub(super) fn bind(system: &System) -> Bound {
     Bound::new(system, &system.free(), "t", &BTreeMap::new()).unwrap()
 }
 
@@ -107,7 +107,7 @@ fn a_jenkins_element_dissipates_four_f_times_the_slipping_amplitude() {
 }
 
 /// A system with every kind of law on a short chain.
-fn mixed(followers: bool) -> System {
+pub(super) fn mixed(followers: bool) -> System {
     let model = chain(&[0.4, 0.3, 0.5]);
     let mut instances = vec![
         instance(&model, "linear_stiffness", "c0.x", &[3000.0]),

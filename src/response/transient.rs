@@ -283,7 +283,7 @@ impl TransientPlan {
         n: usize,
         mut each: impl FnMut(usize, bool, &March, &State),
     ) -> Result<(), EngineError> {
-        let mut march = March::new(model, bound, loads, RADIUS)?;
+        let mut march = March::exact(model, bound, loads, RADIUS)?;
         let held: Vec<(usize, f64)> = loads.prescribed.iter().map(|(dof, path)| (*dof, path[0][0])).collect();
         let mut state = march.start(equilibrium(model, bound, &held, columns)?, columns);
         start.apply(&mut state, columns);

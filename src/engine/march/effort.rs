@@ -81,7 +81,11 @@ impl March<'_> {
     /// From one part of the step to another.
     fn parts(&mut self, k: usize, (from, to): (f64, f64), state: &mut State, columns: usize, force: &mut [f64]) -> Result<(), EngineError> {
         self.dt = (to - from) * self.loads.dt;
-        match self.advance(k, to, state, columns, force) {
+        let done = match self.exact.take() {
+            Some(exact) => self.advance_exactly(exact, k, (from, to), state, columns),
+            None => self.advance(k, to, state, columns, force),
+        };
+        match done {
             Err(EngineError::NoEquilibrium { .. } | EngineError::NotFinite { .. }) if to - from > LEAST_PART && self.effort.may_halve() => {
                 self.effort.halvings += 1;
                 state.clone_from(&self.old);

@@ -66,7 +66,10 @@ impl March<'_> {
             }
             Probe::Force(place) => {
                 let Some(e) = self.bound.elements.iter().position(|e| e.place == place) else { return 0.0 };
-                row(&self.h, e, d);
+                match &self.exact {
+                    Some(exact) => exact.force_slopes(self, e, state, d),
+                    None => row(&self.h, e, d),
+                }
                 self.forces[e]
             }
             Probe::Reaction(dof) => {

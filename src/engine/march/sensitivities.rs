@@ -139,38 +139,56 @@ impl March<'_> {
         if let Some(spatial) = spatial {
             self.follow_spatial(spatial, state, columns);
         }
-        for (e, element) in self.bound.elements.iter().enumerate().filter(|(e, _)| self.acts[*e]) {
-            let (link, sensed) = (&self.links[e], &self.sensed[e]);
-            let n_s = element.n_states();
+        for e in 0..self.links.len() {
+            if !self.acts[e] {
+                continue;
+            }
             if spatial.is_none() {
-                let k = {
-                    let d = sensed.inputs(0);
-                    d[0] + rates.v * d[1] + rates.a * d[2] + d[3]
-                };
+                let (link, d) = (&self.links[e], self.sensed[e].inputs(0));
+                let k = d[0] + rates.v * d[1] + rates.a * d[2] + d[3];
                 let df = &mut self.h[e * columns..(e + 1) * columns];
                 link.ends().for_each(|(dof, sign)| add_row(df, sign * k, &state.dq, dof));
                 link.ends().for_each(|(dof, sign)| add_row(&mut state.dg[dof * columns..(dof + 1) * columns], sign, df, 0));
-                if n_s > 0 {
-                    self.motion.clear(columns);
-                    for (dof, sign) in link.ends() {
-                        self.motion.add(0, sign, &state.dq, dof);
-                        self.motion.add(1, sign, &state.dv, dof);
-                        self.motion.add(2, sign, &state.da, dof);
-                        self.motion.add(3, sign, &state.dq, dof);
-                        self.motion.add(3, -sign, &self.old.dq, dof);
-                    }
-                    self.motion.states(sensed, link.s0, &self.old.ds, &mut state.ds);
-                }
+                self.follow_motion(e, state, columns);
             }
-            for (p, chain) in element.chains.iter().enumerate().filter(|_| n_s > 0 && self.by_parameter) {
-                for (theta, slope) in chain {
-                    for r in 0..n_s {
-                        state.ds[(link.s0 + r) * columns + theta] += sensed.params(1 + r)[p] * slope;
-                    }
+            self.follow_parameters(e, state, columns);
+        }
+        Ok(())
+    }
+
+    /// Sensitivities of the states of an element after a step, but for those of its own parameters.
+    fn follow_motion(&mut self, e: usize, state: &mut State, columns: usize) {
+        let (link, sensed) = (&self.links[e], &self.sensed[e]);
+        if self.bound.elements[e].n_states() == 0 {
+            return;
+        }
+        self.motion.clear(columns);
+        for (dof, sign) in link.ends() {
+            self.motion.add(0, sign, &state.dq, dof);
+            self.motion.add(1, sign, &state.dv, dof);
+            self.motion.add(2, sign, &state.da, dof);
+            self.motion.add(3, sign, &state.dq, dof);
+            self.motion.add(3, -sign, &self.old.dq, dof);
+        }
+        self.motion.states(sensed, link.s0, &self.old.ds, &mut state.ds);
+    }
+
+    /// What the parameters of an element change of its states by themselves.
+    fn follow_parameters(&self, e: usize, state: &mut State, columns: usize) {
+        let (element, s0, sensed) = (&self.bound.elements[e], self.links[e].s0, &self.sensed[e]);
+        for (p, chain) in element.chains.iter().enumerate().filter(|_| element.n_states() > 0 && self.by_parameter) {
+            for (theta, slope) in chain {
+                for r in 0..element.n_states() {
+                    state.ds[(s0 + r) * columns + theta] += sensed.params(1 + r)[p] * slope;
                 }
             }
         }
-        Ok(())
+    }
+
+    /// Sensitivities of the states of an element of a model along one axis after a step.
+    pub(super) fn follow_states(&mut self, e: usize, state: &mut State, columns: usize) {
+        self.follow_motion(e, state, columns);
+        self.follow_parameters(e, state, columns);
     }
 
     fn refresh_matrix(&mut self, spatial: Option<&Spatial>) {

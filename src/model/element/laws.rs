@@ -3,6 +3,21 @@
 use super::{Element, ForcePiece};
 
 impl Element {
+    /// What its linear laws sum up to per displacement, velocity and acceleration; nothing where they stand behind an opening.
+    pub fn linear_part(&self) -> [f64; 3] {
+        if self.opening { [0.0; 3] } else { self.linear_sum }
+    }
+
+    /// Whether a parameter is one of a linear law whose force is a part of [`Element::linear_part`].
+    pub fn is_of_linear_part(&self, p: usize) -> bool {
+        !self.opening && self.linear.iter().any(|piece| piece.p.contains(&p))
+    }
+
+    /// Whether anything acts here beyond [`Element::linear_part`].
+    pub fn is_local(&self) -> bool {
+        self.opening || !self.forces.is_empty()
+    }
+
     /// Whether both have the same laws with the same numbers and the same free parameters behind them.
     pub fn same_law(&self, other: &Element) -> bool {
         // Formulas share a name; their equations tell them apart.

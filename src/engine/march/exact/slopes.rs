@@ -1,0 +1,197 @@
+//! Direct differentiation of exact steps.
+
+use crate::effect::Inputs;
+use crate::model::{Depth, Element, ElementScratch, Sensed};
+
+use super::super::super::EngineError;
+use super::super::sensitivities::add_row;
+use super::super::{March, State};
+use super::hold::{Hold, ORDERS};
+use super::{Exact, Level, along, beyond};
+
+/// The linear laws of an element with free parameters: each of these changes the force by `k x + c v + m a`.
+pub(super) struct Source {
+    /// The element.
+    pub element: usize,
+    /// Column, and what its force is per displacement, velocity and acceleration.
+    columns: Vec<(usize, [f64; 3])>,
+}
+
+impl Source {
+    /// None where nothing of them is free.
+    pub fn of(e: usize, element: &Element) -> Option<Source> {
+        let free = |p: &usize| element.is_of_linear_part(*p) && !element.chains[*p].is_empty();
+        let free: Vec<usize> = (0..element.n_params()).filter(free).collect();
+        if free.is_empty() {
+            return None;
+        }
+        let (mut s, mut fs) = (vec![0.0; element.n_states()], vec![0.0; element.n_follower_states()]);
+        let units = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let (mut out, mut scratch) = (Sensed::default(), ElementScratch::default());
+        let mut columns: Vec<(usize, [f64; 3])> = vec![];
+        for (input, [x, v, a]) in units.into_iter().enumerate() {
+            element.tangent(&Inputs { x, v, a, dx: 0.0 }, 1.0, &mut s, &mut fs, Depth::Params, &mut out, &mut scratch);
+            for p in &free {
+                for (theta, slope) in &element.chains[*p] {
+                    let at = columns.iter().position(|c| c.0 == *theta).unwrap_or(columns.len());
+                    if at == columns.len() {
+                        columns.push((*theta, [0.0; 3]));
+                    }
+                    columns[at].1[input] += out.params(0)[*p] * slope;
+                }
+            }
+        }
+        Some(Source { element: e, columns })
+    }
+
+    /// Adds its force times `by` to the columns of a row.
+    fn add(&self, by: f64, u: &Inputs<f64>, row: &mut [f64]) {
+        self.columns.iter().for_each(|(c, force)| row[*c] += by * along(force, u));
+    }
+}
+
+/// What sources do to the end of a step, as cubics through their values and rates at both ends (Hermite); `by`: what a matrix makes of the force of an element.
+pub(super) fn bent(sources: &[Source], hold: &Hold, by: impl Fn(&[f64], usize, f64) -> Vec<f64>) -> Vec<[Vec<f64>; 4]> {
+    let cubics: [[f64; ORDERS]; 4] = [[1.0, 0.0, -3.0, 2.0], [0.0, 0.0, 3.0, -2.0], [0.0, 1.0, -2.0, 1.0], [0.0, 0.0, -1.0, 1.0]];
+    let under =
+        |c: [f64; ORDERS]| -> Vec<f64> { (0..hold.forced[0].len()).map(|i| (0..ORDERS).map(|j| c[j] * hold.forced[j][i]).sum()).collect() };
+    let matrices = cubics.map(under);
+    sources.iter().map(|s| std::array::from_fn(|b| by(&matrices[b], s.element, 1.0))).collect()
+}
+
+impl Exact {
+    /// Sensitivities of the forces of the acting elements where the march begins.
+    pub(super) fn slope_at_start(&mut self, march: &mut March, state: &State, columns: usize) {
+        for row in 0..self.acting.len() {
+            self.held(march, row, state, columns);
+            let e = self.acting[row];
+            let (d, [x, v, _]) = (&mut self.dphi[row * columns..(row + 1) * columns], beyond(&march.bound.elements[e], &march.sensed[e]));
+            for (by, du) in [(x, &state.dq), (v, &state.dv)] {
+                march.links[e].ends().for_each(|(dof, sign)| add_row(d, sign * by, du, dof));
+            }
+        }
+    }
+
+    /// The derivative of the force of an acting element at held motion, from what it was at the start of the step.
+    fn held(&mut self, march: &mut March, row: usize, old: &State, columns: usize) {
+        let e = self.acting[row];
+        let (d, link, element) = (&mut self.dphi[row * columns..(row + 1) * columns], &march.links[e], &march.bound.elements[e]);
+        march.sensed[e].find_spans();
+        let sensed = &march.sensed[e];
+        d.fill(0.0);
+        link.ends().for_each(|(dof, sign)| add_row(d, -sign * sensed.inputs(0)[3], &old.dq, dof));
+        sensed.states_at(0).for_each(|(s, by)| add_row(d, by, &old.ds, link.s0 + s));
+        // Those of linear laws are sources.
+        for (p, chain) in element.chains.iter().enumerate().filter(|(p, _)| march.by_parameter && !element.is_of_linear_part(*p)) {
+            chain.iter().for_each(|(theta, slope)| d[*theta] += sensed.params(0)[p] * slope);
+        }
+    }
+
+    /// The whole of a step.
+    pub(super) fn differentiate(&mut self, march: &mut March, level: &Level, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        let local = self.local;
+        self.fly_rows(march, level, state, columns);
+        let old = std::mem::take(&mut march.old);
+        (0..self.acting.len()).for_each(|row| self.held(march, row, &old, columns));
+        march.old = old;
+        // Of candidates that is all.
+        self.reach_rows(level, columns, local..self.acting.len());
+        self.write(march, state, columns, local..self.acting.len());
+        if local > 0 {
+            // The acting feel the motion, and the motion them.
+            for row in 0..local {
+                let (e, d) = (self.acting[row], &mut self.dphi[row * columns..(row + 1) * columns]);
+                for (by, du) in beyond(&march.bound.elements[e], &march.sensed[e]).into_iter().zip([&state.dq, &state.dv, &state.da]) {
+                    march.links[e].ends().for_each(|(dof, sign)| add_row(d, sign * by, du, dof));
+                }
+            }
+            self.tangent(march, level)?;
+            self.matrix.solve_rows(&mut self.dphi[..local * columns], columns)?;
+            self.reach_rows(level, columns, 0..local);
+            self.write(march, state, columns, 0..self.acting.len());
+        }
+        (0..local).for_each(|row| march.follow_states(self.acting[row], state, columns));
+        state.dg.fill(0.0);
+        let mut d = std::mem::take(&mut march.h);
+        d.resize(columns, 0.0);
+        for e in &self.holding {
+            self.force_slopes(march, *e, state, &mut d);
+            let ends = march.links[*e].ends().filter(|(d, _)| march.prescribed_at[*d].is_some());
+            ends.for_each(|(dof, sign)| add_row(&mut state.dg[dof * columns..(dof + 1) * columns], sign, &d, 0));
+        }
+        march.h = d;
+        Ok(())
+    }
+
+    /// Where the structure comes to, and what its linear elements change of it, into `rows`: displacements, then velocities.
+    fn fly_rows(&mut self, march: &March, level: &Level, state: &State, columns: usize) {
+        let n = self.structure.n;
+        self.rows.clear();
+        self.rows.resize(2 * n * columns, 0.0);
+        for i in 0..2 * n {
+            let out = &mut self.rows[i * columns..(i + 1) * columns];
+            for (j, d) in march.free_dofs.iter().enumerate() {
+                add_row(out, level.hold.free[2 * n * i + j], &march.old.dq, *d);
+                add_row(out, level.hold.free[2 * n * i + n + j], &march.old.dv, *d);
+            }
+            for (row, reach) in level.reach.iter().enumerate() {
+                add_row(out, reach[i], &self.old_dphi, row);
+            }
+        }
+        for (source, bent) in self.sources.iter().zip(&level.bent) {
+            let before = [&march.old.q, &march.old.v, &march.old.a].map(|u| march.relative(source.element, u));
+            let after = [&state.q, &state.v, &state.a].map(|u| march.relative(source.element, u));
+            let (dt, jerk) = (march.dt, after[2] - before[2]);
+            let rate = |u: [f64; 3]| [u[1] * dt, u[2] * dt, jerk];
+            for ([x, v, a], bent) in [before, after, rate(before), rate(after)].into_iter().zip(bent) {
+                let u = Inputs { x, v, a, dx: 0.0 };
+                (0..2 * n).for_each(|i| source.add(bent[i], &u, &mut self.rows[i * columns..(i + 1) * columns]));
+            }
+        }
+    }
+
+    /// What the forces of these acting elements at the end of the step change of `rows`.
+    fn reach_rows(&mut self, level: &Level, columns: usize, of: std::ops::Range<usize>) {
+        for row in of {
+            for (i, by) in level.reach[row].iter().enumerate() {
+                add_row(&mut self.rows[i * columns..(i + 1) * columns], *by, &self.dphi, row);
+            }
+        }
+    }
+
+    /// Sensitivities of the motion in `rows` into the state, and of the accelerations under the forces of these acting elements.
+    fn write(&self, march: &March, state: &mut State, columns: usize, of: std::ops::Range<usize>) {
+        let n = self.structure.n;
+        let pulled = |i: usize, e: usize| -> f64 { march.free_ends(e).map(|(j, s)| -s * self.structure.flexible[(i, j)]).sum() };
+        for (i, d) in march.free_dofs.iter().enumerate() {
+            let at = d * columns..(d + 1) * columns;
+            state.dq[at.clone()].copy_from_slice(&self.rows[i * columns..(i + 1) * columns]);
+            state.dv[at.clone()].copy_from_slice(&self.rows[(n + i) * columns..(n + i + 1) * columns]);
+            let out = &mut state.da[at];
+            out.fill(0.0);
+            (0..2 * n).for_each(|j| add_row(out, self.structure.rates[2 * n * i + j], &self.rows, j));
+            of.clone().for_each(|row| add_row(out, pulled(i, self.acting[row]), &self.dphi, row));
+        }
+        for source in &self.sources {
+            let u = march.inputs(source.element, state);
+            for (i, d) in march.free_dofs.iter().enumerate() {
+                source.add(pulled(i, source.element), &u, &mut state.da[d * columns..(d + 1) * columns]);
+            }
+        }
+    }
+
+    /// Sensitivities of the whole force of an element after a step.
+    pub(in super::super) fn force_slopes(&self, march: &March, e: usize, state: &State, d: &mut [f64]) {
+        if d.is_empty() {
+            return;
+        }
+        d.fill(0.0);
+        for (by, du) in march.bound.elements[e].linear_part().into_iter().zip([&state.dq, &state.dv, &state.da]) {
+            march.links[e].ends().for_each(|(dof, sign)| add_row(d, sign * by, du, dof));
+        }
+        if let Some(row) = self.acting.iter().position(|a| *a == e) {
+            add_row(d, 1.0, &self.dphi, row);
+        }
+        self.sources.iter().filter(|s| s.element == e).for_each(|s| s.add(1.0, &march.inputs(e, state), d));
+    }
+}
