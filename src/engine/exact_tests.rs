@@ -96,6 +96,7 @@ fn a_free_decay_is_exact_in_steps_of_any_length() {
 fn slopes_of_linear_laws_are_of_fourth_order() {
     let mut system = mixed(false);
     system.instances.retain(|i| matches!(i.name(), "linear_stiffness" | "viscous"));
+    system.instances.push(instance(&system.model, "added_mass", "c0.x", &[0.05]));
     let free = system.free();
     let (steps, dt) = (300, 4e-3);
     let error = |parts: usize, k: usize| {

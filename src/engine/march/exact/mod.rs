@@ -71,6 +71,9 @@ pub(super) struct Exact {
     motion: Vec<f64>,
     pull: Vec<f64>,
     rows: Vec<f64>,
+    /// Rates of the drive at both ends of the step, and of all accelerations, times the step.
+    pulls: [Vec<f64>; 2],
+    jerks: [Vec<f64>; 2],
 }
 
 impl<'a> March<'a> {
@@ -145,6 +148,8 @@ impl Exact {
             motion: vec![0.0; 2 * n],
             pull: vec![0.0; n],
             rows: vec![],
+            pulls: [vec![0.0; n], vec![0.0; n]],
+            jerks: [vec![0.0; march.mass.len()], vec![0.0; march.mass.len()]],
             acting,
         }))
     }
@@ -287,9 +292,12 @@ impl Exact {
             add_row(&mut self.motion, *phi, reach, 0);
         }
         self.pull.fill(0.0);
+        self.pulls.iter_mut().for_each(|p| p.fill(0.0));
         for drive in &self.drives {
             let c = cubic(&drive.path, k, part);
             self.pull[drive.at] += c.iter().sum::<f64>();
+            self.pulls[0][drive.at] += c[1];
+            self.pulls[1][drive.at] += c[1] + 2.0 * c[2] + 3.0 * c[3];
             for i in 0..2 * n {
                 self.motion[i] += (0..ORDERS).map(|j| level.hold.forced[j][i * n + drive.at] * c[j]).sum::<f64>();
             }

@@ -44,6 +44,10 @@ impl Source {
         Some(Source { element: e, columns })
     }
 
+    fn feels_acceleration(&self) -> bool {
+        self.columns.iter().any(|(_, by)| by[2] != 0.0)
+    }
+
     /// Adds its force times `by` to the columns of a row.
     fn add(&self, by: f64, u: &Inputs<f64>, row: &mut [f64]) {
         self.columns.iter().for_each(|(c, force)| row[*c] += by * along(force, u));
@@ -138,14 +142,38 @@ impl Exact {
                 add_row(out, reach[i], &self.old_dphi, row);
             }
         }
+        if self.sources.iter().any(Source::feels_acceleration) {
+            self.jerk(march, state);
+        }
         for (source, bent) in self.sources.iter().zip(&level.bent) {
-            let before = [&march.old.q, &march.old.v, &march.old.a].map(|u| march.relative(source.element, u));
-            let after = [&state.q, &state.v, &state.a].map(|u| march.relative(source.element, u));
-            let (dt, jerk) = (march.dt, after[2] - before[2]);
-            let rate = |u: [f64; 3]| [u[1] * dt, u[2] * dt, jerk];
-            for ([x, v, a], bent) in [before, after, rate(before), rate(after)].into_iter().zip(bent) {
+            let of = |u: &State| [&u.q, &u.v, &u.a].map(|u| march.relative(source.element, u));
+            let (before, after) = (of(&march.old), of(state));
+            let rate = |u: [f64; 3], jerk: &[f64]| [u[1] * march.dt, u[2] * march.dt, march.relative(source.element, jerk)];
+            let rates = [rate(before, &self.jerks[0]), rate(after, &self.jerks[1])];
+            for ([x, v, a], bent) in [before, after, rates[0], rates[1]].into_iter().zip(bent) {
                 let u = Inputs { x, v, a, dx: 0.0 };
                 (0..2 * n).for_each(|i| source.add(bent[i], &u, &mut self.rows[i * columns..(i + 1) * columns]));
+            }
+        }
+    }
+
+    /// Rates of the accelerations at both ends of the step, times the step: those of what is prescribed by their difference, of the acting forces too.
+    fn jerk(&mut self, march: &March, state: &State) {
+        let n = self.structure.n;
+        for (at, jerks) in [&march.old, state].into_iter().zip(0..2) {
+            let pulls = &mut self.pulls[jerks];
+            for ((e, phi), old) in self.acting[..self.local].iter().zip(&self.phi).zip(&self.old_phi) {
+                march.free_ends(*e).for_each(|(i, s)| pulls[i] -= s * (phi - old));
+            }
+            let out = &mut self.jerks[jerks];
+            for (d, _) in &march.loads.prescribed {
+                out[*d] = state.a[*d] - march.old.a[*d];
+            }
+            for (i, d) in march.free_dofs.iter().enumerate() {
+                let rates = &self.structure.rates[2 * n * i..2 * n * (i + 1)];
+                let moved = |(j, dof): (usize, &usize)| march.dt * (rates[j] * at.v[*dof] + rates[n + j] * at.a[*dof]);
+                let own: f64 = march.free_dofs.iter().enumerate().map(moved).sum();
+                out[*d] = own + (0..n).map(|j| self.structure.flexible[(i, j)] * pulls[j]).sum::<f64>();
             }
         }
     }
