@@ -161,7 +161,7 @@ impl Beginning {
 
 impl Beginning {
     /// Derivatives of the unknowns from the second derivatives of `1/2 |r|^2`, those with respect to the unknowns and those with respect to these and the
-    /// parameters, by differences of its gradient from unknown to unknown. Gauss and Newton's are right only where the model fits: where it misses a quarter of a
+    /// parameters, by differences of the slopes from unknown to unknown. Gauss and Newton's are right only where the model fits: where it misses a quarter of a
     /// record they are off by some per cent, and a fit by them crawls. `None` where the unknowns are at no minimum.
     fn curved(
         &self,
@@ -171,13 +171,14 @@ impl Beginning {
         with: &Opening,
         open: &mut impl FnMut(&Start, bool) -> Result<Opening, EngineError>,
     ) -> Result<Option<DMatrix<f64>>, EngineError> {
-        let gradient = |o: &Opening| o.slopes.tr_mul(&o.r);
-        let (here, count) = (gradient(with), z.len());
-        let mut second = DMatrix::<f64>::zeros(count, n_free + count);
+        let count = z.len();
+        // Gauss and Newton's part, and what the slopes change under the residual as it is.
+        let mut second = with.slopes.columns(n_free, count).tr_mul(&with.slopes);
         for i in (0..count).filter(|i| prior[*i] > 0.0) {
             let (mut moved, h) = (z.clone(), APART / prior[i]);
             moved[i] += h;
-            second.set_row(i, &((gradient(&open(&self.seeded(moved.as_slice(), n_free), true)?) - &here) / h).transpose());
+            let bent = (open(&self.seeded(moved.as_slice(), n_free), true)?.slopes - &with.slopes).tr_mul(&with.r) / h;
+            second.row_mut(i).iter_mut().zip(&bent).for_each(|(s, b)| *s += b);
         }
         let mut by_start = second.columns(n_free, count).into_owned();
         by_start = 0.5 * (&by_start + by_start.transpose());

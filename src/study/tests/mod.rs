@@ -25,7 +25,6 @@ mod space;
 mod tensioner;
 mod weighed;
 mod write;
-mod zz;
 
 /// The contract's first example.
 pub const ONE: &str = r#"schema = 1
