@@ -227,14 +227,23 @@ pub struct Began {
     nearer: bool,
 }
 
+/// A case fitted to its fit tests in the time steps that it has, from where [`approached`] leads; and whether that led anywhere.
+///
+/// # Errors
+/// As [`Case::fit_system`].
+pub fn led(case: &Case, monitor: &Monitor) -> Result<(Fitted, bool), DiagnoseError> {
+    let nearer = approached(case, monitor)?;
+    let fitted = case.fit_system(nearer.as_ref().unwrap_or(&case.system), case.plans_of(SplitName::Fit), monitor)?;
+    Ok((fitted, nearer.is_some()))
+}
+
 /// Fits a case to its fit tests.
 ///
 /// # Errors
 /// As [`Case::fit_system`].
 pub fn begin(case: &Case, monitor: &Monitor) -> Result<Began, DiagnoseError> {
     let mut case = case.clone();
-    let nearer = approached(&case, monitor)?;
-    let mut fitted = case.fit_system(nearer.as_ref().unwrap_or(&case.system), case.plans_of(SplitName::Fit), monitor)?;
+    let (mut fitted, nearer) = led(&case, monitor)?;
     // Finer steps take the longest evaluations of all: they are given up, and not gone on with, when it is time to stop.
     let finer = parallel::watched(&monitor.watch(), || case.refined(&fitted.system));
     if let Some(finer) = finer.filter(|_| !monitor.stops()) {
@@ -243,7 +252,7 @@ pub fn begin(case: &Case, monitor: &Monitor) -> Result<Began, DiagnoseError> {
         let single = Case { starts: 1, ..case.clone() };
         fitted = single.fit_system(&fitted.system, case.plans_of(SplitName::Fit), monitor)?;
     }
-    Ok(Began { case, fitted, nearer: nearer.is_some() })
+    Ok(Began { case, fitted, nearer })
 }
 
 /// Fits a case to its fit tests and holds every test that `splits` names against the result. The case comes back with the time steps

@@ -3,7 +3,7 @@
 
 use super::DiagnoseError;
 use super::candidates::Name;
-use super::case::{Case, begin};
+use super::case::{Case, led};
 use super::climb::{Added, Climb};
 use super::fault::of_channel;
 use super::results::{Correction, Rung};
@@ -98,7 +98,8 @@ impl Climb<'_> {
     /// The model with slack, weighed from where it stands and from its plain fit: across resonances that are displaced only the plain fit leads, and
     /// where strengths scatter between tests it leads astray, since it takes the scatter for deviations of parts.
     fn loose(&self, scale: &Scale, loose: &Case) -> Option<Weighed> {
-        let plain = begin(loose, &self.monitor.quiet()).ok().map(|began| began.fitted.system);
+        let most = loose.max_iterations.min(self.settings.race.iterations);
+        let plain = led(&Case { max_iterations: most, ..loose.clone() }, &self.monitor.quiet()).ok().map(|(fitted, _)| fitted.system);
         let starts: Vec<&System> = std::iter::once(&loose.system).chain(&plain).collect();
         let weighed = parallel::map(&starts, |start| scale.weigh(start, &self.now.v, self.monitor).ok());
         let best = weighed.into_iter().flatten().max_by(|a, b| a.likelihood.total_cmp(&b.likelihood))?;

@@ -98,7 +98,7 @@ impl Lanes for F4 {
 
 /// Whether this processor has AVX2 and fused multiply-add.
 #[cfg(target_arch = "x86_64")]
-pub(super) fn avx2() -> bool {
+pub(in crate::engine) fn avx2() -> bool {
     std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
 }
 

@@ -27,6 +27,8 @@ mod table;
 mod tests;
 
 pub use error::BlockTriError;
+#[cfg(target_arch = "x86_64")]
+pub(in crate::engine) use lanes::avx2;
 pub use layout::{Block, Layout};
 pub use levels::Levels;
 pub use matrix::{BlockTri, Entry, WeakestPivot};

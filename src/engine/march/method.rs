@@ -45,6 +45,7 @@ impl Alpha {
     }
 
     /// The same of no displacement, entry by entry: from `[q0, v0, w0, a0]` to `[w, v, a]`.
+    #[inline(always)]
     pub fn carried(&self, dt: f64, [q0, v0, w0, a0]: [&[f64]; 4], [w, v, a]: [&mut [f64]; 3]) {
         if self.still {
             [w, v, a].into_iter().for_each(|u| u.fill(0.0));

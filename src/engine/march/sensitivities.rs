@@ -4,11 +4,13 @@
 use crate::model::Sensed;
 
 use super::super::EngineError;
+#[cfg(target_arch = "x86_64")]
+use super::super::blocktri::avx2;
 use super::space::Spatial;
 use super::{March, State, add_link};
 
 /// Adds `by` times row `row` of `u` to `out`, a row of as many columns. By index: an iterator's adapters are not inlined everywhere.
-#[inline]
+#[inline(always)]
 pub(super) fn add_row(out: &mut [f64], by: f64, u: &[f64], row: usize) {
     if by == 0.0 {
         return;
@@ -32,11 +34,13 @@ impl Motion {
         }
     }
 
+    #[inline(always)]
     pub fn add(&mut self, input: usize, by: f64, u: &[f64], row: usize) {
         add_row(&mut self.0[input], by, u, row);
     }
 
     /// Sensitivities of the new states of an element whose states begin at `s0`, those of the parameters left out.
+    #[inline(always)]
     pub fn states(&self, sensed: &Sensed, s0: usize, old: &[f64], new: &mut [f64]) {
         let columns = self.0[0].len();
         for r in 0..sensed.states(0).len() {
@@ -59,7 +63,24 @@ impl March<'_> {
         done
     }
 
+    /// In the widest registers that the processor has.
     fn differentiate(&mut self, spatial: Option<&Spatial>, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,fma")]
+            fn wide(march: &mut March, spatial: Option<&Spatial>, state: &mut State, columns: usize) -> Result<(), EngineError> {
+                march.differentiated(spatial, state, columns)
+            }
+            if avx2() {
+                // SAFETY: the processor has what the function is compiled for.
+                return unsafe { wide(self, spatial, state, columns) };
+            }
+        }
+        self.differentiated(spatial, state, columns)
+    }
+
+    #[inline(always)]
+    fn differentiated(&mut self, spatial: Option<&Spatial>, state: &mut State, columns: usize) -> Result<(), EngineError> {
         let (dt, n) = (self.dt, self.mass.len());
         let rates = self.rates();
         // Parts of dw', dv', da' that do not depend on dq': stored where these will stand.
@@ -157,6 +178,7 @@ impl March<'_> {
     }
 
     /// Sensitivities of the states of an element after a step, but for those of its own parameters.
+    #[inline(always)]
     fn follow_motion(&mut self, e: usize, state: &mut State, columns: usize) {
         let (link, sensed) = (&self.links[e], &self.sensed[e]);
         if self.bound.elements[e].n_states() == 0 {
@@ -174,6 +196,7 @@ impl March<'_> {
     }
 
     /// What the parameters of an element change of its states by themselves.
+    #[inline(always)]
     fn follow_parameters(&self, e: usize, state: &mut State, columns: usize) {
         let (element, s0, sensed) = (&self.bound.elements[e], self.links[e].s0, &self.sensed[e]);
         for (p, chain) in element.chains.iter().enumerate().filter(|_| element.n_states() > 0 && self.by_parameter) {
@@ -186,6 +209,7 @@ impl March<'_> {
     }
 
     /// Sensitivities of the states of an element of a model along one axis after a step.
+    #[inline(always)]
     pub(super) fn follow_states(&mut self, e: usize, state: &mut State, columns: usize) {
         self.follow_motion(e, state, columns);
         self.follow_parameters(e, state, columns);

@@ -52,6 +52,8 @@ pub(super) struct Exact {
     acting: Vec<usize>,
     /// How many of these act.
     local: usize,
+    /// Accelerations of the free degrees of freedom per force of an acting element and of a source, a row for each of these.
+    lifts: [Vec<Vec<f64>>; 2],
     /// Elements at prescribed degrees of freedom.
     holding: Vec<usize>,
     matrix: BlockTri<f64>,
@@ -121,7 +123,10 @@ impl Exact {
         let mut acting: Vec<usize> = all().filter(|(_, e)| e.is_local()).map(|(e, _)| e).collect();
         let local = acting.len();
         acting.extend(all().filter(|(_, e)| !e.is_local() && e.n_followers() > 0).map(|(e, _)| e));
-        let sources = all().filter_map(|(e, element)| slopes::Source::of(e, element)).collect();
+        let sources: Vec<slopes::Source> = all().filter_map(|(e, element)| slopes::Source::of(e, element)).collect();
+        let lift =
+            |e: usize| -> Vec<f64> { (0..n).map(|i| march.free_ends(e).map(|(j, s)| -s * structure.flexible[(i, j)]).sum()).collect() };
+        let lifts = [acting.iter().map(|e| lift(*e)).collect(), sources.iter().map(|s| lift(s.element)).collect()];
         let holding = all().map(|(e, _)| e).filter(|e| march.links[*e].ends().any(|(d, _)| march.prescribed_at[d].is_some())).collect();
         let pairs: Vec<(usize, usize)> = (0..local).flat_map(|i| (0..local).map(move |j| (i, j))).collect();
         let layout = Arc::new(Layout::new(Levels::new(local, &pairs)?));
@@ -132,6 +137,7 @@ impl Exact {
             levels: vec![],
             sources,
             local,
+            lifts,
             holding,
             matrix: BlockTri::new(layout),
             slots,
@@ -167,12 +173,8 @@ impl Exact {
         };
         let reach: Vec<Vec<f64>> = self.acting.iter().map(|e| by(&hold.forced[0], *e, 0.5)).collect();
         let mut seen = [(); 3].map(|()| vec![0.0; local * local]);
-        for (c, other) in self.acting[..local].iter().enumerate() {
-            let z = &reach[c];
-            let acceleration = |i: usize| {
-                let pulled: f64 = march.free_ends(*other).map(|(j, s)| s * self.structure.flexible[(i, j)]).sum();
-                dot(&self.structure.rates[2 * n * i..2 * n * (i + 1)], z) - pulled
-            };
+        for (c, z) in reach[..local].iter().enumerate() {
+            let acceleration = |i: usize| dot(&self.structure.rates[2 * n * i..2 * n * (i + 1)], z) + self.lifts[0][c][i];
             for (r, e) in self.acting[..local].iter().enumerate() {
                 for (i, sign) in march.free_ends(*e) {
                     let at = r * local + c;

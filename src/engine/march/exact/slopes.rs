@@ -4,6 +4,8 @@ use crate::effect::Inputs;
 use crate::model::{Depth, Element, ElementScratch, Sensed};
 
 use super::super::super::EngineError;
+#[cfg(target_arch = "x86_64")]
+use super::super::super::blocktri::avx2;
 use super::super::sensitivities::add_row;
 use super::super::{March, State};
 use super::hold::{Hold, ORDERS};
@@ -77,6 +79,7 @@ impl Exact {
     }
 
     /// The derivative of the force of an acting element at held motion, from what it was at the start of the step.
+    #[inline(always)]
     fn held(&mut self, march: &mut March, row: usize, old: &State, columns: usize) {
         let e = self.acting[row];
         let (d, link, element) = (&mut self.dphi[row * columns..(row + 1) * columns], &march.links[e], &march.bound.elements[e]);
@@ -91,8 +94,24 @@ impl Exact {
         }
     }
 
-    /// The whole of a step.
+    /// The whole of a step, in the widest registers that the processor has.
     pub(super) fn differentiate(&mut self, march: &mut March, level: &Level, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,fma")]
+            fn wide(exact: &mut Exact, march: &mut March, level: &Level, state: &mut State, columns: usize) -> Result<(), EngineError> {
+                exact.differentiated(march, level, state, columns)
+            }
+            if avx2() {
+                // SAFETY: the processor has what the function is compiled for.
+                return unsafe { wide(self, march, level, state, columns) };
+            }
+        }
+        self.differentiated(march, level, state, columns)
+    }
+
+    #[inline(always)]
+    fn differentiated(&mut self, march: &mut March, level: &Level, state: &mut State, columns: usize) -> Result<(), EngineError> {
         let local = self.local;
         self.fly_rows(march, level, state, columns);
         let old = std::mem::take(&mut march.old);
@@ -128,6 +147,7 @@ impl Exact {
     }
 
     /// Where the structure comes to, and what its linear elements change of it, into `rows`: displacements, then velocities.
+    #[inline(always)]
     fn fly_rows(&mut self, march: &March, level: &Level, state: &State, columns: usize) {
         let n = self.structure.n;
         self.rows.clear();
@@ -179,6 +199,7 @@ impl Exact {
     }
 
     /// What the forces of these acting elements at the end of the step change of `rows`.
+    #[inline(always)]
     fn reach_rows(&mut self, level: &Level, columns: usize, of: std::ops::Range<usize>) {
         for row in of {
             for (i, by) in level.reach[row].iter().enumerate() {
@@ -188,9 +209,9 @@ impl Exact {
     }
 
     /// Sensitivities of the motion in `rows` into the state, and of the accelerations under the forces of these acting elements.
+    #[inline(always)]
     fn write(&self, march: &March, state: &mut State, columns: usize, of: std::ops::Range<usize>) {
         let n = self.structure.n;
-        let pulled = |i: usize, e: usize| -> f64 { march.free_ends(e).map(|(j, s)| -s * self.structure.flexible[(i, j)]).sum() };
         for (i, d) in march.free_dofs.iter().enumerate() {
             let at = d * columns..(d + 1) * columns;
             state.dq[at.clone()].copy_from_slice(&self.rows[i * columns..(i + 1) * columns]);
@@ -198,12 +219,12 @@ impl Exact {
             let out = &mut state.da[at];
             out.fill(0.0);
             (0..2 * n).for_each(|j| add_row(out, self.structure.rates[2 * n * i + j], &self.rows, j));
-            of.clone().for_each(|row| add_row(out, pulled(i, self.acting[row]), &self.dphi, row));
+            of.clone().for_each(|row| add_row(out, self.lifts[0][row][i], &self.dphi, row));
         }
-        for source in &self.sources {
+        for (source, lift) in self.sources.iter().zip(&self.lifts[1]) {
             let u = march.inputs(source.element, state);
-            for (i, d) in march.free_dofs.iter().enumerate() {
-                source.add(pulled(i, source.element), &u, &mut state.da[d * columns..(d + 1) * columns]);
+            for (d, by) in march.free_dofs.iter().zip(lift) {
+                source.add(*by, &u, &mut state.da[d * columns..(d + 1) * columns]);
             }
         }
     }
