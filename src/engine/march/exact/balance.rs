@@ -8,9 +8,11 @@ use super::super::sensitivities::add_row;
 use super::super::{ACCEPTED, HOVERS, March, SHORTEST, State};
 use super::{Exact, Level, along, beyond, dot};
 
-/// Residual over the forces present below which a step has converged, and below which one that no longer falls has.
+/// Residual over the forces present below which a step has converged, below which one that no longer falls has, and below which one step of Newton's method
+/// more leaves nothing: where no state has to follow it, that one is not looked at again.
 const CONVERGED: f64 = 1e-12;
 const ROUNDED: f64 = 1e-10;
+const SQUARED: f64 = 1e-7;
 
 impl Exact {
     /// The forces of the acting elements by Newton's method, and the motion under them; the residual over the forces present where none are found.
@@ -22,6 +24,10 @@ impl Exact {
         }
         for row in 0..self.local {
             self.star[row] = march.inputs(self.acting[row], state);
+        }
+        // They go on as they did.
+        for ((phi, old), before) in self.phi[..self.local].iter_mut().zip(&self.old_phi).zip(&self.before) {
+            *phi = 2.0 * old - before;
         }
         let (mut least, mut factor, mut last) = (f64::INFINITY, 1.0, 0.0);
         let mut converged = self.local == 0;
@@ -45,6 +51,7 @@ impl Exact {
                 self.newton.copy_from_slice(&self.miss);
                 self.tangent(march, level).map_err(|_| last)?;
                 self.matrix.solve(&mut self.newton).map_err(|_| last)?;
+                converged = self.stateless && last <= SQUARED;
             } else {
                 // Laws that are not smooth make full steps jump between branches.
                 factor *= 0.5;

@@ -62,8 +62,11 @@ pub(super) struct Exact {
     phi: Vec<f64>,
     dphi: Vec<f64>,
     begun: bool,
-    // Working vectors: what stood at the start of the step; displacements and velocities; forces on the free degrees of freedom.
+    /// Whether no acting element has states.
+    stateless: bool,
+    // Working vectors: what stood at the start of the step, and before it; displacements and velocities; forces on the free degrees of freedom.
     old_phi: Vec<f64>,
+    before: Vec<f64>,
     old_dphi: Vec<f64>,
     base: Vec<f64>,
     miss: Vec<f64>,
@@ -145,6 +148,8 @@ impl Exact {
             dphi: vec![],
             begun: false,
             old_phi: vec![],
+            before: vec![],
+            stateless: acting[..local].iter().all(|e| bound.elements[*e].n_states() == 0),
             old_dphi: vec![],
             base: vec![0.0; local],
             miss: vec![0.0; local],
@@ -200,8 +205,11 @@ impl Exact {
         if !self.begun {
             self.begin(march, state, columns);
         }
+        // What stood before is no guide where the length of the step changes.
+        let goes_on = self.before.len() == self.phi.len() && state.dt == march.dt;
         march.uniform_history(state, columns);
         march.old.clone_from(state);
+        self.before.clone_from(if goes_on { &self.old_phi } else { &self.phi });
         self.old_phi.clone_from(&self.phi);
         self.old_dphi.clone_from(&self.dphi);
         march.load(k, part.1, state);
