@@ -775,6 +775,8 @@ class Scoring(msgspec.Struct, kw_only=True):
     """Trials beyond which their correlation is drawn in the directions that they lie in..."""
     dependent: float | None
     """Singular value of columns of unit length below which a combination of them is numerically nothing..."""
+    directions: int
+    """...so many of which are found at once: the size of a product of matrices, which changes the time alone..."""
     draws: int
     """Draws of the null distribution of the best score."""
     entered: float | None
@@ -973,6 +975,10 @@ class Telling(msgspec.Struct, kw_only=True):
     """...so many iterations that narrow the best down..."""
     picture: int
     """...and points of its picture for each loop at most."""
+    spline_begins: list[list[float | None]]
+    """Slopes at the outer and the inner nodes, over that at rest, from which a spline is fitted: one that levels off, one that hardens..."""
+    spline_takes: float | None
+    """...and the part of the largest force at a place that it has at the largest motion there."""
     standard_errors: float | None
     """Standard errors beyond which the damping of a model differs from a constant ratio."""
     strength_reach: float | None

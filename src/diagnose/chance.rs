@@ -143,7 +143,7 @@ fn condensed(g: &DMatrix<f64>, s: &Scoring) -> DMatrix<f64> {
         if left <= s.apart * s.apart || q.ncols() >= most {
             break;
         }
-        let block = DIRECTIONS.min(most - q.ncols());
+        let block = s.directions.min(most - q.ncols());
         let mixed = DMatrix::from_fn(m, block, |_, _| rng.random_range(-1.0..1.0));
         let mut new = g * &mixed - &q * (&by * &mixed);
         // Twice is enough: what the first pass leaves of the basis is rounding.
@@ -162,9 +162,6 @@ fn condensed(g: &DMatrix<f64>, s: &Scoring) -> DMatrix<f64> {
     });
     root
 }
-
-/// Directions that are found at once: the size of a product of matrices, no setting.
-const DIRECTIONS: usize = 48;
 
 #[cfg(test)]
 mod tests {

@@ -99,7 +99,7 @@ impl<'a> Climb<'a> {
             Err(_) if trace::stopped(monitor) => scale.as_it_stands(&fitted).ok_or_else(|| "its response is not finite".to_string()),
             weighed => weighed,
         };
-        let first = first.map_err(failed)?;
+        let first = first.map_err(DiagnoseError::start_fails)?;
         let base = first.fitted.system.instances.len();
         let now = first.clone();
         Ok(Climb {
@@ -148,8 +148,8 @@ impl<'a> Climb<'a> {
         if !self.added.is_empty() {
             let mut scale = Scale::new(&self.case, &system, &self.settings);
             scale.counts = self.scale.counts.clone();
-            let now = scale.tempered(&self.now, self.monitor).map_err(failed)?;
-            self.now = scale.finished(now, self.monitor).map_err(failed)?;
+            let now = scale.tempered(&self.now, self.monitor).map_err(DiagnoseError::start_fails)?;
+            self.now = scale.finished(now, self.monitor).map_err(DiagnoseError::start_fails)?;
             self.scale = scale;
         }
         let (monitor, watch) = (self.monitor, self.watch);
@@ -229,8 +229,4 @@ fn with_slack(
         Ok(began) => (Case { worth: None, deviations: slack.clone(), ..began.case }.at(&case.system), began.fitted, slack),
         Err(_) => (case.clone(), fitted.clone(), Slack::default()),
     }
-}
-
-fn failed(reason: String) -> DiagnoseError {
-    crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)).into()
 }

@@ -1,7 +1,7 @@
 //! What can go wrong in fit and diagnosis.
 
 use crate::explain::Explain;
-use crate::identify::IdentifyError;
+use crate::identify::{EvalError, IdentifyError};
 use crate::model::ModelError;
 use crate::response::ResponseError;
 
@@ -20,6 +20,11 @@ pub enum DiagnoseError {
 }
 
 impl DiagnoseError {
+    /// A model that cannot be computed where it begins.
+    pub fn start_fails(reason: impl Into<String>) -> DiagnoseError {
+        IdentifyError::StartFails(EvalError::new(reason)).into()
+    }
+
     fn inner(&self) -> &dyn Explain {
         match self {
             DiagnoseError::Response(e) => e,

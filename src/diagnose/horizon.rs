@@ -25,9 +25,8 @@ pub fn near(
 ) -> Result<Step, DiagnoseError> {
     let points = |case: &Case| case.plans.iter().map(|(p, _)| p.len()).sum::<usize>();
     watch(&format!("out of step with a record: looking at {} of {} points, where the model can follow", points(near), points(&whole.case)));
-    let failed = |reason: String| DiagnoseError::from(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)));
     let mut scale = Scale::new(near, &near.system, &whole.settings);
-    let base = scale.begin(&near.system, monitor).map_err(failed)?;
+    let base = scale.begin(&near.system, monitor).map_err(DiagnoseError::start_fails)?;
     let mut found = step(&Against { scale: &scale, base: &base, need: None, rival: None, added, monitor, watch })?;
     let Some(taken) = found.taken.take() else { return Ok(found) };
     let pair = (taken.names.len() > 1).then(|| (taken.names.clone(), taken.weighed.fitted.system.clone()));

@@ -40,7 +40,7 @@ pub fn map(case: &Case, fitted: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str
     let mut scale = Scale::new(case, &fitted.system, settings);
     let Some(base) = scale.as_it_stands(fitted) else {
         let reason = "the response of the model is not finite";
-        return Err(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)).into());
+        return Err(DiagnoseError::start_fails(reason));
     };
     scale.counts = scale.evidence.counts(&base.seen, &base.v);
     let against = Against { scale: &scale, base: &base, need: None, rival: None, added: vec![], monitor, watch };

@@ -41,6 +41,8 @@ pub struct Scoring {
     pub draws: usize,
     /// Trials beyond which their correlation is drawn in the directions that they lie in...
     pub condensed: usize,
+    /// ...so many of which are found at once: the size of a product of matrices, which changes the time alone...
+    pub directions: usize,
     /// ...and what may be left of a column beyond these, in parts of it.
     pub apart: f64,
     /// Trials that would pass, in a draw, the level at which candidates are counted as choices: what is taken lies far out.
@@ -88,6 +90,10 @@ pub struct Telling {
     pub term_nats: f64,
     /// ...and points of its picture for each loop at most.
     pub picture: usize,
+    /// Slopes at the outer and the inner nodes, over that at rest, from which a spline is fitted: one that levels off, one that hardens...
+    pub spline_begins: [[f64; 2]; 2],
+    /// ...and the part of the largest force at a place that it has at the largest motion there.
+    pub spline_takes: f64,
     /// Part of a mode's energy below which a place is not told.
     pub energy: f64,
     /// Part of a mode's strain energy beyond which the fixture that holds it is told.
@@ -118,6 +124,7 @@ impl Default for Scoring {
             shows: 1e-4,
             draws: 10_000,
             condensed: 1000,
+            directions: 48,
             apart: 0.05,
             passing: 0.5,
             columns: 120,
@@ -146,6 +153,8 @@ impl Default for Telling {
             term: 0.03,
             term_nats: 2.0,
             picture: 200,
+            spline_begins: [[0.3, 0.6], [3.0, 1.5]],
+            spline_takes: 0.3,
             energy: 0.02,
             fixture: 0.5,
         }

@@ -108,7 +108,7 @@ pub fn projected(
     }
     if base.iter().chain(extended.iter()).any(|v| !v.is_finite()) {
         let reason = "a derivative of the response with respect to the model's own parameters is not finite";
-        return Err(crate::identify::IdentifyError::StartFails(crate::identify::EvalError::new(reason)).into());
+        return Err(DiagnoseError::start_fails(reason));
     }
     let (q, back) = decomposed(&base.select_columns(kept), s);
     let column = |t: usize| {

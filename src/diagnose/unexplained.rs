@@ -171,18 +171,14 @@ fn is_formula(instance: &Instance) -> bool {
     matches!(&instance.effect, Effect::Force(law) if law.formula().is_some())
 }
 
-/// Slopes at the outer and the inner nodes, over that at rest, from which a spline is fitted: one that levels off, one that hardens.
-const BEGUN: [[f64; 2]; 2] = [[0.3, 0.6], [3.0, 1.5]];
-/// Part of the largest force at a place that a spline has at the largest motion when its fit begins.
-const TAKEN: f64 = 0.3;
-
 /// The splines at a place that can be fitted, the one with the least error.
 fn splined(case: &Case, base: &Fitted, at: &str, places: &[usize], scales: &Scales, monitor: &Monitor) -> Option<Proof> {
+    let told = &case.search.settings.telling;
     let over = [("velocity_spline", scales.v), ("displacement_spline", scales.most.max(scales.x))];
-    let starts: Vec<_> = over.iter().flat_map(|o| BEGUN.iter().map(move |b| (*o, *b))).collect();
+    let starts: Vec<_> = over.iter().flat_map(|o| told.spline_begins.iter().map(move |b| (*o, *b))).collect();
     let fits = parallel::map(&starts, |((name, scale), [outer, inner])| {
         let effect = find(name).ok()?;
-        let strength = TAKEN * scales.f / scale;
+        let strength = told.spline_takes * scales.f / scale;
         let values = [strength, *outer, *inner, *inner, *outer, *scale];
         let params = effect.info().params.iter().zip(values).map(|(p, v)| ParamValue::of(p, v)).collect();
         let mut system = base.system.clone();
