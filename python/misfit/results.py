@@ -803,6 +803,10 @@ class Settings(msgspec.Struct, kw_only=True):
     """Relative deviation from which one is told as a correction: a per cent is within what is nominal."""
     correction_sure: float | None
     """The same in standard deviations."""
+    curved: int
+    """Directions in the space of strengths in which the curvature of a record is granted beside its slope, those in which it moves most..."""
+    curved_over: float | None
+    """...and the part of the strengths over which the curvature is taken: what they scatter by."""
     decisive: float | None
     """Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; of
     several additions one that gained less, and without which they are foretold better, is taken out; a test that separates two laws by so much

@@ -47,7 +47,7 @@ impl Evidence {
             let mut j = s.j.clone();
             j.column_iter_mut().zip(&size).for_each(|(mut c, size)| c /= *size);
             let r = DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice());
-            Gram { x: beside(&r, &j), b: beside(&record.instruments, &s.strengths) }
+            Gram { x: beside(&r, &j), b: beside(&beside(&record.instruments, &s.strengths), &s.bends) }
         };
         self.records.iter().zip(seen).map(of).collect()
     }
@@ -98,9 +98,10 @@ pub(super) fn restricted(e: &Evidence, grams: &[Gram], seen: &[Seen], counts: &C
     for (t, (record, gram)) in e.records.iter().zip(grams).enumerate() {
         let parts = record.parts(v.kappa, &v.own_errors(t, record));
         let mut b = gram.b.clone();
-        let scattering = seen[t].strengths.ncols();
-        let from = b.ncols() - scattering;
+        let (scattering, bending) = (seen[t].strengths.ncols(), seen[t].bends.ncols());
+        let from = b.ncols() - scattering - bending;
         b.columns_mut(from, scattering).scale_mut(v.omega.exp());
+        b.columns_mut(from + scattering, bending).scale_mut((2.0 * v.omega).exp() * std::f64::consts::FRAC_1_SQRT_2);
         let (inner, own) = information(gram, &b, &parts, &counts.z[t])?;
         (whole, ld) = (whole + inner, ld + own);
     }

@@ -1,10 +1,11 @@
 //! A test as the likelihood sees it, and a model in it.
 
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::data::harmonic_of;
+use crate::data::{TestKind, harmonic_of};
 use crate::effect::{Kind, Role};
 use crate::model::{FreeParam, System};
 use crate::parallel;
@@ -115,6 +116,8 @@ pub struct Record {
     pub instruments: DMatrix<f64>,
     /// Whether strengths may be others in this test than in those that they are fitted to.
     pub scatters: bool,
+    /// In how many directions of these the curvature of a record is told, and over which part of the strengths.
+    pub curved: (usize, f64),
 }
 
 /// A model in a test.
@@ -126,6 +129,9 @@ pub struct Seen {
     pub j: DMatrix<f64>,
     /// What one part of each strength would change.
     pub strengths: DMatrix<f64>,
+    /// What the square of one part of the strengths would change by their curvature, along the directions in which they move the test most: along a record
+    /// of many cycles half a radian of phase is no small angle.
+    pub bends: DMatrix<f64>,
 }
 
 impl Record {
@@ -142,9 +148,11 @@ impl Record {
         parts
     }
 
-    /// The columns that coefficients share, strengths scattering by `e^omega`.
+    /// The columns that coefficients share, strengths scattering by `w = e^omega`: instruments, `w df/ds`, and `w^2 / sqrt(2) d2f/ds2`, the standard deviation of
+    /// `1/2 s^2 d2f/ds2`.
     pub fn shared(&self, seen: &Seen, omega: f64) -> DMatrix<f64> {
-        beside(&self.instruments, &(&seen.strengths * omega.exp()))
+        let first = beside(&self.instruments, &(&seen.strengths * omega.exp()));
+        beside(&first, &(&seen.bends * ((2.0 * omega).exp() * FRAC_1_SQRT_2)))
     }
 
     /// The model in this test, from its response with derivatives.
@@ -158,7 +166,37 @@ impl Record {
         let value = |f: &FreeParam| if f.log { 1.0 } else { system.instances[f.instance].params[f.param].value };
         let which: Vec<usize> = (0..free.len()).filter(|k| scatters(&free[*k])).collect();
         let strengths = DMatrix::from_fn(j.nrows(), which.len(), |i, k| j[(i, which[k])] * value(&free[which[k]]));
-        Seen { r: all.column(0).into_owned(), j, strengths }
+        let which: Vec<FreeParam> = which.into_iter().map(|k| free[k].clone()).collect();
+        let r = all.column(0).into_owned();
+        let bends = self.bends(plan, (&r, &strengths), system, &which).unwrap_or_else(|| DMatrix::zeros(r.len(), 0));
+        Seen { r, j, strengths, bends }
+    }
+
+    /// Second differences of a record along the directions in the space of strengths in which these move it most. `None` where nothing scatters, of other
+    /// tests, and where the record cannot be computed there.
+    fn bends(
+        &self,
+        plan: &Plan,
+        (r, strengths): (&DVector<f64>, &DMatrix<f64>),
+        system: &System,
+        which: &[FreeParam],
+    ) -> Option<DMatrix<f64>> {
+        if plan.kind != TestKind::Transient || which.is_empty() {
+            return None;
+        }
+        let (directions, (count, step)) = (strengths.clone().svd(false, true).v_t?, self.curved);
+        let moved = |by: f64, k: usize| {
+            let mut moved = system.clone();
+            for (f, part) in which.iter().zip(directions.row(k).iter()) {
+                let p = &mut moved.instances[f.instance].params[f.param];
+                p.value *= 1.0 + by * part;
+            }
+            let computed = plan.evaluate(&moved, &[], false).ok().filter(|c| c.values.iter().all(|v| v.is_finite()))?;
+            Some(plan.turned(&self.coefficients, &computed, 0).column(0).into_owned())
+        };
+        let bend = |k: usize| Some((moved(step, k)? + moved(-step, k)? - r * 2.0) / (step * step));
+        let columns = (0..count.min(directions.nrows())).map(bend).collect::<Option<Vec<_>>>()?;
+        Some(DMatrix::from_columns(&columns))
     }
 }
 
@@ -186,7 +224,7 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
         }
         let noise = coefficients.noise(plan);
         let instruments = instruments(plan, &coefficients, &signal, &peaks[t]);
-        Record { coefficients, channels, noise, size, instruments, scatters: true }
+        Record { coefficients, channels, noise, size, instruments, scatters: true, curved: (settings.curved, settings.curved_over) }
     };
     let mut records = parallel::over(plans.len(), of);
     pool_noise(plans, &mut records, settings.noise_pool);

@@ -16,6 +16,10 @@ pub struct Settings {
     pub scatter_prior: f64,
     /// Largest scatter of strengths: what differs more from test to test is an error of the model, or it eats relaxation and inertia.
     pub scatter_most: f64,
+    /// Directions in the space of strengths in which the curvature of a record is granted beside its slope, those in which it moves most...
+    pub curved: usize,
+    /// ...and the part of the strengths over which the curvature is taken: what they scatter by.
+    pub curved_over: f64,
     /// Standard deviation of the logarithm of true over seen noise: a scatter of few cycles knows it to a third.
     pub noise_spread: f64,
     /// Largest factor on the noise, and one over it: what is noisier is an error of the model.
@@ -74,6 +78,8 @@ impl Default for Settings {
             model_error_spread: 0.7,
             scatter_prior: 0.02,
             scatter_most: 0.04,
+            curved: 2,
+            curved_over: 0.01,
             noise_spread: 0.3,
             noise_most: 2.0,
             noise_pool: 8.0,

@@ -2,10 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::response::BlockKind;
+use crate::response::{BlockKind, Plan};
 
 use super::record::Channel;
-use super::{Evidence, Record, Seen, Settings, Variances};
+use super::{Evidence, Record, Seen, Settings, Variances, beside};
 
 /// Deterministic numbers of variance 1.
 fn noise(n: usize, seed: f64) -> DVector<f64> {
@@ -35,6 +35,7 @@ fn evidence(tests: usize) -> Evidence {
         size: vec![1.0 / n as f64; n],
         instruments: DMatrix::zeros(n, 0),
         scatters: true,
+        curved: (2, 0.01),
     };
     Evidence { records: (0..tests).map(|_| record()).collect(), settings: Settings::default() }
 }
@@ -51,7 +52,7 @@ fn drawn(draw: usize, tests: usize, error: f64) -> Vec<Seen> {
         r[3] += error;
         let mut j = DMatrix::zeros(81, 1);
         j[(1, 0)] = 1.0;
-        Seen { r, strengths: j.clone(), j }
+        Seen { r, strengths: j.clone(), bends: DMatrix::zeros(j.nrows(), 0), j }
     };
     (0..tests).map(of).collect()
 }
@@ -148,7 +149,7 @@ fn lines(smooth: f64) -> (Evidence, Vec<Seen>, DMatrix<f64>, f64) {
     let rough = &w - &basis * basis.tr_mul(&w);
     let rough = &rough * ((n - 6) as f64 * nu).sqrt() / rough.norm();
     let r = rough + basis.column(2) * (smooth * n as f64).sqrt();
-    let seen = vec![Seen { r, j: DMatrix::zeros(n, 0), strengths: DMatrix::zeros(n, 0) }];
+    let seen = vec![Seen { r, j: DMatrix::zeros(n, 0), strengths: DMatrix::zeros(n, 0), bends: DMatrix::zeros(n, 0) }];
     (e, seen, basis, nu)
 }
 
@@ -264,4 +265,38 @@ fn a_step_gains_what_it_promises() {
     });
     let least = -h.lu().solve(&g).unwrap();
     approx::assert_relative_eq!(promised, cost(&zero) - cost(&least), max_relative = 1e-6);
+}
+
+/// A decay of sixteen cycles whose spring is 1.5 % stiffer than the model's ends half a radian ahead of it: slope and curvature together say so, the slope alone
+/// leaves the square of the angle.
+#[test]
+fn the_curvature_of_a_record_takes_what_its_slope_leaves_of_a_stiffer_spring() {
+    use crate::data::{Channel, Control, Role, Test};
+    use crate::model::{Axis, Body, Model, System};
+    let model = Model::joined(vec![Body::fixed("ground"), Body::new("m", 1.0, &[Axis::X])], &[("c", "ground", "m")]).unwrap();
+    let of = |k: f64| {
+        let sprung = System::new(model.clone()).and("linear_stiffness", "c.x", &[("k", k)]).unwrap();
+        sprung.and("viscous", "c.x", &[("c", 2.0)]).unwrap()
+    };
+    let time: Vec<f64> = (0..800).map(|k| k as f64 * 2e-3).collect();
+    let push: Vec<f64> =
+        time.iter().map(|t| if *t < 0.02 { 50.0 * (std::f64::consts::PI * t / 0.02).sin().powi(2) } else { 0.0 }).collect();
+    let test = |x: Vec<f64>| {
+        let channels = vec![Channel::new(Role::Force, "m.x", push.clone()), Channel::new(Role::Displacement, "m.x", x).with_sigma(1e-6)];
+        Plan::new(&Test::transient("decay", Control::Force, time.clone(), channels).unwrap(), &model).unwrap()
+    };
+    let stiffer = of(4060.0);
+    let plan = test(vec![0.0; 800]);
+    let plan = test(plan.evaluate(&stiffer, &[], false).unwrap().values);
+    let system = of(4000.0);
+    let record = &Evidence::new(&[&plan], &system, &Settings::default()).records[0];
+    let free = system.free();
+    let seen = record.see(&plan, &plan.evaluate(&system, &free, true).unwrap(), &system, &free);
+    assert_eq!(seen.bends.ncols(), 2);
+    let left = |columns: &DMatrix<f64>| {
+        let fitted = columns * columns.clone().svd(true, true).solve(&seen.r, 1e-12).unwrap();
+        (&seen.r - fitted).norm() / seen.r.norm()
+    };
+    let (slope, both) = (left(&seen.strengths), left(&beside(&seen.strengths, &seen.bends)));
+    assert!(slope > 0.05 && both < 0.25 * slope, "{slope} {both}");
 }

@@ -76,8 +76,9 @@ pub(super) struct Exact {
     motion: Vec<f64>,
     pull: Vec<f64>,
     rows: Vec<f64>,
-    /// Rates of the drive at both ends of the step, and of all accelerations, times the step.
+    /// Rates of the drive at both ends of the step times the step, accelerations within the step there, and their rates times the step.
     pulls: [Vec<f64>; 2],
+    within: [Vec<f64>; 2],
     jerks: [Vec<f64>; 2],
 }
 
@@ -160,6 +161,7 @@ impl Exact {
             pull: vec![0.0; n],
             rows: vec![],
             pulls: [vec![0.0; n], vec![0.0; n]],
+            within: [vec![0.0; march.mass.len()], vec![0.0; march.mass.len()]],
             jerks: [vec![0.0; march.mass.len()], vec![0.0; march.mass.len()]],
             acting,
         }))

@@ -46,10 +46,6 @@ impl Source {
         Some(Source { element: e, columns })
     }
 
-    fn feels_acceleration(&self) -> bool {
-        self.columns.iter().any(|(_, by)| by[2] != 0.0)
-    }
-
     /// Adds its force times `by` to the columns of a row.
     fn add(&self, by: f64, u: &Inputs<f64>, row: &mut [f64]) {
         self.columns.iter().for_each(|(c, force)| row[*c] += by * along(force, u));
@@ -162,12 +158,12 @@ impl Exact {
                 add_row(out, reach[i], &self.old_dphi, row);
             }
         }
-        if self.sources.iter().any(Source::feels_acceleration) {
-            self.jerk(march, state);
+        if !self.sources.is_empty() {
+            self.accelerations_within(march, state);
         }
         for (source, bent) in self.sources.iter().zip(&level.bent) {
-            let of = |u: &State| [&u.q, &u.v, &u.a].map(|u| march.relative(source.element, u));
-            let (before, after) = (of(&march.old), of(state));
+            let of = |u: &State, a: &[f64]| [&u.q, &u.v, a].map(|u| march.relative(source.element, u));
+            let (before, after) = (of(&march.old, &self.within[0]), of(state, &self.within[1]));
             let rate = |u: [f64; 3], jerk: &[f64]| [u[1] * march.dt, u[2] * march.dt, march.relative(source.element, jerk)];
             let rates = [rate(before, &self.jerks[0]), rate(after, &self.jerks[1])];
             for ([x, v, a], bent) in [before, after, rates[0], rates[1]].into_iter().zip(bent) {
@@ -177,23 +173,23 @@ impl Exact {
         }
     }
 
-    /// Rates of the accelerations at both ends of the step, times the step: those of what is prescribed by their difference, of the acting forces too.
-    fn jerk(&mut self, march: &March, state: &State) {
+    /// Accelerations just after the start of the step and just before its end, under the mean of the acting forces, and their rates times the step; those of
+    /// what is prescribed change evenly.
+    fn accelerations_within(&mut self, march: &March, state: &State) {
         let n = self.structure.n;
-        for (at, jerks) in [&march.old, state].into_iter().zip(0..2) {
-            let pulls = &mut self.pulls[jerks];
-            for ((e, phi), old) in self.acting[..self.local].iter().zip(&self.phi).zip(&self.old_phi) {
-                march.free_ends(*e).for_each(|(i, s)| pulls[i] -= s * (phi - old));
+        for (end, (at, towards)) in [(&march.old, 0.5), (state, -0.5)].into_iter().enumerate() {
+            self.within[end].copy_from_slice(&at.a);
+            for ((lift, phi), old) in self.lifts[0][..self.local].iter().zip(&self.phi).zip(&self.old_phi) {
+                march.free_dofs.iter().zip(lift).for_each(|(d, by)| self.within[end][*d] += by * towards * (phi - old));
             }
-            let out = &mut self.jerks[jerks];
             for (d, _) in &march.loads.prescribed {
-                out[*d] = state.a[*d] - march.old.a[*d];
+                self.jerks[end][*d] = state.a[*d] - march.old.a[*d];
             }
             for (i, d) in march.free_dofs.iter().enumerate() {
                 let rates = &self.structure.rates[2 * n * i..2 * n * (i + 1)];
-                let moved = |(j, dof): (usize, &usize)| march.dt * (rates[j] * at.v[*dof] + rates[n + j] * at.a[*dof]);
+                let moved = |(j, dof): (usize, &usize)| march.dt * (rates[j] * at.v[*dof] + rates[n + j] * self.within[end][*dof]);
                 let own: f64 = march.free_dofs.iter().enumerate().map(moved).sum();
-                out[*d] = own + (0..n).map(|j| self.structure.flexible[(i, j)] * pulls[j]).sum::<f64>();
+                self.jerks[end][*d] = own + (0..n).map(|j| self.structure.flexible[(i, j)] * self.pulls[end][j]).sum::<f64>();
             }
         }
     }
