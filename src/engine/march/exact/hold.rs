@@ -4,6 +4,9 @@ use nalgebra::{Cholesky, DMatrix};
 
 use crate::model::Bound;
 
+/// Largest `h^2 k / m` and `h c / m` of a step: the exponential of a stiffer one is squared so often that its rounding adds up along a record.
+const STIFFEST: f64 = 1e6;
+
 /// Orders of the polynomial along a step: a cubic.
 pub(super) const ORDERS: usize = 4;
 
@@ -59,13 +62,18 @@ pub(super) struct Hold {
 }
 
 impl Hold {
-    /// `exp` of the structure with a chain of integrators for its forces (Van Loan, IEEE Trans. Automat. Contr. 23 (1978) 395), in units of the step.
-    pub fn new(structure: &Structure, dt: f64) -> Hold {
+    /// `exp` of the structure with a chain of integrators for its forces (Van Loan, IEEE Trans. Automat. Contr. 23 (1978) 395), in units of the step. None where
+    /// the step is too long for it.
+    pub fn new(structure: &Structure, dt: f64) -> Option<Hold> {
         let n = structure.n;
         let size = 2 * n + ORDERS * n;
         let mut a = DMatrix::<f64>::zeros(size, size);
         let by_q = &structure.flexible * &structure.stiffness * (-dt * dt);
         let by_v = &structure.flexible * &structure.damping * -dt;
+        // A comparison that numbers which are none fail as well.
+        if !by_q.iter().chain(&by_v).all(|v| v.abs() <= STIFFEST) || !structure.flexible.iter().all(|v| (v * dt * dt).is_finite()) {
+            return None;
+        }
         a.view_mut((0, n), (n, n)).fill_with_identity();
         a.view_mut((n, 0), (n, n)).copy_from(&by_q);
         a.view_mut((n, n), (n, n)).copy_from(&by_v);
@@ -82,7 +90,7 @@ impl Hold {
             let entry = |(i, j): (usize, usize)| e[(i, (2 + order) * n + j)] * factorial[order] / unit(i);
             (0..2 * n).flat_map(|i| (0..n).map(move |j| (i, j))).map(entry).collect()
         });
-        Hold { dt, free, forced }
+        Some(Hold { dt, free, forced })
     }
 }
 
@@ -101,7 +109,7 @@ mod tests {
             flexible: DMatrix::from_element(1, 1, 1.0 / m),
             rates: vec![-k / m, -c / m],
         };
-        let hold = Hold::new(&structure, dt);
+        let hold = Hold::new(&structure, dt).unwrap();
         let f = [4.0, -3.0, 7.0, 5.0];
         // In time: F = sum f_j (t / dt)^j, and the coefficients p of the cubic from the highest down.
         let g: Vec<f64> = (0..4).map(|j| f[j] / dt.powi(j as i32)).collect();
@@ -121,5 +129,28 @@ mod tests {
         let v = slope(dt) + fade * ((b * w - decay * a) * cos - (a * w + decay * b) * sin);
         let row = |i: usize| hold.free[2 * i] * q0 + hold.free[2 * i + 1] * v0 + (0..4).map(|j| hold.forced[j][i] * f[j]).sum::<f64>();
         assert!((row(0) - q).abs() < 1e-13 && (row(1) - v).abs() < 1e-12, "{} {q} {} {v}", row(0), row(1));
+    }
+
+    /// A spring a thousand times too stiff for its steps keeps its energy over as many of them as a record has, and a stiffer one is left to other steps.
+    #[test]
+    fn a_stiff_spring_keeps_its_energy_over_many_steps() {
+        let of = |k: f64| Structure {
+            n: 1,
+            stiffness: DMatrix::from_element(1, 1, k),
+            damping: DMatrix::zeros(1, 1),
+            flexible: DMatrix::from_element(1, 1, 1.0),
+            rates: vec![-k, 0.0],
+        };
+        let k = 0.9e6;
+        let hold = Hold::new(&of(k), 1.0).unwrap();
+        let (mut q, mut v) = (1.0, 0.0);
+        for _ in 0..100_000 {
+            (q, v) = (hold.free[0] * q + hold.free[1] * v, hold.free[2] * q + hold.free[3] * v);
+        }
+        let energy = (k * q * q + v * v) / k;
+        assert!((energy - 1.0).abs() < 1e-4, "{energy}");
+        for k in [2e6, f64::INFINITY, f64::NAN] {
+            assert!(Hold::new(&of(k), 1.0).is_none(), "{k}");
+        }
     }
 }

@@ -86,7 +86,9 @@ impl<'a> March<'a> {
     /// A march with exact steps where the structure allows it: parts that do not turn, all with mass, and few.
     pub fn exact(model: &Model, bound: &'a Bound, loads: &'a Loads, radius: f64) -> Result<Self, EngineError> {
         let mut march = March::new(model, bound, loads, radius)?;
-        march.exact = Exact::of(&march)?.map(Box::new);
+        // A step that is too long for the exponential is left to the method for any model.
+        let exact = Exact::of(&march)?.and_then(|mut exact| exact.level(&march).map(|_| Box::new(exact)));
+        march.exact = exact;
         Ok(march)
     }
 
@@ -101,7 +103,10 @@ impl<'a> March<'a> {
     ) -> Result<(), EngineError> {
         let at = exact.level(self);
         let levels = std::mem::take(&mut exact.levels);
-        let done = exact.advance(self, &levels[at], (k, part), state, columns);
+        let done = match at {
+            Some(at) => exact.advance(self, &levels[at], (k, part), state, columns),
+            None => Err(EngineError::NotFinite { step: k }),
+        };
         exact.levels = levels;
         self.exact = Some(exact);
         done
@@ -167,13 +172,13 @@ impl Exact {
         }))
     }
 
-    /// Which level has steps as long as the one at hand; it is made where none has.
-    fn level(&mut self, march: &March) -> usize {
+    /// Which level has steps as long as the one at hand; it is made where none has. None where the step is too long for the exponential.
+    fn level(&mut self, march: &March) -> Option<usize> {
         if let Some(at) = self.levels.iter().position(|l| (l.hold.dt / march.dt - 1.0).abs() < 1e-9) {
-            return at;
+            return Some(at);
         }
         let (n, local) = (self.structure.n, self.local);
-        let hold = Hold::new(&self.structure, march.dt);
+        let hold = Hold::new(&self.structure, march.dt)?;
         // A force of an element pulls its `to` end back.
         let by = |matrix: &[f64], e: usize, factor: f64| -> Vec<f64> {
             (0..2 * n).map(|i| march.free_ends(e).map(|(j, s)| -factor * s * matrix[i * n + j]).sum()).collect()
@@ -193,7 +198,7 @@ impl Exact {
         }
         let bent = slopes::bent(&self.sources, &hold, by);
         self.levels.push(Level { hold, reach, seen, bent });
-        self.levels.len() - 1
+        Some(self.levels.len() - 1)
     }
 
     fn advance(
