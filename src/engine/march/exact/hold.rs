@@ -7,6 +7,10 @@ use crate::model::Bound;
 /// Largest `h^2 k / m` and `h c / m` of a step: the exponential of a stiffer one is squared so often that its rounding adds up along a record.
 const STIFFEST: f64 = 1e6;
 
+/// Norm of the exponent over which Taylor's series is taken, and its terms: the next is below rounding, `0.5^17 / 17!`.
+const SHORT: f64 = 0.5;
+const TERMS: usize = 16;
+
 /// Orders of the polynomial along a step: a cubic.
 pub(super) const ORDERS: usize = 4;
 
@@ -62,36 +66,66 @@ pub(super) struct Hold {
 }
 
 impl Hold {
-    /// `exp` of the structure with a chain of integrators for its forces (Van Loan, IEEE Trans. Automat. Contr. 23 (1978) 395), in units of the step. None where
-    /// the step is too long for it.
+    /// The exponential of the structure and its integrals over the forces, `W_j = integral of e^(A (1 - s)) B s^j ds`, in units of the step: Taylor's series over a
+    /// part of it that is short enough, doubled up to the whole (Al-Mohy and Higham, SIAM J. Sci. Comput. 33 (2011) 488, on such functions). None where the step is
+    /// too long.
     pub fn new(structure: &Structure, dt: f64) -> Option<Hold> {
         let n = structure.n;
-        let size = 2 * n + ORDERS * n;
-        let mut a = DMatrix::<f64>::zeros(size, size);
         let by_q = &structure.flexible * &structure.stiffness * (-dt * dt);
         let by_v = &structure.flexible * &structure.damping * -dt;
         // A comparison that numbers which are none fail as well.
         if !by_q.iter().chain(&by_v).all(|v| v.abs() <= STIFFEST) || !structure.flexible.iter().all(|v| (v * dt * dt).is_finite()) {
             return None;
         }
+        let (mut a, mut b) = (DMatrix::<f64>::zeros(2 * n, 2 * n), DMatrix::<f64>::zeros(2 * n, n));
         a.view_mut((0, n), (n, n)).fill_with_identity();
         a.view_mut((n, 0), (n, n)).copy_from(&by_q);
         a.view_mut((n, n), (n, n)).copy_from(&by_v);
-        a.view_mut((n, 2 * n), (n, n)).copy_from(&(&structure.flexible * (dt * dt)));
-        for order in 0..ORDERS - 1 {
-            a.view_mut(((2 + order) * n, (3 + order) * n), (n, n)).fill_with_identity();
+        b.view_mut((n, 0), (n, n)).copy_from(&(&structure.flexible * (dt * dt)));
+        let size = a.column_iter().map(|c| c.lp_norm(1)).fold(0.0, f64::max);
+        let doublings = (size / SHORT).log2().ceil().max(0.0) as i32;
+        a *= 0.5f64.powi(doublings);
+        b *= 0.5f64.powi(doublings);
+        let (mut e, mut w) = series(&a, &b);
+        for _ in 0..doublings {
+            (e, w) = doubled(&e, &w);
         }
-        let e = a.exp();
         // Velocities are counted per step in `a`.
         let unit = |i: usize| if i < n { 1.0 } else { dt };
         let free = (0..2 * n).flat_map(|i| (0..2 * n).map(move |j| (i, j))).map(|(i, j)| e[(i, j)] * unit(j) / unit(i)).collect();
-        let factorial = [1.0, 1.0, 2.0, 6.0];
-        let forced = std::array::from_fn(|order| {
-            let entry = |(i, j): (usize, usize)| e[(i, (2 + order) * n + j)] * factorial[order] / unit(i);
-            (0..2 * n).flat_map(|i| (0..n).map(move |j| (i, j))).map(entry).collect()
-        });
-        Some(Hold { dt, free, forced })
+        let rows = |w: &DMatrix<f64>| (0..2 * n).flat_map(|i| (0..n).map(move |j| (i, j))).map(|(i, j)| w[(i, j)] / unit(i)).collect();
+        Some(Hold { dt, free, forced: [rows(&w[0]), rows(&w[1]), rows(&w[2]), rows(&w[3])] })
     }
+}
+
+/// `e^a = sum_k a^k / k!` and `W_j = sum_k a^k b j! / (k + j + 1)!` of a small `a`.
+fn series(a: &DMatrix<f64>, b: &DMatrix<f64>) -> (DMatrix<f64>, [DMatrix<f64>; ORDERS]) {
+    let n = a.nrows();
+    let (mut power, mut driven) = (DMatrix::<f64>::identity(n, n), b.clone());
+    let mut e = power.clone();
+    // j! / (k + j + 1)!, from k = 0 on.
+    let mut parts: [f64; ORDERS] = std::array::from_fn(|j| 1.0 / (j + 1) as f64);
+    let mut w = parts.map(|part| b * part);
+    for k in 1..=TERMS {
+        power = a * &power / k as f64;
+        driven = a * &driven;
+        e += &power;
+        for (j, w) in w.iter_mut().enumerate() {
+            parts[j] /= (k + j + 1) as f64;
+            *w += &driven * parts[j];
+        }
+    }
+    (e, w)
+}
+
+/// The same of a step twice as long: `s^j` is `(t/2)^j` along its first half and `((1 + t)/2)^j` along its second.
+fn doubled(e: &DMatrix<f64>, w: &[DMatrix<f64>; ORDERS]) -> (DMatrix<f64>, [DMatrix<f64>; ORDERS]) {
+    const CHOOSE: [[f64; ORDERS]; ORDERS] = [[1.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [1.0, 2.0, 1.0, 0.0], [1.0, 3.0, 3.0, 1.0]];
+    let of = |j: usize| {
+        let second = w.iter().zip(CHOOSE[j]).map(|(w, c)| w * c);
+        second.fold(e * &w[j], |sum, w| sum + w) * 0.5f64.powi(j as i32)
+    };
+    (e * e, std::array::from_fn(of))
 }
 
 #[cfg(test)]
