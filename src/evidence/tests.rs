@@ -267,7 +267,7 @@ fn a_step_gains_what_it_promises() {
     approx::assert_relative_eq!(promised, cost(&zero) - cost(&least), max_relative = 1e-6);
 }
 
-/// A decay of sixteen cycles whose spring is 1.5 % stiffer than the model's ends half a radian ahead of it: slope and curvature together say so, the slope alone
+/// A decay of sixteen cycles whose spring is 1.5 % stiffer than the model's ends three quarters of a radian ahead of it: slope and curvature together say so, the slope alone
 /// leaves the square of the angle.
 #[test]
 fn the_curvature_of_a_record_takes_what_its_slope_leaves_of_a_stiffer_spring() {

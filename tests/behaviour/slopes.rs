@@ -181,7 +181,7 @@ m = "0.5 kg"
 
 #[test]
 fn a_transient_record() {
-    // From rest: where a record begins in motion, what is estimated of its beginning has the slopes of Gauss and Newton, which are exact where the model fits.
+    // From rest: the slopes of a beginning in motion are by differences, and have a test of their own (`response::beginning`).
     // Finely sampled: slopes to springs, dampers and masses are of fourth order in the step (`engine::exact_tests`), all others those of the steps themselves.
     let mut from_rest = String::from("t,x,F\n");
     for k in 0..3001 {

@@ -67,7 +67,7 @@ pub(super) struct Hold {
 
 impl Hold {
     /// The exponential of the structure and its integrals over the forces, `W_j = integral of e^(A (1 - s)) B s^j ds`, in units of the step: Taylor's series over a
-    /// part of it that is short enough, doubled up to the whole (Al-Mohy and Higham, SIAM J. Sci. Comput. 33 (2011) 488, on such functions). None where the step is
+    /// part of it that is short enough, doubled up to the whole (Skaflestad and Wright, Appl. Numer. Math. 59 (2009) 783). None where the step is
     /// too long.
     pub fn new(structure: &Structure, dt: f64) -> Option<Hold> {
         let n = structure.n;
