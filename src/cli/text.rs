@@ -114,7 +114,15 @@ pub(super) fn errors(model: &[OwnError], scatter: &[ScatterOf], noise: f64) -> S
         return String::new();
     }
     let each: Vec<String> = model.iter().map(|m| format!("{} of {} ({})", percent(m.relative), m.channel, m.kind)).collect();
-    let scatter = scatter.first().map_or(String::new(), |s| format!("; strengths scatter between tests by {}", percent(s.relative)));
+    let kinds: Vec<&ScatterOf> = scatter.iter().take_while(|s| s.parameter == scatter[0].parameter).collect();
+    let scatter = match kinds.as_slice() {
+        [] => String::new(),
+        [all] => format!("; strengths scatter between tests by {}", percent(all.relative)),
+        kinds => {
+            let each: Vec<String> = kinds.iter().map(|s| format!("{} ({})", percent(s.relative), s.kind)).collect();
+            format!("; strengths scatter between tests by {}", each.join(", "))
+        }
+    };
     // A model errs more in some harmonics than in others, which the estimate takes from the noise: a factor below 1 says nothing.
     let noise = if noise > 1.0 { format!("; the noise is {} times what was seen or stated", significant(noise, 2)) } else { String::new() };
     format!("Model error: {}{scatter}{noise}.\n", each.join(", "))

@@ -154,7 +154,7 @@ impl<'a> Climb<'a> {
         }
         let (monitor, watch) = (self.monitor, self.watch);
         let near = in_step(&self.scale.case.at(&self.now.fitted.system), monitor)?;
-        self.offered = if near.is_none() && self.errs() { self.offer() } else { None };
+        self.offered = if near.is_none() && self.errs(&self.now) { self.offer() } else { None };
         let rival = self.offered.as_ref().map(|o| o.gain);
         let added = self.added.iter().map(|a| &a.name).collect();
         let found = match near {

@@ -108,7 +108,8 @@ impl<'a> HeldOutTests<'a> {
         };
         let all: Vec<f64> = (0..points).map(&mut density).collect();
         let best = (0..points).max_by(|a, b| all[*a].total_cmp(&all[*b]));
-        best.map_or(f64::INFINITY, |k| Variances { tau: at(k), ..v }.model_error(&self.evidence))
+        v.tau = at(best.unwrap_or(0));
+        if best.is_some() { v.model_error(&self.evidence) } else { f64::INFINITY }
     }
 
     /// Two models beside each other.

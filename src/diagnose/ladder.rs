@@ -1,8 +1,9 @@
 //! The ladder: score, weigh, add, take out, exchange, until nothing gains more than it costs; then the held-out tests have the last word.
 
-use crate::effect::{Dim, Role};
+use crate::effect::Dim;
+use crate::evidence::{Record, scatters};
 use crate::identify::Monitor;
-use crate::model::System;
+use crate::model::{FreeParam, System};
 use crate::parallel;
 use crate::response::Plan;
 
@@ -430,17 +431,24 @@ impl Scale {
         list.into_iter().map(|(m, n)| OwnError { relative: (m.relative / n).sqrt(), ..m }).collect()
     }
 
-    /// How much each strength differs from test to test; none in one test.
+    /// How much each strength differs from test to test, in tests of every kind; none in one test.
     pub fn scatter(&self, w: &Weighed) -> Vec<ScatterOf> {
         if self.evidence.records.len() < 2 {
             return vec![];
         }
         let system = &w.fitted.system;
-        let strength = |f: &&crate::model::FreeParam| {
-            let info = system.instances[f.instance].effect.info();
-            info.role == Role::Force && info.params.get(f.param).is_some_and(|p| p.kind == crate::effect::Kind::Strength)
+        let mut kinds: Vec<&Record> = vec![];
+        for record in &self.evidence.records {
+            if kinds.iter().all(|k| k.kind != record.kind) {
+                kinds.push(record);
+            }
+        }
+        let free = w.fitted.free.iter().filter(|f| scatters(system, f));
+        let of = |f: &FreeParam, of: &Record| ScatterOf {
+            parameter: f.name.clone(),
+            kind: of.kind.word().into(),
+            relative: w.v.scatter(of).exp(),
         };
-        let of = |f: &crate::model::FreeParam| ScatterOf { parameter: f.name.clone(), relative: w.v.omega.exp() };
-        w.fitted.free.iter().filter(strength).map(of).collect()
+        free.flat_map(|f| kinds.iter().map(move |k| of(f, k))).collect()
     }
 }

@@ -58,19 +58,28 @@ impl Climb<'_> {
             return None;
         }
         (self.watch)(&format!("weighing {} deviations of what the study ties or fixes", slack.len()));
-        let system = present.with(self.base, given.instances[self.base..].to_vec());
-        let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
-        let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
-        let weighed = self.loose(&scale, &loose)?;
-        // Its parameters are paid for by their widths.
-        let gain = weighed.likelihood - self.now.likelihood;
-        Some(Offer { gain, slack, scale, weighed })
+        let offer = |given: &System, slack: Slack| {
+            let system = present.with(self.base, given.instances[self.base..].to_vec());
+            let scale = Scale { case: Case { deviations: slack.clone(), ..self.scale.case.clone() }, ..self.scale.again() };
+            let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
+            let weighed = self.loose(&scale, &loose)?;
+            // Its parameters are paid for by their widths.
+            Some(Offer { gain: weighed.likelihood - self.now.likelihood, slack, scale, weighed })
+        };
+        // Mass between the nodes is an oscillator at every spring and every node: it is part of slack where that gains by it.
+        let Some((fewer, lumped)) = slack.lumped(&given) else { return offer(&given, slack) };
+        let small = offer(&fewer, lumped);
+        if small.as_ref().is_some_and(|o| !self.errs(&o.weighed)) {
+            return small;
+        }
+        let least = small.as_ref().map_or(f64::NEG_INFINITY, |o| o.gain + s.tie);
+        offer(&given, slack).filter(|whole| whole.gain > least).or(small)
     }
 
-    /// Whether the model errs by more than slack could be worth.
-    pub fn errs(&self) -> bool {
+    /// Whether a model errs by more than slack could be worth.
+    pub fn errs(&self, weighed: &Weighed) -> bool {
         let (s, e) = (&self.settings, &self.settings.evidence);
-        self.now.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least
+        weighed.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least
     }
 
     /// Gives slack where that gains more than what a step has found, by a tie: an effect is the smaller statement. It then stands in every model that
@@ -78,7 +87,7 @@ impl Climb<'_> {
     pub fn slacken(&mut self, step: &Step) -> bool {
         let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
         // What strengths scatter between tests may hide the error of a model, and an effect is believed beside what a structure has anyway.
-        if step.taken.is_none() && !self.errs() {
+        if step.taken.is_none() && !self.errs(&self.now) {
             return false;
         }
         let Some(Offer { gain, slack, scale, weighed }) = self.offered.take().or_else(|| self.offer()) else { return false };

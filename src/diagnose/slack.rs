@@ -279,6 +279,22 @@ impl Slack {
         self.members.is_empty()
     }
 
+    /// The same without mass between the nodes, and a system without what stands for it; none where there is none. What a system has of deviations stands
+    /// at its end.
+    pub fn lumped(&self, system: &System) -> Option<(System, Slack)> {
+        let stays = |m: &&Member| ![BETWEEN, NODES].contains(&m.parameter);
+        let kept: Vec<Member> = self.members.iter().filter(stays).cloned().collect();
+        let first = self.members.first()?.instance;
+        if kept.len() == self.members.len() || kept.is_empty() {
+            return None;
+        }
+        let mut fewer = system.clone();
+        fewer.instances.truncate(first);
+        fewer.instances.extend(kept.iter().map(|m| system.instances[m.instance].clone()));
+        let members = kept.into_iter().enumerate().map(|(k, m)| Member { instance: first + k, ..m }).collect();
+        Some((fewer, Slack { members }))
+    }
+
     /// How many instances of the system they are.
     pub fn instances(&self) -> usize {
         self.members.len()

@@ -1,33 +1,78 @@
 //! The likelihood of a model's residuals, and the restricted one by which variances are estimated.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
-use super::record::Part;
+use super::record::{Alike, Part};
 use super::{Counts, Evidence, Record, Seen, Variances, beside};
 
-/// A test with its columns `X = [r, J / ||J||]` and `B`.
+/// A test with its columns `X = [r, J / ||J||]` and `B`. What varies alike has the same weight `w` under all variances, and `w X'X = w R'R` with the
+/// triangular factor R of its rows: of a record of thousands of samples as many rows are left as it has columns.
 pub struct Gram {
     x: DMatrix<f64>,
     b: DMatrix<f64>,
+    /// Rows of every lot of coefficients.
+    rows: Vec<Range<usize>>,
+    alike: Vec<Alike>,
 }
 
-/// `(X'V^-1X, ln|V|)` of a test whose coefficients vary by these parts, counted `z` times.
-fn information(gram: &Gram, b: &DMatrix<f64>, parts: &[Part], z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
-    let w = weights(parts, z);
-    let mut ld: f64 = parts.iter().zip(z.iter()).map(|(p, z)| p.level(*z)).sum();
+impl Gram {
+    fn of(record: &Record, z: &DVector<f64>, x: &DMatrix<f64>, b: &DMatrix<f64>) -> Gram {
+        let (all, alike) = (beside(x, b), record.alike(z));
+        let mut parts = Vec::new();
+        for lot in &alike {
+            let own = all.select_rows(&lot.members);
+            parts.push(if own.nrows() > own.ncols() { own.qr().r() } else { own });
+        }
+        let (mut rows, mut at) = (Vec::new(), 0);
+        let mut whole = DMatrix::zeros(parts.iter().map(|p| p.nrows()).sum(), all.ncols());
+        for part in &parts {
+            whole.rows_mut(at, part.nrows()).copy_from(part);
+            rows.push(at..at + part.nrows());
+            at += part.nrows();
+        }
+        Gram { x: whole.columns(0, x.ncols()).into_owned(), b: whole.columns(x.ncols(), b.ncols()).into_owned(), rows, alike }
+    }
+
+    /// `(X'V^-1X, ln|V|)` under a covariance, coefficients with the same in common: `b`.
+    fn information(&self, b: &DMatrix<f64>, record: &Record, v: (f64, &[f64]), z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
+        let (mut w, mut ld) = (DVector::zeros(self.x.nrows()), 0.0);
+        for (lot, rows) in self.alike.iter().zip(&self.rows) {
+            let (part, z) = (record.part(lot.channel, lot.members[0], v.0, v.1[lot.channel]), z[lot.members[0]]);
+            w.rows_mut(rows.start, rows.len()).fill(1.0 / part.variance(z));
+            ld += lot.members.len() as f64 * part.level(z);
+        }
+        information((&self.x, b), &w, ld)
+    }
+}
+
+/// `(X'V^-1X, ln|V|)` of columns X under weights and columns B in common.
+fn information((x, b): (&DMatrix<f64>, &DMatrix<f64>), w: &DVector<f64>, mut ld: f64) -> Option<(DMatrix<f64>, f64)> {
     let weighed = |m: &DMatrix<f64>| {
         let mut m = m.clone();
-        m.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
+        m.column_iter_mut().for_each(|mut c| c.component_mul_assign(w));
         m
     };
-    let (xw, bw) = (weighed(&gram.x), weighed(b));
-    let mut inner = bw.transpose() * b;
+    let (xw, bw) = (weighed(x), weighed(b));
+    let mut inner = bw.tr_mul(b);
     (0..inner.nrows()).for_each(|k| inner[(k, k)] += 1.0);
     let factor = inner.cholesky()?;
-    let u = factor.l().solve_lower_triangular(&(bw.transpose() * &gram.x))?;
+    let u = factor.l().solve_lower_triangular(&bw.tr_mul(x))?;
     ld += 2.0 * factor.l().diagonal().iter().map(|v| v.ln()).sum::<f64>();
-    let whole = xw.transpose() * &gram.x - u.transpose() * u;
+    let whole = xw.tr_mul(x) - u.tr_mul(&u);
     Some((whole, ld)).filter(|(m, ld)| ld.is_finite() && m.iter().all(|v| v.is_finite()))
+}
+
+/// The same of a test whose coefficients vary by these parts, counted `z` times.
+fn of_parts(x: &DMatrix<f64>, b: &DMatrix<f64>, parts: &[Part], z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
+    let ld: f64 = parts.iter().zip(z.iter()).map(|(p, z)| p.level(*z)).sum();
+    information((x, b), &weights(parts, z), ld)
+}
+
+/// A residual as a column.
+fn column(r: &DVector<f64>) -> DMatrix<f64> {
+    DMatrix::from_column_slice(r.len(), 1, r.as_slice())
 }
 
 /// Weight of each residual's square, z over its variance; 0 where a coefficient is not compared.
@@ -36,20 +81,20 @@ fn weights(parts: &[Part], z: &DVector<f64>) -> DVector<f64> {
 }
 
 impl Evidence {
-    pub(super) fn grams(&self, seen: &[Seen]) -> Vec<Gram> {
+    pub(super) fn grams(&self, seen: &[Seen], counts: &Counts) -> Vec<Gram> {
         let parameters = seen.first().map_or(0, |s| s.j.ncols());
         // Parameters in units in which they all matter alike.
         let size: Vec<f64> = (0..parameters)
             .map(|k| seen.iter().zip(&self.records).map(|(s, r)| s.j.column(k).norm_squared() / r.size.iter().sum::<f64>()).sum::<f64>())
             .map(|s| if s > 0.0 && s.is_finite() { s.sqrt() } else { 1.0 })
             .collect();
-        let of = |(record, s): (&Record, &Seen)| {
+        let of = |((record, s), z): ((&Record, &Seen), &DVector<f64>)| {
             let mut j = s.j.clone();
             j.column_iter_mut().zip(&size).for_each(|(mut c, size)| c /= *size);
-            let r = DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice());
-            Gram { x: beside(&r, &j), b: beside(&beside(&record.instruments, &s.strengths), &s.bends) }
+            let b = beside(&beside(&record.instruments, &s.strengths), &s.bends);
+            Gram::of(record, z, &beside(&column(&s.r), &j), &b)
         };
-        self.records.iter().zip(seen).map(of).collect()
+        self.records.iter().zip(seen).zip(&counts.z).map(of).collect()
     }
 
     /// `l_z` of the residuals, the prior of the variances with it.
@@ -57,8 +102,8 @@ impl Evidence {
         let mut sum = self.prior(counts, v);
         for (t, (record, s)) in self.records.iter().zip(seen).enumerate() {
             let parts = record.parts(v.kappa, &v.own_errors(t, record));
-            let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
-            let Some((inner, ld)) = information(&gram, &record.shared(s, v.omega), &parts, &counts.z[t]) else { return f64::NEG_INFINITY };
+            let shared = record.shared(s, v.scatter(record));
+            let Some((inner, ld)) = of_parts(&column(&s.r), &shared, &parts, &counts.z[t]) else { return f64::NEG_INFINITY };
             sum -= 0.5 * (ld + inner[(0, 0)]);
         }
         sum
@@ -71,8 +116,7 @@ impl Evidence {
         let of = |t: usize| {
             let (record, s) = (&self.records[t], &seen[t]);
             let parts = record.parts(v.kappa, &v.own_errors(t, record));
-            let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
-            information(&gram, &record.shared(s, v.omega), &parts, &counts.z[t]).map_or(0.0, |(inner, _)| inner[(0, 0)])
+            of_parts(&column(&s.r), &record.shared(s, v.scatter(record)), &parts, &counts.z[t]).map_or(0.0, |(inner, _)| inner[(0, 0)])
         };
         (0..self.records.len()).map(of).sum()
     }
@@ -84,8 +128,8 @@ impl Evidence {
             let (record, s) = (&self.records[t], &seen[t]);
             let parts = record.parts(v.kappa.max(0.0), &vec![0.0; record.channels.len()]);
             let parts: Vec<Part> = parts.into_iter().map(|p| Part { colour: 1.0, ..p }).collect();
-            let gram = Gram { x: DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice()), b: DMatrix::zeros(0, 0) };
-            information(&gram, &record.shared(s, v.omega), &parts, &counts.z[t]).map_or(f64::INFINITY, |(inner, _)| inner[(0, 0)])
+            of_parts(&column(&s.r), &record.shared(s, v.scatter(record)), &parts, &counts.z[t])
+                .map_or(f64::INFINITY, |(inner, _)| inner[(0, 0)])
         };
         ((0..self.records.len()).map(of).sum::<f64>() / counts.n.max(1.0)).sqrt()
     }
@@ -96,13 +140,12 @@ pub(super) fn restricted(e: &Evidence, grams: &[Gram], seen: &[Seen], counts: &C
     let p = grams.first()?.x.ncols();
     let (mut whole, mut ld) = (DMatrix::zeros(p, p), 0.0);
     for (t, (record, gram)) in e.records.iter().zip(grams).enumerate() {
-        let parts = record.parts(v.kappa, &v.own_errors(t, record));
         let mut b = gram.b.clone();
         let (scattering, bending) = (seen[t].strengths.ncols(), seen[t].bends.ncols());
-        let from = b.ncols() - scattering - bending;
-        b.columns_mut(from, scattering).scale_mut(v.omega.exp());
-        b.columns_mut(from + scattering, bending).scale_mut((2.0 * v.omega).exp() * std::f64::consts::FRAC_1_SQRT_2);
-        let (inner, own) = information(gram, &b, &parts, &counts.z[t])?;
+        let (from, w) = (b.ncols() - scattering - bending, v.scatter(record).exp());
+        b.columns_mut(from, scattering).scale_mut(w);
+        b.columns_mut(from + scattering, bending).scale_mut(w * w * std::f64::consts::FRAC_1_SQRT_2);
+        let (inner, own) = gram.information(&b, record, (v.kappa, &v.own_errors(t, record)), &counts.z[t])?;
         (whole, ld) = (whole + inner, ld + own);
     }
     let mut k = whole.view((1, 1), (p - 1, p - 1)).into_owned();
@@ -119,9 +162,8 @@ impl Evidence {
         let n = seen.first()?.j.ncols();
         let mut whole = DMatrix::zeros(n + 1, n + 1);
         for (t, (record, s)) in self.records.iter().zip(seen).enumerate() {
-            let r = DMatrix::from_column_slice(s.r.len(), 1, s.r.as_slice());
-            let gram = Gram { x: beside(&r, &s.j), b: DMatrix::zeros(0, 0) };
-            whole += information(&gram, &record.shared(s, v.omega), &record.parts(v.kappa, &v.own_errors(t, record)), &counts.z[t])?.0;
+            let (shared, parts) = (record.shared(s, v.scatter(record)), record.parts(v.kappa, &v.own_errors(t, record)));
+            whole += of_parts(&beside(&column(&s.r), &s.j), &shared, &parts, &counts.z[t])?.0;
         }
         for (k, value, mean, sigma) in priors {
             whole[(k + 1, k + 1)] += sigma.powi(-2);
@@ -141,8 +183,8 @@ pub(super) fn cleaned(record: &Record, seen: &Seen, parts: &[Part], z: &DVector<
     let w = weights(parts, z);
     let mut bw = b.clone();
     bw.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
-    let mut inner = bw.transpose() * &b;
+    let mut inner = bw.tr_mul(&b);
     (0..inner.nrows()).for_each(|k| inner[(k, k)] += 1.0);
     let Some(factor) = inner.cholesky() else { return seen.r.clone() };
-    &seen.r - &b * factor.solve(&(bw.transpose() * &seen.r))
+    &seen.r - &b * factor.solve(&bw.tr_mul(&seen.r))
 }

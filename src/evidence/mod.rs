@@ -7,7 +7,8 @@
 //! y_t - f_t(theta) ~ N(0, V_t),  V_t = noise + model error + B B'
 //! noise   nu_i, by the spectrum of the scatter between cycles, by coherence, or as stated; kappa^2 its unknown scale in loops and records
 //! error   tau_b^2 rho_i, tau_b = max(tau e^(g_b), tau_min) relative in block b (a channel of a test); rho_i what an error of 1 is in coefficient i
-//! B       one column each: instruments within tolerance; omega s_k df_t/ds_k, a strength that differs a little from test to test
+//! B       one column each: instruments within tolerance; w s_k df_t/ds_k, a strength that differs a little from test to test,
+//!         w = e^(omega + a_kind): an FRF is a mean of many averages, a record one event
 //! ```
 //!
 //! The error of a model is few facts, however many coefficients show it. How few, and how it lies in them, goes by the kind of block:
@@ -18,10 +19,10 @@
 //! others  the error lies anywhere, and a coefficient of which it holds the part p = tau^2 rho / d counts as z = 1 - p (1 - z0) facts, d = kappa^2 nu +
 //!         tau^2 rho: the coarsened posterior of Miller and Dunson, J. Am. Stat. Assoc. 114, 2019. It adds  z (ln d + r^2 / d), and what does not
 //!         count is noise as it was seen beside that error: (1 - z) (ln kappa^2 + 1 / kappa^2)
-//! l_z     -1/2 [ sum of these + ln|I + B'W B| - (B'W r)'(I + B'W B)^-1 (B'W r) ] + ln prior(kappa, tau, omega, g),  W = diag(1 / D or z / d)
+//! l_z     -1/2 [ sum of these + ln|I + B'W B| - (B'W r)'(I + B'W B)^-1 (B'W r) ] + ln prior(kappa, tau, omega, a, g),  W = diag(1 / D or z / d)
 //! ```
 //!
-//! The variances `kappa, tau, omega, g` are estimated for every model anew, by the restricted likelihood (Patterson and Thompson, Biometrika
+//! The variances `kappa, tau, omega, a, g` are estimated for every model anew, by the restricted likelihood (Patterson and Thompson, Biometrika
 //! 58, 1971: the model's parameters integrated out to first order), each channel's own error g_b integrated out about where it stands (Laplace:
 //! `-1/2 ln(1 + s^2 I_b)`, I_b its Fisher information): fitted for nothing, own errors would make a quarter of pure noise a model's error. An estimate
 //! begins where all that a model leaves is its error: under small z all noise is a summit as well. Where noise rules, l_z is the ordinary likelihood. Two models
@@ -34,7 +35,7 @@ mod settings;
 mod variances;
 
 pub use facts::Counts;
-pub use record::{Record, Seen};
+pub use record::{Record, Seen, scatters};
 pub use settings::Settings;
 pub use variances::Variances;
 
@@ -75,7 +76,7 @@ impl Evidence {
             let record = &self.records[t];
             let parts = record.parts(v.kappa, &v.own_errors(t, record));
             let counted: Vec<f64> = parts.iter().zip(counts.z[t].iter()).map(|(p, z)| p.variance(*z)).collect();
-            Covariance::new(record.coefficients.clone(), &counted, &record.shared(&seen[t], v.omega))
+            Covariance::new(record.coefficients.clone(), &counted, &record.shared(&seen[t], v.scatter(record)))
         };
         (0..self.records.len()).map(of).collect()
     }

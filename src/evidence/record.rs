@@ -1,5 +1,6 @@
 //! A test as the likelihood sees it, and a model in it.
 
+use std::collections::HashMap;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
@@ -101,9 +102,17 @@ impl Part {
     }
 }
 
+/// Coefficients of a channel that vary alike.
+pub(super) struct Alike {
+    pub channel: usize,
+    pub members: Vec<usize>,
+}
+
 /// A test.
 #[derive(Clone, Debug)]
 pub struct Record {
+    /// Its kind.
+    pub kind: TestKind,
     /// How its rows become coefficients.
     pub coefficients: Coefficients,
     /// Its channels.
@@ -138,14 +147,33 @@ impl Record {
     /// What each coefficient varies by: noise of scale `e^kappa`, the model's error of each channel. Noise of FRFs is known by many averages.
     pub fn parts(&self, kappa: f64, errors: &[f64]) -> Vec<Part> {
         let mut parts: Vec<Part> = self.noise.iter().map(|n| Part { noise: *n, error: 0.0, free: 1.0, colour: 1.0, scale: 1.0 }).collect();
-        for (channel, tau) in self.channels.iter().zip(errors) {
-            channel.range.clone().for_each(|i| {
-                let scale = channel.scale(kappa);
-                let (noise, error) = (scale * self.noise[i], tau * tau * self.size[i]);
-                parts[i] = Part { noise, error, free: channel.free, colour: channel.colour, scale };
-            });
+        for (b, channel) in self.channels.iter().enumerate() {
+            channel.range.clone().for_each(|i| parts[i] = self.part(b, i, kappa, errors[b]));
         }
         parts
+    }
+
+    /// What a coefficient of a channel varies by, where the model errs by `tau`.
+    pub(super) fn part(&self, channel: usize, i: usize, kappa: f64, tau: f64) -> Part {
+        let channel = &self.channels[channel];
+        let scale = channel.scale(kappa);
+        Part { noise: scale * self.noise[i], error: tau * tau * self.size[i], free: channel.free, colour: channel.colour, scale }
+    }
+
+    /// Coefficients that are compared, in lots that vary by the same under any variances, and count as the same.
+    pub(super) fn alike(&self, z: &DVector<f64>) -> Vec<Alike> {
+        let mut lots: Vec<Alike> = Vec::new();
+        for (channel, c) in self.channels.iter().enumerate() {
+            let mut known: HashMap<[u64; 3], usize> = HashMap::new();
+            for i in c.range.clone().filter(|i| self.noise[*i].is_finite() && z[*i] > 0.0) {
+                let lot = *known.entry([self.noise[i], self.size[i], z[i]].map(f64::to_bits)).or_insert(lots.len());
+                if lot == lots.len() {
+                    lots.push(Alike { channel, members: vec![] });
+                }
+                lots[lot].members.push(i);
+            }
+        }
+        lots
     }
 
     /// The columns that coefficients share, strengths scattering by `w = e^omega`: instruments, `w df/ds`, and `w^2 / sqrt(2) d2f/ds2`, the standard deviation of
@@ -159,12 +187,8 @@ impl Record {
     pub fn see(&self, plan: &Plan, computed: &Computed, system: &System, free: &[FreeParam]) -> Seen {
         let all = plan.turned(&self.coefficients, computed, free.len());
         let j = all.columns(1, free.len()).into_owned();
-        let scatters = |f: &FreeParam| {
-            let info = system.instances[f.instance].effect.info();
-            self.scatters && info.role == Role::Force && info.params.get(f.param).is_some_and(|p| p.kind == Kind::Strength)
-        };
         let value = |f: &FreeParam| if f.log { 1.0 } else { system.instances[f.instance].params[f.param].value };
-        let which: Vec<usize> = (0..free.len()).filter(|k| scatters(&free[*k])).collect();
+        let which: Vec<usize> = (0..free.len()).filter(|k| self.scatters && scatters(system, &free[*k])).collect();
         let strengths = DMatrix::from_fn(j.nrows(), which.len(), |i, k| j[(i, which[k])] * value(&free[which[k]]));
         let which: Vec<FreeParam> = which.into_iter().map(|k| free[k].clone()).collect();
         let r = all.column(0).into_owned();
@@ -200,6 +224,13 @@ impl Record {
     }
 }
 
+/// Whether a parameter differs a little from test to test: the strength of a force. A mass does not.
+pub fn scatters(system: &System, f: &FreeParam) -> bool {
+    let info = system.instances[f.instance].effect.info();
+    let force = info.role == Role::Force && !["inertial", "deviation"].contains(&info.family);
+    force && info.params.get(f.param).is_some_and(|p| p.kind == Kind::Strength)
+}
+
 /// Largest reading of every channel in any test, block by block.
 fn peaks(plans: &[&Plan]) -> Vec<Vec<f64>> {
     let own: Vec<Vec<f64>> = plans.iter().map(|p| p.peaks()).collect();
@@ -224,7 +255,16 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
         }
         let noise = coefficients.noise(plan);
         let instruments = instruments(plan, &coefficients, &signal, &peaks[t]);
-        Record { coefficients, channels, noise, size, instruments, scatters: true, curved: (settings.curved, settings.curved_over) }
+        Record {
+            kind: plan.kind,
+            coefficients,
+            channels,
+            noise,
+            size,
+            instruments,
+            scatters: true,
+            curved: (settings.curved, settings.curved_over),
+        }
     };
     let mut records = parallel::over(plans.len(), of);
     pool_noise(plans, &mut records, settings.noise_pool);

@@ -16,6 +16,11 @@ pub struct Settings {
     pub scatter_prior: f64,
     /// Largest scatter of strengths: what differs more from test to test is an error of the model, or it eats relaxation and inertia.
     pub scatter_most: f64,
+    /// Standard deviation of the logarithm of the scatter in tests of one kind over the common one: an FRF is a mean of many averages, a loop of its cycles, a
+    /// record one event.
+    pub scatter_spread: f64,
+    /// Step of the pattern search along that logarithm at first.
+    pub scatter_step: f64,
     /// Directions in the space of strengths in which the curvature of a record is granted beside its slope, those in which it moves most...
     pub curved: usize,
     /// ...and the part of the strengths over which the curvature is taken: what they scatter by.
@@ -78,6 +83,8 @@ impl Default for Settings {
             model_error_spread: 0.7,
             scatter_prior: 0.02,
             scatter_most: 0.04,
+            scatter_spread: 0.7,
+            scatter_step: 0.8,
             curved: 2,
             curved_over: 0.01,
             noise_spread: 0.3,

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::data::TestKind;
 use crate::response::{BlockKind, Plan};
 
 use super::record::Channel;
@@ -36,6 +37,7 @@ fn evidence(tests: usize) -> Evidence {
         instruments: DMatrix::zeros(n, 0),
         scatters: true,
         curved: (2, 0.01),
+        kind: TestKind::Cycle,
     };
     Evidence { records: (0..tests).map(|_| record()).collect(), settings: Settings::default() }
 }
@@ -129,7 +131,7 @@ fn a_model_error_is_found_and_counts_as_few() {
 }
 
 fn v_of(e: &Evidence, error: f64) -> Variances {
-    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, own: vec![vec![0.0]; e.records.len()] }
+    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, apart: [0.0; 5], own: vec![vec![0.0]; e.records.len()] }
 }
 
 /// A test of one FRF in lines of equal noise and size, the residual a smooth function of the given power beside noise of exactly its size.
@@ -204,6 +206,37 @@ fn a_strength_that_differs_from_test_to_test_is_no_model_error() {
     }
     let v = estimated(&e, &seen);
     assert!((0.01..=0.0401).contains(&v.omega.exp()) && v.model_error(&e) < 0.006, "{v:?}");
+}
+
+/// Records of one event beside loops that are means of many cycles: strengths that scatter ten times as much there are none of the model's error, and no scatter of
+/// the loops.
+#[test]
+fn each_kind_of_test_scatters_by_itself() {
+    let mut e = evidence(8);
+    e.records[4..].iter_mut().for_each(|r| r.kind = TestKind::Transient);
+    let mut seen = seen(8, 0.0);
+    for (t, s) in seen.iter_mut().enumerate() {
+        s.r[1] += [0.003, -0.002, 0.0025, -0.003, 0.03, -0.02, 0.025, -0.03][t];
+    }
+    let v = estimated(&e, &seen);
+    let [loops, records] = [0, 4].map(|t| v.scatter(&e.records[t]).exp());
+    assert!(loops < 0.006 && (0.015..=0.0401).contains(&records) && v.model_error(&e) < 0.006, "{loops} {records} {v:?}");
+    // Of one kind alone there is one width.
+    let v = estimated(&evidence(4), &seen[4..]);
+    assert!(v.apart == [0.0; 5] && (0.015..=0.0401).contains(&v.omega.exp()), "{v:?}");
+}
+
+/// What varies alike is as good as its triangular factor: 81 coefficients of one noise against 81 of noises that differ by rounding.
+#[test]
+fn coefficients_that_vary_alike_say_together_what_each_says_by_itself() {
+    let (lots, seen) = (evidence(3), seen(3, 0.1));
+    let mut each = lots.clone();
+    each.records.iter_mut().for_each(|r| r.noise.iter_mut().enumerate().for_each(|(i, n)| *n *= 1.0 + 1e-13 * i as f64));
+    let (counts, v) = (lots.independent(), v_of(&lots, 0.05));
+    assert_eq!(lots.records[0].alike(&counts.z[0]).len(), 1);
+    assert_eq!(each.records[0].alike(&counts.z[0]).len(), 81);
+    let of = |e: &Evidence| super::likelihood::restricted(e, &e.grams(&seen, &counts), &seen, &counts, &v).unwrap();
+    approx::assert_relative_eq!(of(&lots), of(&each), max_relative = 1e-10);
 }
 
 /// Neighbouring lines that are alike, on a curve that bends: `(1 + rho) / (1 - rho)` of the noise of a mean over them.

@@ -1,8 +1,13 @@
 //! The variances of a model in its tests, and their estimate.
 
+use crate::data::TestKind;
+
 use super::likelihood::restricted;
-use super::record::{Channel, Part};
+use super::record::{Alike, Channel};
 use super::{Counts, Evidence, Record, Seen, Settings};
+
+/// Kinds of test.
+const KINDS: usize = TestKind::WORDS.len();
 
 /// Variances, as logarithms of standard deviations.
 #[derive(Clone, Debug)]
@@ -11,8 +16,10 @@ pub struct Variances {
     pub kappa: f64,
     /// Relative error of the model.
     pub tau: f64,
-    /// Relative scatter of strengths between tests.
+    /// Relative scatter of strengths between tests, what all kinds of test have in common.
     pub omega: f64,
+    /// That of tests of a kind over the common one, in the order of [`TestKind::WORDS`].
+    pub apart: [f64; KINDS],
     /// Error of the model in each channel of each test over the common one.
     pub own: Vec<Vec<f64>>,
 }
@@ -28,7 +35,12 @@ impl Variances {
             compared.for_each(|i| (left, size) = (left + seen.r[i] * seen.r[i], size + record.size[i]));
         }
         let tau = if left > 0.0 && size > 0.0 { 0.5 * (left / size).ln() } else { s.least().ln() };
-        Variances { kappa: 0.0, tau, omega: (0.25 * s.scatter_most).ln(), own }.bounded(s)
+        Variances { kappa: 0.0, tau, omega: (0.25 * s.scatter_most).ln(), apart: [0.0; KINDS], own }.bounded(s)
+    }
+
+    /// Scatter of strengths in a test.
+    pub fn scatter(&self, record: &Record) -> f64 {
+        self.omega + self.apart[record.kind as usize]
     }
 
     /// Relative error of the model in each channel of a test.
@@ -58,7 +70,9 @@ impl Variances {
     /// Logarithm of the prior density, each channel's own error where it stands.
     fn prior(&self, s: &Settings) -> f64 {
         let own: f64 = self.own.iter().flatten().map(|g| g * g).sum();
+        let apart: f64 = self.apart.iter().map(|a| a * a).sum();
         -0.5 * (self.kappa / s.noise_spread).powi(2)
+            - 0.5 * apart / (s.scatter_spread * s.scatter_spread)
             - 0.5 * (self.omega.exp() / s.scatter_prior).powi(2)
             - 0.5 * own / (s.model_error_spread * s.model_error_spread)
     }
@@ -82,31 +96,67 @@ impl Variances {
         self.kappa = self.kappa.clamp(-most, most);
         self.tau = self.tau.clamp(s.least().ln(), s.model_error_most);
         let most = s.scatter_most.ln();
-        self.omega = self.omega.clamp(s.no_scatter.min(most), most);
+        let least = s.no_scatter.min(most);
+        self.omega = self.omega.clamp(least, most);
+        self.apart.iter_mut().for_each(|a| *a = a.clamp(least - self.omega, most - self.omega));
         self
     }
 
-    fn moved(&self, step: &[f64; 3], part: f64) -> Variances {
-        Variances {
-            kappa: self.kappa + part * step[0],
-            tau: self.tau + part * step[1],
-            omega: self.omega + part * step[2],
-            own: self.own.clone(),
+    fn moved(&self, step: &Step, part: f64) -> Variances {
+        let mut moved = self.clone();
+        moved.kappa += part * step.common[0];
+        moved.tau += part * step.common[1];
+        moved.omega += part * step.common[2];
+        if let Some(kind) = step.kind {
+            moved.apart[kind] += part * step.apart;
         }
+        moved
     }
 }
 
+/// A direction of the pattern search.
+struct Step {
+    /// Along kappa, tau, omega.
+    common: [f64; 3],
+    /// Along the scatter of one kind of test.
+    kind: Option<usize>,
+    apart: f64,
+}
+
 impl Evidence {
+    /// Where the pattern search may go. Each kind of test scatters by itself where there are several.
+    fn directions(&self) -> Vec<Step> {
+        let s = &self.settings;
+        let mut kinds: Vec<usize> = self.records.iter().filter(|r| r.scatters).map(|r| r.kind as usize).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        let common = s.steps.iter().map(|common| Step { common: *common, kind: None, apart: 0.0 });
+        let apart = kinds.iter().map(|kind| Step { common: [0.0; 3], kind: Some(*kind), apart: s.scatter_step });
+        common.chain(apart.filter(|_| kinds.len() > 1)).collect()
+    }
+
     /// Logarithm of the prior density of these variances, the channels' own model errors integrated out about where they stand (Laplace): beside
     /// noise an own error of every channel fits the scatter of that noise's power, and an estimate that fitted them for nothing made a quarter of pure
     /// noise a model's error.
     pub fn prior(&self, counts: &Counts, v: &Variances) -> f64 {
+        self.prior_of(counts, v, &self.alike(counts))
+    }
+
+    /// Coefficients of every test that vary alike under these counts.
+    fn alike(&self, counts: &Counts) -> Vec<Vec<Alike>> {
+        self.records.iter().zip(&counts.z).map(|(r, z)| r.alike(z)).collect()
+    }
+
+    fn prior_of(&self, counts: &Counts, v: &Variances, alike: &[Vec<Alike>]) -> f64 {
         let s = &self.settings;
         let of = |(t, record): (usize, &Record)| {
-            let parts = record.parts(v.kappa, &v.own_errors(t, record));
-            let open = record.channels.iter().zip(&v.own[t]).filter(|(c, g)| (v.tau + **g).exp() > c.least);
-            let known = |(c, _): (&Channel, &f64)| c.range.clone().map(|i| parts[i].known(counts.z[t][i])).sum::<f64>();
-            open.map(known).map(|known| 0.5 * (1.0 + s.model_error_spread.powi(2) * known).ln()).sum::<f64>()
+            let (errors, mut known) = (v.own_errors(t, record), vec![0.0; record.channels.len()]);
+            for lot in &alike[t] {
+                let part = record.part(lot.channel, lot.members[0], v.kappa, errors[lot.channel]);
+                known[lot.channel] += lot.members.len() as f64 * part.known(counts.z[t][lot.members[0]]);
+            }
+            let open = (0..known.len()).filter(|b| (v.tau + v.own[t][*b]).exp() > record.channels[*b].least);
+            open.map(|b| 0.5 * (1.0 + s.model_error_spread.powi(2) * known[b]).ln()).sum::<f64>()
         };
         v.prior(s) - self.records.iter().enumerate().map(of).sum::<f64>()
     }
@@ -115,14 +165,16 @@ impl Evidence {
     /// J. ACM 8, 1961).
     pub fn estimate(&self, seen: &[Seen], counts: &Counts, start: &Variances) -> Variances {
         let start = Variances { omega: start.omega.max(self.settings.scatter_from), ..start.clone() };
-        let mut best = self.own_errors(seen, counts, start.bounded(&self.settings));
-        let grams = self.grams(seen);
-        let value = |v: &Variances| restricted(self, &grams, seen, counts, v).map_or(f64::NEG_INFINITY, |l| l + self.prior(counts, v));
+        let (grams, alike) = (self.grams(seen, counts), self.alike(counts));
+        let mut best = self.own_errors(seen, counts, start.bounded(&self.settings), &alike);
+        let value =
+            |v: &Variances| restricted(self, &grams, seen, counts, v).map_or(f64::NEG_INFINITY, |l| l + self.prior_of(counts, v, &alike));
         let mut here = value(&best);
+        let directions = self.directions();
         let (mut left, mut part) = (self.settings.evaluations, 1.0);
         while part > self.settings.last_step && left > 0 {
             let mut better = false;
-            for step in &self.settings.steps {
+            for step in &directions {
                 for sign in [1.0, -1.0] {
                     let trial = best.moved(step, sign * part).bounded(&self.settings);
                     let there = value(&trial);
@@ -149,19 +201,24 @@ impl Evidence {
     }
 
     /// The own model error of each channel that makes what is left of its residual, without what coefficients share, likeliest.
-    fn own_errors(&self, seen: &[Seen], counts: &Counts, mut v: Variances) -> Variances {
+    fn own_errors(&self, seen: &[Seen], counts: &Counts, mut v: Variances, alike: &[Vec<Alike>]) -> Variances {
         let s = &self.settings;
         for (t, record) in self.records.iter().enumerate() {
             let parts = record.parts(v.kappa, &v.own_errors(t, record));
-            let left = super::likelihood::cleaned(record, &seen[t], &parts, &counts.z[t], v.omega);
+            let left = super::likelihood::cleaned(record, &seen[t], &parts, &counts.z[t], v.scatter(record));
+            // A lot of coefficients, the sum of their squares, and what they count as.
+            let of = |lot: &Alike| {
+                (lot.channel, lot.members[0], lot.members.len() as f64, lot.members.iter().map(|i| left[*i] * left[*i]).sum())
+            };
+            let lots: Vec<(usize, usize, f64, f64)> = alike[t].iter().map(of).collect();
             for (b, channel) in record.channels.iter().enumerate() {
                 let cost = |g: f64| {
                     let tau = (v.tau + g).exp().max(channel.least);
-                    let of = |i: usize| {
-                        let (z, part) = (counts.z[t][i], Part { error: tau * tau * record.size[i], ..parts[i] });
-                        0.5 * (part.level(z) + left[i] * left[i] / part.variance(z))
+                    let of = |(_, i, count, squares): &(usize, usize, f64, f64)| {
+                        let (z, part) = (counts.z[t][*i], record.part(b, *i, v.kappa, tau));
+                        0.5 * (count * part.level(z) + squares / part.variance(z))
                     };
-                    channel.range.clone().map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
+                    lots.iter().filter(|lot| lot.0 == b).map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
                 };
                 let grid = (0..s.own_points).map(|k| s.own_reach * (2.0 * k as f64 / (s.own_points - 1) as f64 - 1.0));
                 let costs: Vec<(f64, f64)> = grid.map(|g| (g, cost(g))).collect();

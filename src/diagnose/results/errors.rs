@@ -71,6 +71,8 @@ pub struct OwnError {
 pub struct ScatterOf {
     /// `at.effect.parameter`.
     pub parameter: String,
+    /// Between tests of which kind: cycle, frf, transient, energy, modal.
+    pub kind: String,
     /// Standard deviation, relative.
     pub relative: f64,
 }

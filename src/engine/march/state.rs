@@ -62,3 +62,24 @@ impl Clone for State {
         }
     }
 }
+
+impl State {
+    /// What an exact step needs of where it begins; the rest where there is no room for it yet.
+    pub(super) fn begin_at(&mut self, from: &Self) {
+        if self.dq.len() != from.dq.len() || self.q.len() != from.q.len() {
+            return self.clone_from(from);
+        }
+        let State { q, v, a, s, fs, dt, dq, ds, .. } = from;
+        self.dt = *dt;
+        let all = [
+            (&mut self.q, q),
+            (&mut self.v, v),
+            (&mut self.a, a),
+            (&mut self.s, s),
+            (&mut self.fs, fs),
+            (&mut self.dq, dq),
+            (&mut self.ds, ds),
+        ];
+        all.into_iter().for_each(|(to, from)| to.clone_from(from));
+    }
+}

@@ -46,6 +46,20 @@ fn deviations(all: bool, settings: &Settings) -> Vec<(&'static str, String, f64)
     system.instances[own..].iter().map(|i| (i.name(), i.at.clone(), i.params[0].prior.map_or(0.0, |p| p.1))).collect()
 }
 
+/// Slack without mass between the nodes is the same deviations, the last effects of the system.
+#[test]
+fn lumped_slack_has_no_mass_between_nodes() {
+    let study = Folder::new(PLANE, &cycle(1.0, "")).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let (system, slack) = given(&case, &study.system, true, &Settings::default());
+    let (fewer, lumped) = slack.lumped(&system).unwrap();
+    let own = study.system.instances.len();
+    let names: Vec<&str> = fewer.instances[own..].iter().map(|i| i.name()).collect();
+    assert_eq!(names, [["stiffness_deviation"; 4].as_slice(), &["mass_deviation"; 2]].concat());
+    assert!((0..fewer.instances.len()).all(|k| lumped.has(k) == (k >= own)) && lumped.len() + 1 == slack.len());
+    assert!(lumped.lumped(&fewer).is_none());
+}
+
 #[test]
 fn springs_deviate_one_by_one_a_body_along_all_its_axes_and_mass_between_nodes_everywhere() {
     let found = deviations(true, &Settings::default());

@@ -34,6 +34,8 @@ struct Level {
     hold: Hold,
     /// Displacements and velocities per force of an acting element at either end of a step, a row for each of these.
     reach: Vec<Vec<f64>>,
+    /// Both in a row for each displacement and velocity at the end: by those at the start, then by the forces of the acting elements there.
+    across: Vec<f64>,
     /// What acting elements see of each other's forces: displacement, velocity, acceleration of the row's by the force of the column's.
     seen: [Vec<f64>; 3],
     /// Displacements and velocities per force of every source at the start and at the end of a step, and per its rate there.
@@ -54,6 +56,8 @@ pub(super) struct Exact {
     local: usize,
     /// Accelerations of the free degrees of freedom per force of an acting element and of a source, a row for each of these.
     lifts: [Vec<Vec<f64>>; 2],
+    /// Accelerations of the free degrees of freedom by displacements, velocities, and forces of the acting elements: a row for each of the former.
+    pushed: Vec<f64>,
     /// Elements at prescribed degrees of freedom.
     holding: Vec<usize>,
     matrix: BlockTri<f64>,
@@ -67,7 +71,6 @@ pub(super) struct Exact {
     // Working vectors: what stood at the start of the step, and before it; displacements and velocities; forces on the free degrees of freedom.
     old_phi: Vec<f64>,
     before: Vec<f64>,
-    old_dphi: Vec<f64>,
     base: Vec<f64>,
     miss: Vec<f64>,
     newton: Vec<f64>,
@@ -76,6 +79,8 @@ pub(super) struct Exact {
     motion: Vec<f64>,
     pull: Vec<f64>,
     rows: Vec<f64>,
+    /// Sensitivities of displacements, velocities and forces of the acting elements at the start of a step, a row each.
+    known: Vec<f64>,
     /// Rates of the drive at both ends of the step times the step, accelerations within the step there, and their rates times the step.
     pulls: [Vec<f64>; 2],
     within: [Vec<f64>; 2],
@@ -135,11 +140,16 @@ impl Exact {
         let sources: Vec<slopes::Source> = all().filter_map(|(e, element)| slopes::Source::of(e, element)).collect();
         let lift =
             |e: usize| -> Vec<f64> { (0..n).map(|i| march.free_ends(e).map(|(j, s)| -s * structure.flexible[(i, j)]).sum()).collect() };
-        let lifts = [acting.iter().map(|e| lift(*e)).collect(), sources.iter().map(|s| lift(s.element)).collect()];
+        let lifts: [Vec<Vec<f64>>; 2] = [acting.iter().map(|e| lift(*e)).collect(), sources.iter().map(|s| lift(s.element)).collect()];
         let holding = all().map(|(e, _)| e).filter(|e| march.links[*e].ends().any(|(d, _)| march.prescribed_at[d].is_some())).collect();
         let pairs: Vec<(usize, usize)> = (0..local).flat_map(|i| (0..local).map(move |j| (i, j))).collect();
         let layout = Arc::new(Layout::new(Levels::new(local, &pairs)?));
         let slots = pairs.iter().map(|(i, j)| layout.slot(*i, *j)).collect::<Result<_, _>>()?;
+        let mut pushed = Vec::new();
+        for i in 0..n {
+            pushed.extend_from_slice(&structure.rates[2 * n * i..2 * n * (i + 1)]);
+            pushed.extend(lifts[0].iter().map(|lift| lift[i]));
+        }
         Ok(Some(Exact {
             drives: drives(march),
             structure,
@@ -147,6 +157,7 @@ impl Exact {
             sources,
             local,
             lifts,
+            pushed,
             holding,
             matrix: BlockTri::new(layout),
             slots,
@@ -156,7 +167,6 @@ impl Exact {
             old_phi: vec![],
             before: vec![],
             stateless: acting[..local].iter().all(|e| bound.elements[*e].n_states() == 0),
-            old_dphi: vec![],
             base: vec![0.0; local],
             miss: vec![0.0; local],
             newton: vec![0.0; local],
@@ -165,6 +175,7 @@ impl Exact {
             motion: vec![0.0; 2 * n],
             pull: vec![0.0; n],
             rows: vec![],
+            known: vec![],
             pulls: [vec![0.0; n], vec![0.0; n]],
             within: [vec![0.0; march.mass.len()], vec![0.0; march.mass.len()]],
             jerks: [vec![0.0; march.mass.len()], vec![0.0; march.mass.len()]],
@@ -197,7 +208,12 @@ impl Exact {
             }
         }
         let bent = slopes::bent(&self.sources, &hold, by);
-        self.levels.push(Level { hold, reach, seen, bent });
+        let mut across = Vec::new();
+        for i in 0..2 * n {
+            across.extend_from_slice(&hold.free[2 * n * i..2 * n * (i + 1)]);
+            across.extend(reach.iter().map(|reach| reach[i]));
+        }
+        self.levels.push(Level { hold, reach, across, seen, bent });
         Some(self.levels.len() - 1)
     }
 
@@ -215,10 +231,9 @@ impl Exact {
         // What stood before is no guide where the length of the step changes.
         let goes_on = self.before.len() == self.phi.len() && state.dt == march.dt;
         march.uniform_history(state, columns);
-        march.old.clone_from(state);
+        march.old.begin_at(state);
         self.before.clone_from(if goes_on { &self.old_phi } else { &self.phi });
         self.old_phi.clone_from(&self.phi);
-        self.old_dphi.clone_from(&self.dphi);
         march.load(k, part.1, state);
         self.fly(march, level, k, part);
         if let Err(residual) = self.balance(march, level, state) {
@@ -274,8 +289,13 @@ impl Exact {
         }
         self.dphi.clear();
         self.dphi.resize(self.acting.len() * columns, 0.0);
+        self.known.clear();
         if columns > 0 {
             self.slope_at_start(march, state, columns);
+            for du in [&state.dq, &state.dv] {
+                march.free_dofs.iter().for_each(|d| self.known.extend_from_slice(&du[d * columns..(d + 1) * columns]));
+            }
+            self.known.extend_from_slice(&self.dphi);
         }
     }
 

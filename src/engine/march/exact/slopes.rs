@@ -46,9 +46,35 @@ impl Source {
         Some(Source { element: e, columns })
     }
 
-    /// Adds its force times `by` to the columns of a row.
-    fn add(&self, by: f64, u: &Inputs<f64>, row: &mut [f64]) {
-        self.columns.iter().for_each(|(c, force)| row[*c] += by * along(force, u));
+    /// Adds its forces to its columns of rows: `N` of them, each times its own of `by`, in every row another one.
+    #[inline(always)]
+    fn add<const N: usize>(&self, by: [&[f64]; N], u: &[Inputs<f64>; N], rows: &mut [f64], columns: usize) {
+        for (c, law) in &self.columns {
+            for n in 0..N {
+                let (force, by) = (along(law, &u[n]), &by[n][..rows.len() / columns]);
+                for i in 0..by.len() {
+                    rows[i * columns + c] += by[i] * force;
+                }
+            }
+        }
+    }
+}
+
+/// `out = K d`; `K` has as many columns as `d` rows, a row of `d` and of `out` so many entries. Four rows of `d` at a time, so that `out` is written seldom.
+#[inline(always)]
+fn multiply(k: &[f64], d: &[f64], columns: usize, out: &mut [f64]) {
+    for (k, out) in k.chunks_exact(d.len() / columns).zip(out.chunks_exact_mut(columns)) {
+        out.fill(0.0);
+        for (by, d) in k.chunks_exact(4).zip(d.chunks_exact(4 * columns)) {
+            let (d0, d) = d.split_at(columns);
+            let (d1, d) = d.split_at(columns);
+            let (d2, d3) = d.split_at(columns);
+            for c in 0..columns {
+                out[c] += by[0] * d0[c] + by[1] * d1[c] + by[2] * d2[c] + by[3] * d3[c];
+            }
+        }
+        let done = k.len() / 4 * 4;
+        k[done..].iter().enumerate().for_each(|(j, by)| add_row(out, *by, d, done + j));
     }
 }
 
@@ -108,16 +134,22 @@ impl Exact {
 
     #[inline(always)]
     fn differentiated(&mut self, march: &mut March, level: &Level, state: &mut State, columns: usize) -> Result<(), EngineError> {
-        let local = self.local;
+        let (n, local) = (self.structure.n, self.local);
         self.fly_rows(march, level, state, columns);
         let old = std::mem::take(&mut march.old);
         (0..self.acting.len()).for_each(|row| self.held(march, row, &old, columns));
         march.old = old;
         // Of candidates that is all.
         self.reach_rows(level, columns, local..self.acting.len());
-        self.write(march, state, columns, local..self.acting.len());
         if local > 0 {
             // The acting feel the motion, and the motion them.
+            self.write(march, state, columns);
+            let felt = self.acting[..local].iter().any(|e| beyond(&march.bound.elements[*e], &march.sensed[*e])[2] != 0.0);
+            if felt {
+                self.know(columns);
+                self.known[2 * n * columns..(2 * n + local) * columns].fill(0.0);
+                self.accelerate_rows(march, state, columns);
+            }
             for row in 0..local {
                 let (e, d) = (self.acting[row], &mut self.dphi[row * columns..(row + 1) * columns]);
                 for (by, du) in beyond(&march.bound.elements[e], &march.sensed[e]).into_iter().zip([&state.dq, &state.dv, &state.da]) {
@@ -127,8 +159,10 @@ impl Exact {
             self.tangent(march, level)?;
             self.matrix.solve_rows(&mut self.dphi[..local * columns], columns)?;
             self.reach_rows(level, columns, 0..local);
-            self.write(march, state, columns, 0..self.acting.len());
         }
+        self.write(march, state, columns);
+        self.know(columns);
+        self.accelerate_rows(march, state, columns);
         (0..local).for_each(|row| march.follow_states(self.acting[row], state, columns));
         state.dg.fill(0.0);
         let mut d = std::mem::take(&mut march.h);
@@ -146,18 +180,8 @@ impl Exact {
     #[inline(always)]
     fn fly_rows(&mut self, march: &March, level: &Level, state: &State, columns: usize) {
         let n = self.structure.n;
-        self.rows.clear();
         self.rows.resize(2 * n * columns, 0.0);
-        for i in 0..2 * n {
-            let out = &mut self.rows[i * columns..(i + 1) * columns];
-            for (j, d) in march.free_dofs.iter().enumerate() {
-                add_row(out, level.hold.free[2 * n * i + j], &march.old.dq, *d);
-                add_row(out, level.hold.free[2 * n * i + n + j], &march.old.dv, *d);
-            }
-            for (row, reach) in level.reach.iter().enumerate() {
-                add_row(out, reach[i], &self.old_dphi, row);
-            }
-        }
+        multiply(&level.across, &self.known, columns, &mut self.rows);
         if !self.sources.is_empty() {
             self.accelerations_within(march, state);
         }
@@ -166,10 +190,8 @@ impl Exact {
             let (before, after) = (of(&march.old, &self.within[0]), of(state, &self.within[1]));
             let rate = |u: [f64; 3], jerk: &[f64]| [u[1] * march.dt, u[2] * march.dt, march.relative(source.element, jerk)];
             let rates = [rate(before, &self.jerks[0]), rate(after, &self.jerks[1])];
-            for ([x, v, a], bent) in [before, after, rates[0], rates[1]].into_iter().zip(bent) {
-                let u = Inputs { x, v, a, dx: 0.0 };
-                (0..2 * n).for_each(|i| source.add(bent[i], &u, &mut self.rows[i * columns..(i + 1) * columns]));
-            }
+            let u = [before, after, rates[0], rates[1]].map(|[x, v, a]| Inputs { x, v, a, dx: 0.0 });
+            source.add(bent.each_ref().map(|b| b.as_slice()), &u, &mut self.rows, columns);
         }
     }
 
@@ -204,23 +226,36 @@ impl Exact {
         }
     }
 
-    /// Sensitivities of the motion in `rows` into the state, and of the accelerations under the forces of these acting elements.
+    /// Sensitivities of the motion in `rows` into the state.
     #[inline(always)]
-    fn write(&self, march: &March, state: &mut State, columns: usize, of: std::ops::Range<usize>) {
+    fn write(&self, march: &March, state: &mut State, columns: usize) {
         let n = self.structure.n;
         for (i, d) in march.free_dofs.iter().enumerate() {
             let at = d * columns..(d + 1) * columns;
             state.dq[at.clone()].copy_from_slice(&self.rows[i * columns..(i + 1) * columns]);
-            state.dv[at.clone()].copy_from_slice(&self.rows[(n + i) * columns..(n + i + 1) * columns]);
-            let out = &mut state.da[at];
-            out.fill(0.0);
-            (0..2 * n).for_each(|j| add_row(out, self.structure.rates[2 * n * i + j], &self.rows, j));
-            of.clone().for_each(|row| add_row(out, self.lifts[0][row][i], &self.dphi, row));
+            state.dv[at].copy_from_slice(&self.rows[(n + i) * columns..(n + i + 1) * columns]);
+        }
+    }
+
+    /// What is known at the end of a step: the motion in `rows`, the forces of the acting elements.
+    #[inline(always)]
+    fn know(&mut self, columns: usize) {
+        let n = self.structure.n;
+        self.known[..2 * n * columns].copy_from_slice(&self.rows);
+        self.known[2 * n * columns..].copy_from_slice(&self.dphi);
+    }
+
+    /// Sensitivities of the accelerations under what is known.
+    #[inline(always)]
+    fn accelerate_rows(&self, march: &March, state: &mut State, columns: usize) {
+        let inner = 2 * self.structure.n + self.acting.len();
+        for (d, by) in march.free_dofs.iter().zip(self.pushed.chunks_exact(inner)) {
+            multiply(by, &self.known, columns, &mut state.da[d * columns..(d + 1) * columns]);
         }
         for (source, lift) in self.sources.iter().zip(&self.lifts[1]) {
-            let u = march.inputs(source.element, state);
+            let u = [march.inputs(source.element, state)];
             for (d, by) in march.free_dofs.iter().zip(lift) {
-                source.add(*by, &u, &mut state.da[d * columns..(d + 1) * columns]);
+                source.add([&[*by]], &u, &mut state.da[d * columns..(d + 1) * columns], columns);
             }
         }
     }
@@ -237,6 +272,6 @@ impl Exact {
         if let Some(row) = self.acting.iter().position(|a| *a == e) {
             add_row(d, 1.0, &self.dphi, row);
         }
-        self.sources.iter().filter(|s| s.element == e).for_each(|s| s.add(1.0, &march.inputs(e, state), d));
+        self.sources.iter().filter(|s| s.element == e).for_each(|s| s.add([&[1.0]], &[march.inputs(e, state)], d, d.len()));
     }
 }
