@@ -37,6 +37,8 @@ pub struct Settings {
     pub parts_of_a_fit: [f64; 3],
     /// Times that these are gone through again, at most, for a model that others are held against and that has not come to its end.
     pub finish: usize,
+    /// Nats that going through them once more must have gained for another time: a fifth of a tie.
+    pub finish_least: f64,
     /// Nats that a fit which decides between models may leave unfound: far below a tie.
     pub settled: f64,
     /// Candidates that stood best alone and are tried in pairs where none alone gains.
@@ -55,6 +57,8 @@ pub struct Settings {
     pub ties: usize,
     /// Nats by which the density of the held-out tests must rise for an effect to be proven.
     pub held_out_nats: f64,
+    /// Nats of that density which keep what gained little though their error does not fall: odds of twenty.
+    pub held_out_keeps: f64,
     /// Part by which their error must fall beside that.
     pub held_out_fall: f64,
     /// Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; of several
@@ -85,6 +89,8 @@ pub struct Settings {
     pub slack_members: usize,
     /// Part of a value by which it may deviate at most: beyond it, it is not that part.
     pub slack_reach: f64,
+    /// Widths of a spring's slack, the widest, within which a compliance in series with it is that spring, softer than its group, and no effect.
+    pub slack_softer: f64,
     /// Relative deviation from which one is told as a correction: a per cent is within what is nominal.
     pub correction_least: f64,
     /// The same in standard deviations.
@@ -178,6 +184,7 @@ impl Default for Settings {
             iterations: 12,
             parts_of_a_fit: [0.5, 0.25, 0.1],
             finish: 10,
+            finish_least: 0.3,
             settled: 0.02,
             pair_of: 4,
             pairs_from: 2.0,
@@ -186,6 +193,7 @@ impl Default for Settings {
             swap: 0.5,
             ties: 5,
             held_out_nats: 1.0,
+            held_out_keeps: 3.0,
             held_out_fall: 0.03,
             decisive: 8.0,
             held_out_pieces: 8,
@@ -200,6 +208,7 @@ impl Default for Settings {
             slack_least: 0.002,
             slack_members: 40,
             slack_reach: 0.9,
+            slack_softer: 3.0,
             correction_least: 0.01,
             correction_sure: 2.5,
             fault_gain: 0.03,

@@ -248,12 +248,13 @@ fn between(system: &System, all: bool) -> Option<Nominal> {
 }
 
 /// What an added spring or damper says of a tied or fixed one that stands there already, as far as slack may deviate: the same as that deviation, a
-/// correction of that value. An added mass corrects a nominal one as far as slack has a width for it; beyond that something weighs on the body.
+/// correction of that value; so is a compliance in series with nothing but such a spring and a damper, which is a softer spring. An added mass corrects a nominal
+/// one as far as slack has a width for it; beyond that something weighs on the body.
 pub fn correction(case: &Case, fitted: &Fitted, base: usize, instance: usize, settings: &Settings) -> Option<Correction> {
     let own = &fitted.system.instances[instance];
     let parameter = match own.name() {
         "added_mass" => MASS,
-        "linear_stiffness" => SPRING,
+        "linear_stiffness" | "support_compliance" => SPRING,
         "viscous" => DAMPER,
         _ => return None,
     };
@@ -264,13 +265,29 @@ pub fn correction(case: &Case, fitted: &Fitted, base: usize, instance: usize, se
     let grounded = |p: usize| model.places[p].from.xor(model.places[p].to);
     let same = |p: &usize| *p == place || (grounded(*p).is_some() && grounded(*p) == grounded(place));
     let study = System { instances: fitted.system.instances[..base].to_vec(), ..fitted.system.clone() };
-    let reach = if parameter == MASS { settings.slack_mass } else { settings.slack_reach };
+    let in_series = own.name() == "support_compliance";
+    let reach = match parameter {
+        MASS => settings.slack_mass,
+        _ if in_series => settings.slack_softer * settings.slack_spring,
+        _ => settings.slack_reach,
+    };
     let mut nominal = tied(&study, true);
     nominal.extend(masses(case, &study, true));
-    let of = |n: &Nominal| n.parameter == parameter && n.places.iter().any(same) && value.abs() <= reach * n.value;
+    let linear = |i: &Instance| ["linear_stiffness", "viscous", "support_compliance"].contains(&i.name()) || deviates(i.effect);
+    let here = |i: &Instance| matches!(&i.site, Site::Places(l) if l.iter().any(same));
+    if in_series && !fitted.system.instances.iter().all(|i| !here(i) || linear(i)) {
+        return None;
+    }
+    // What it is of the nominal value, and its derivative.
+    let relative = |n: &Nominal| {
+        let soft = 1.0 / (1.0 + value * n.value);
+        if in_series { (soft - 1.0, n.value * soft * soft) } else { (value / n.value, 1.0 / n.value) }
+    };
+    let of = |n: &Nominal| n.parameter == parameter && n.places.iter().any(same) && relative(n).0.abs() <= reach;
     let n = nominal.into_iter().find(of)?;
-    let std = Covariance::of(fitted).variance(&[(instance, 1.0 / n.value)]).sqrt();
-    Some(Correction { parameter: parameter.into(), at: n.at, relative: value / n.value, std })
+    let (relative, by) = relative(&n);
+    let std = Covariance::of(fitted).variance(&[(instance, by)]).sqrt();
+    Some(Correction { parameter: parameter.into(), at: n.at, relative, std })
 }
 
 impl Slack {

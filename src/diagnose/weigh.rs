@@ -271,16 +271,19 @@ impl Scale {
         }
     }
 
-    /// The same fitted on until it has come to its end: what a model has not yet found by itself would be the gain of whatever is added to it.
+    /// The same weighed on until that gains no more: what a model has not yet found by itself would be the gain of whatever is added to it. A fit may have
+    /// converged and its variances not: along records of strengths that scatter they move together, and left ten nats.
     pub fn finished(&self, mut now: Weighed, monitor: &Monitor) -> Result<Weighed, String> {
         for _ in 0..self.settings.finish {
-            if now.fitted.outcome.termination != Termination::MaxIterations || super::trace::stopped(monitor) {
+            if super::trace::stopped(monitor) {
                 break;
             }
             let again = self.weigh(&now.fitted.system, &now.v, monitor)?;
             let gained = again.likelihood - now.likelihood;
-            now = again;
-            if gained <= self.settings.settled {
+            if gained > 0.0 {
+                now = again;
+            }
+            if gained <= self.settings.finish_least {
                 break;
             }
         }

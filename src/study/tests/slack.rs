@@ -111,4 +111,9 @@ fn what_slack_would_grant_is_a_correction() {
     assert!((relative - 0.1).abs() < 1e-12, "{relative}");
     assert!(told("added_mass", "m1.x", 0.0031).is_none() && told("linear_stiffness", "d1.x", 0.95 * stiffness).is_none());
     assert!(told("cubic_stiffness", "d1.x", 1.0).is_none());
+    // In series with a spring alone a compliance is a softer spring: 1 / (1 + 0.1) of it here, and one that halves it is an effect.
+    let (parameter, at, relative) = told("support_compliance", "d1.x", 0.1 / stiffness).unwrap();
+    assert_eq!((parameter.as_str(), at.as_str()), ("linear_stiffness.k", "d1.x"));
+    assert!((relative + 0.1 / 1.1).abs() < 1e-12, "{relative}");
+    assert!(told("support_compliance", "d1.x", 1.0 / stiffness).is_none());
 }
