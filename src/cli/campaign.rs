@@ -141,7 +141,7 @@ fn local(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
         runner.run(&tasks[*k], stopped)?;
         let n = count.fetch_add(1, Ordering::Relaxed) + 1;
         let rest = begun.elapsed().as_secs_f64() / n as f64 * (left.len() - n) as f64;
-        progress.say(&format!("{n} of {} tasks, about {rest:.0} s left", left.len()));
+        progress.count(&format!("{n} of {} tasks, about {rest:.0} s left", left.len()));
         Ok(())
     };
     // Whoever stops the campaign may not reach the processes of its tasks, as Ctrl-C on a terminal does: they are told.
@@ -200,7 +200,7 @@ fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
         let all = left.len();
         let mut look = || {
             let n = left.iter().filter(|k| runner.file(&tasks[**k].id).exists()).count();
-            progress.say(&format!("job {job}: {n} of {all} tasks"));
+            progress.count(&format!("job {job}: {n} of {all} tasks"));
         };
         slurm::wait(&job, stopped, &mut look)?;
         left.retain(|k| runner.record(&tasks[*k].id).is_none());

@@ -54,6 +54,15 @@ impl Progress {
 
     /// A step of the work, in words.
     pub fn say(&self, step: &str) {
+        self.tell(step, Duration::ZERO);
+    }
+
+    /// How far the work has come, of many steps alike: a plain line now and then.
+    pub fn count(&self, steps: &str) {
+        self.tell(steps, BETWEEN);
+    }
+
+    fn tell(&self, step: &str, between: Duration) {
         if let Some(w) = &self.watcher.0 {
             return w.step(step.trim());
         }
@@ -64,7 +73,8 @@ impl Progress {
             return;
         }
         state.step = step.to_string();
-        let plain = !self.terminal && self.started.elapsed() >= QUIET;
+        let due = self.started.elapsed() >= QUIET && state.last.is_none_or(|t| t.elapsed() >= between);
+        let plain = !self.terminal && due;
         self.show(step.to_string(), &mut state, plain);
     }
 

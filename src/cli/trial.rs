@@ -138,7 +138,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             tally.0 += 1;
             tally.1 += usize::from(r.with_ties);
             let left = started.elapsed().as_secs_f64() / tally.0 as f64 * (cases - before - tally.0) as f64;
-            progress.say(&format!("{} of {cases} cases, {} of {} found, about {left:.0} s left", before + tally.0, tally.1, tally.0));
+            progress.count(&format!("{} of {cases} cases, {} of {} found, about {left:.0} s left", before + tally.0, tally.1, tally.0));
         }
         Ok(())
     };
