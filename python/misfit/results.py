@@ -168,6 +168,8 @@ class ParameterResult(msgspec.Struct, kw_only=True):
 
 class ScatterOf(msgspec.Struct, kw_only=True):
     """How much a strength differs from test to test."""
+    kind: str
+    """Between tests of which kind: cycle, frf, transient, energy, modal."""
     parameter: str
     """`at.effect.parameter`."""
     relative: float | None
@@ -833,6 +835,8 @@ class Settings(msgspec.Struct, kw_only=True):
     """Tests from which a fault of one of them can be told from physics."""
     finish: int
     """Times that these are gone through again, at most, for a model that others are held against and that has not come to its end."""
+    finish_least: float | None
+    """Nats that going through them once more must have gained for another time: a fifth of a tie."""
     fitting: Fitting
     """How fits are begun and ended."""
     frf_error_least: float | None
@@ -840,6 +844,8 @@ class Settings(msgspec.Struct, kw_only=True):
     out, and 0.3 % would hide what they show."""
     held_out_fall: float | None
     """Part by which their error must fall beside that."""
+    held_out_keeps: float | None
+    """Nats of that density which keep what gained little though their error does not fall: odds of twenty."""
     held_out_nats: float | None
     """Nats by which the density of the held-out tests must rise for an effect to be proven."""
     held_out_pieces: int
@@ -908,6 +914,11 @@ class Settings(msgspec.Struct, kw_only=True):
     """Largest scatter of strengths: what differs more from test to test is an error of the model, or it eats relaxation and inertia."""
     scatter_prior: float | None
     """Half-normal prior of the relative scatter of strengths between tests: temperature and mounting."""
+    scatter_spread: float | None
+    """Standard deviation of the logarithm of the scatter in tests of one kind over the common one: an FRF is a mean of many averages, a loop of
+    its cycles, a record one event."""
+    scatter_step: float | None
+    """Step of the pattern search along that logarithm at first."""
     scoring: Scoring
     """How candidates are scored."""
     settled: float | None
@@ -927,6 +938,9 @@ class Settings(msgspec.Struct, kw_only=True):
     """Deviations that are given without being asked for, at most: each costs a column in every evaluation."""
     slack_reach: float | None
     """Part of a value by which it may deviate at most: beyond it, it is not that part."""
+    slack_softer: float | None
+    """Widths of a spring's slack, the widest, within which a compliance in series with it is that spring, softer than its group, and no
+    effect."""
     slack_spring: float | None
     """Width of the prior of the deviations of springs that a study ties or fixes, at most: what a workshop calls the same part..."""
     steps: list[list[float | None]]
