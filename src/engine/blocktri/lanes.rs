@@ -9,7 +9,7 @@ pub(super) const WIDTH: usize = 4;
 /// Four numbers in memory, one per line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(32))]
-pub(super) struct F4(pub [f64; WIDTH]);
+pub(in crate::engine) struct F4(pub [f64; WIDTH]);
 
 /// Four complex numbers in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +25,7 @@ impl C4 {
 }
 
 /// Arithmetic on a register of four numbers.
-pub(super) trait Lanes: Copy {
+pub(in crate::engine) trait Lanes: Copy {
     fn splat(value: f64) -> Self;
     fn load(from: &F4) -> Self;
     fn store(self, to: &mut F4);
@@ -102,8 +102,34 @@ pub(in crate::engine) fn avx2() -> bool {
     std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
 }
 
+/// A function whose body is compiled twice, and runs in the widest registers that the processor has: what it calls has to be inlined (`#[inline(always)]`).
+/// `Register` is the type of these registers in it, [`Avx2`] or plain [`F4`].
+macro_rules! widest {
+    (fn $name:ident $([$($generic:tt)+])? ($($argument:ident: $type:ty),* $(,)?) $(-> $out:ty)? $body:block) => {
+        fn $name $(<$($generic)+>)? ($($argument: $type),*) $(-> $out)? {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2,fma")]
+                fn wide $(<$($generic)+>)? ($($argument: $type),*) $(-> $out)? {
+                    #[allow(dead_code)]
+                    type Register = $crate::engine::blocktri::Avx2;
+                    $body
+                }
+                if $crate::engine::blocktri::avx2() {
+                    // SAFETY: the processor has what the function is compiled for.
+                    return unsafe { wide($($argument),*) };
+                }
+            }
+            #[allow(dead_code)]
+            type Register = $crate::engine::blocktri::F4;
+            $body
+        }
+    };
+}
+pub(in crate::engine) use widest;
+
 #[cfg(target_arch = "x86_64")]
-pub(super) use x86::Avx2;
+pub(in crate::engine) use x86::Avx2;
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use num_complex::Complex;
 
+use super::lanes::widest;
 use super::{Block, BlockTriError, Layout};
 
 /// Number type of a matrix entry: `f64` or `Complex<f64>`.
@@ -157,7 +158,7 @@ impl<T: Entry> BlockTri<T> {
     pub fn factor(&mut self) -> Result<WeakestPivot, BlockTriError> {
         self.factored = false;
         self.scale_rows()?;
-        let weakest = eliminate_dispatched(self)?;
+        let weakest = eliminated(self)?;
         self.factored = true;
         Ok(weakest)
     }
@@ -268,19 +269,10 @@ impl BlockTri<f64> {
     }
 }
 
-fn eliminate_dispatched<T: Entry>(matrix: &mut BlockTri<T>) -> Result<WeakestPivot, BlockTriError> {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2,fma")]
-        fn wide<T: Entry>(matrix: &mut BlockTri<T>) -> Result<WeakestPivot, BlockTriError> {
-            matrix.eliminate()
-        }
-        if super::lanes::avx2() {
-            // SAFETY: the processor has what the function is compiled for.
-            return unsafe { wide(matrix) };
-        }
+widest! {
+    fn eliminated[T: Entry](matrix: &mut BlockTri<T>) -> Result<WeakestPivot, BlockTriError> {
+        matrix.eliminate()
     }
-    matrix.eliminate()
 }
 
 #[cfg(test)]

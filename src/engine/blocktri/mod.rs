@@ -28,7 +28,8 @@ mod tests;
 
 pub use error::BlockTriError;
 #[cfg(target_arch = "x86_64")]
-pub(in crate::engine) use lanes::avx2;
+pub(in crate::engine) use lanes::{Avx2, avx2};
+pub(in crate::engine) use lanes::{F4, widest};
 pub use layout::{Block, Layout};
 pub use levels::Levels;
 pub use matrix::{BlockTri, Entry, WeakestPivot};

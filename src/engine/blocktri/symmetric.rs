@@ -8,7 +8,7 @@
 //! What the lack of pivoting costs is measured along the way, per line: with the scale s_k = sum |contributions to z_kk|, the factors satisfy |Z - L D L'|_kl <= c eps g sqrt(s_k s_l), g = max_k sum_j |l_kj|^2 |d_j| / s_k. Lines whose g
 //! exceeds [`GROWTH`], or that meet a zero pivot, are reported for the pivoting factorisation.
 
-use super::lanes::{C4, Cv, F4, Lanes, WIDTH};
+use super::lanes::{C4, Cv, F4, Lanes, WIDTH, widest};
 use super::levels::Levels;
 use super::table::{Element, Table, row_start};
 
@@ -103,34 +103,12 @@ impl Batch {
     /// Solves several batches for the plan's loads, level by level together, so that the table is read once for all of them; sets
     /// `suspect` where a line's result must not be used.
     pub fn solve(batches: &mut [Batch], plan: &Plan) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,fma")]
-            fn wide(batches: &mut [Batch], plan: &Plan) {
-                Batch::solve_with::<super::lanes::Avx2>(batches, plan);
-            }
-            if super::lanes::avx2() {
-                // SAFETY: the processor has what the function is compiled for.
-                return unsafe { wide(batches, plan) };
-            }
-        }
-        Self::solve_with::<F4>(batches, plan);
+        solve(batches, plan);
     }
 
     /// Sensitivities from the solution columns: dH_oi/dz_g = - sum over the group's elements of (b'X_o)(b'X_i).
     pub fn differentiate(&mut self, plan: &Plan) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,fma")]
-            fn wide(batch: &mut Batch, plan: &Plan) {
-                batch.differentiate_with::<super::lanes::Avx2>(plan);
-            }
-            if super::lanes::avx2() {
-                // SAFETY: as above.
-                return unsafe { wide(self, plan) };
-            }
-        }
-        self.differentiate_with::<F4>(plan)
+        differentiate(self, plan);
     }
 
     #[inline(always)]
@@ -338,6 +316,18 @@ impl Batch {
                 Cv::<V>::load(target).sub_mul(a, b).store(target);
             }
         }
+    }
+}
+
+widest! {
+    fn solve(batches: &mut [Batch], plan: &Plan) {
+        Batch::solve_with::<Register>(batches, plan);
+    }
+}
+
+widest! {
+    fn differentiate(batch: &mut Batch, plan: &Plan) {
+        batch.differentiate_with::<Register>(plan);
     }
 }
 

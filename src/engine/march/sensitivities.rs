@@ -4,8 +4,7 @@
 use crate::model::Sensed;
 
 use super::super::EngineError;
-#[cfg(target_arch = "x86_64")]
-use super::super::blocktri::avx2;
+use super::super::blocktri::widest;
 use super::space::Spatial;
 use super::{March, State, add_link};
 
@@ -54,29 +53,19 @@ impl Motion {
     }
 }
 
+widest! {
+    fn differentiate(march: &mut March, spatial: Option<&Spatial>, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        march.differentiated(spatial, state, columns)
+    }
+}
+
 impl March<'_> {
     /// Direct differentiation of the converged step. Columns beyond the free parameters are perturbations of the start.
     pub(super) fn sensitivities(&mut self, state: &mut State, columns: usize) -> Result<(), EngineError> {
         let spatial = self.spatial.take();
-        let done = self.differentiate(spatial.as_ref(), state, columns);
+        let done = differentiate(self, spatial.as_ref(), state, columns);
         self.spatial = spatial;
         done
-    }
-
-    /// In the widest registers that the processor has.
-    fn differentiate(&mut self, spatial: Option<&Spatial>, state: &mut State, columns: usize) -> Result<(), EngineError> {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,fma")]
-            fn wide(march: &mut March, spatial: Option<&Spatial>, state: &mut State, columns: usize) -> Result<(), EngineError> {
-                march.differentiated(spatial, state, columns)
-            }
-            if avx2() {
-                // SAFETY: the processor has what the function is compiled for.
-                return unsafe { wide(self, spatial, state, columns) };
-            }
-        }
-        self.differentiated(spatial, state, columns)
     }
 
     #[inline(always)]

@@ -4,8 +4,7 @@ use crate::effect::Inputs;
 use crate::model::{Depth, Element, ElementScratch, Sensed};
 
 use super::super::super::EngineError;
-#[cfg(target_arch = "x86_64")]
-use super::super::super::blocktri::avx2;
+use super::super::super::blocktri::widest;
 use super::super::sensitivities::add_row;
 use super::super::{March, State};
 use super::hold::{Hold, ORDERS};
@@ -87,7 +86,18 @@ pub(super) fn bent(sources: &[Source], hold: &Hold, by: impl Fn(&[f64], usize, f
     sources.iter().map(|s| std::array::from_fn(|b| by(&matrices[b], s.element, 1.0))).collect()
 }
 
+widest! {
+    fn differentiate_widely(exact: &mut Exact, march: &mut March, level: &Level, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        exact.differentiated(march, level, state, columns)
+    }
+}
+
 impl Exact {
+    /// The whole of a step.
+    pub(super) fn differentiate(&mut self, march: &mut March, level: &Level, state: &mut State, columns: usize) -> Result<(), EngineError> {
+        differentiate_widely(self, march, level, state, columns)
+    }
+
     /// Sensitivities of the forces of the acting elements where the march begins.
     pub(super) fn slope_at_start(&mut self, march: &mut March, state: &State, columns: usize) {
         for row in 0..self.acting.len() {
@@ -114,22 +124,6 @@ impl Exact {
         for (p, chain) in element.chains.iter().enumerate().filter(|(p, _)| march.by_parameter && !element.is_of_linear_part(*p)) {
             chain.iter().for_each(|(theta, slope)| d[*theta] += sensed.params(0)[p] * slope);
         }
-    }
-
-    /// The whole of a step, in the widest registers that the processor has.
-    pub(super) fn differentiate(&mut self, march: &mut March, level: &Level, state: &mut State, columns: usize) -> Result<(), EngineError> {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,fma")]
-            fn wide(exact: &mut Exact, march: &mut March, level: &Level, state: &mut State, columns: usize) -> Result<(), EngineError> {
-                exact.differentiated(march, level, state, columns)
-            }
-            if avx2() {
-                // SAFETY: the processor has what the function is compiled for.
-                return unsafe { wide(self, march, level, state, columns) };
-            }
-        }
-        self.differentiated(march, level, state, columns)
     }
 
     #[inline(always)]
