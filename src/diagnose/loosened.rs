@@ -67,7 +67,7 @@ impl Climb<'_> {
             Some(Offer { gain: weighed.likelihood - self.now.likelihood, slack, scale, weighed })
         };
         // Mass between the nodes is an oscillator at every spring and every node: it is part of slack where that gains by it.
-        let Some((fewer, lumped)) = slack.lumped(&given) else { return offer(&given, slack) };
+        let Some((fewer, lumped)) = slack.lumped(&given, s) else { return offer(&given, slack) };
         let small = offer(&fewer, lumped);
         if small.as_ref().is_some_and(|o| !self.errs(&o.weighed)) {
             return small;

@@ -297,8 +297,8 @@ impl Slack {
     }
 
     /// The same without mass between the nodes, and a system without what stands for it; none where there is none. What a system has of deviations stands
-    /// at its end.
-    pub fn lumped(&self, system: &System) -> Option<(System, Slack)> {
+    /// at its end. A body that ends a chain then deviates as any other does.
+    pub fn lumped(&self, system: &System, settings: &Settings) -> Option<(System, Slack)> {
         let stays = |m: &&Member| ![BETWEEN, NODES].contains(&m.parameter);
         let kept: Vec<Member> = self.members.iter().filter(stays).cloned().collect();
         let first = self.members.first()?.instance;
@@ -307,8 +307,18 @@ impl Slack {
         }
         let mut fewer = system.clone();
         fewer.instances.truncate(first);
-        fewer.instances.extend(kept.iter().map(|m| system.instances[m.instance].clone()));
-        let members = kept.into_iter().enumerate().map(|(k, m)| Member { instance: first + k, ..m }).collect();
+        let mut members = Vec::new();
+        for (k, m) in kept.into_iter().enumerate() {
+            let mut instance = system.instances[m.instance].clone();
+            let parameter = if m.parameter == END { MASS } else { m.parameter };
+            if m.parameter == END {
+                let [least, most] = reach(MASS, settings).map(|part| part * m.nominal);
+                let p = &mut instance.params[0];
+                (p.min, p.max, p.prior) = (least, most, Some((0.0, widest(MASS, settings) * m.nominal)));
+            }
+            fewer.instances.push(instance);
+            members.push(Member { instance: first + k, parameter, ..m });
+        }
         Some((fewer, Slack { members }))
     }
 

@@ -52,12 +52,14 @@ fn lumped_slack_has_no_mass_between_nodes() {
     let study = Folder::new(PLANE, &cycle(1.0, "")).load().unwrap();
     let case = Case::from_study(&study, 1).unwrap();
     let (system, slack) = given(&case, &study.system, true, &Settings::default());
-    let (fewer, lumped) = slack.lumped(&system).unwrap();
+    let (fewer, lumped) = slack.lumped(&system, &Settings::default()).unwrap();
     let own = study.system.instances.len();
     let names: Vec<&str> = fewer.instances[own..].iter().map(|i| i.name()).collect();
     assert_eq!(names, [["stiffness_deviation"; 4].as_slice(), &["mass_deviation"; 2]].concat());
     assert!((0..fewer.instances.len()).all(|k| lumped.has(k) == (k >= own)) && lumped.len() + 1 == slack.len());
-    assert!(lumped.lumped(&fewer).is_none());
+    // The bodies of 0.1 kg, which may be a quarter off where mass lies beside them, deviate as any mass does.
+    assert!(fewer.instances[own + 4..].iter().all(|i| i.params[0].prior == Some((0.0, 0.1 * 0.03))));
+    assert!(lumped.lumped(&fewer, &Settings::default()).is_none());
 }
 
 #[test]
