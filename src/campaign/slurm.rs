@@ -48,30 +48,58 @@ pub fn submit(name: &str, elements: usize, threads: usize, folder: &Path, script
     Ok(id.split(';').next().unwrap_or_default().to_string())
 }
 
-/// Whether any element of a job is still queued or running. A scheduler that does not answer is asked again, for as long as `patience`.
-pub fn busy(job: &str, patience: Duration) -> Result<bool, CampaignError> {
+/// What a job that has not ended waits for; none where it has. A scheduler that does not answer is asked again, for as long as `patience`.
+pub fn busy(job: &str, patience: Duration) -> Result<Option<String>, CampaignError> {
     let begun = Instant::now();
     loop {
-        match call(Command::new("squeue").args(["--noheader", "--jobs", job, "--format", "%T"])) {
-            Ok(states) => return Ok(!states.is_empty()),
+        match call(Command::new("squeue").args(["--noheader", "--jobs", job, "--format", "%T %r"])) {
+            Ok(states) => return Ok((!states.is_empty()).then(|| waits(&states))),
             // A job that ended is forgotten after a while.
-            Err(CampaignError::Scheduler { reason, .. }) if reason.contains("Invalid job id") => return Ok(false),
+            Err(CampaignError::Scheduler { reason, .. }) if reason.contains("Invalid job id") => return Ok(None),
             Err(e) if begun.elapsed() > patience => return Err(e),
             Err(_) => std::thread::sleep(EVERY),
         }
     }
 }
 
-/// Waits until a job has ended, or `stopped` says so: then it is cancelled.
-pub fn wait(job: &str, stopped: &dyn Fn() -> bool, look: &mut dyn FnMut()) -> Result<(), CampaignError> {
+/// Why nothing of a job runs, from the state and the reason of each of its elements; empty where something does, or where it waits for its turn alone.
+fn waits(states: &str) -> String {
+    let turn = ["", "None", "Resources", "Priority"];
+    let mut reasons: Vec<&str> = Vec::new();
+    for (state, reason) in states.lines().map(|l| l.trim().split_once(' ').unwrap_or((l.trim(), ""))) {
+        if state != "PENDING" || turn.contains(&reason.trim()) {
+            return String::new();
+        }
+        if !reasons.contains(&reason.trim()) {
+            reasons.push(reason.trim());
+        }
+    }
+    reasons.join("; ")
+}
+
+/// Waits until a job has ended, or `stopped` says so: then it is cancelled. `look` is told what it waits for.
+pub fn wait(job: &str, stopped: &dyn Fn() -> bool, look: &mut dyn FnMut(&str)) -> Result<(), CampaignError> {
     loop {
         if stopped() {
             return call(Command::new("scancel").arg(job)).map(drop);
         }
-        if !busy(job, Duration::from_secs(300))? {
-            return Ok(());
-        }
-        look();
+        let Some(waits) = busy(job, Duration::from_secs(300))? else { return Ok(()) };
+        look(&waits);
         std::thread::sleep(EVERY);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::waits;
+
+    #[test]
+    fn a_job_that_cannot_run_says_why() {
+        let drained = "Nodes required for job are DOWN, DRAINED or reserved for jobs in higher priority partitions";
+        assert_eq!(waits(&format!("PENDING {drained}\nPENDING JobHeldUser\nPENDING JobHeldUser")), format!("{drained}; JobHeldUser"));
+        // One element that runs, or waits for its turn, is enough to go on.
+        for states in ["RUNNING None", "PENDING JobHeldUser\nRUNNING None", "PENDING Resources\nPENDING JobHeldUser", "RUNNING"] {
+            assert_eq!(waits(states), "", "{states}");
+        }
     }
 }

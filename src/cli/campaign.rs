@@ -163,7 +163,12 @@ fn local(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
 /// The job of an earlier run that is still queued or running.
 fn earlier(folder: &Path) -> Option<String> {
     let job = std::fs::read_to_string(folder.join(JOB)).ok()?;
-    slurm::busy(&job, Duration::ZERO).ok().filter(|b| *b).map(|_| job)
+    slurm::busy(&job, Duration::ZERO).ok().flatten().map(|_| job)
+}
+
+/// Why nothing of a job runs, where Slurm says so.
+fn because(waits: &str) -> String {
+    if waits.is_empty() { String::new() } else { format!("; nothing of it runs, and Slurm says: {waits}") }
 }
 
 /// The same as a job array. What an element leaves without a record, because it was killed with its node, is queued again as often as asked.
@@ -171,7 +176,8 @@ fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
     let mut left = left.to_vec();
     // A job whose submitter was killed goes on by itself: it is waited for, not queued twice.
     if let Some(job) = earlier(runner.folder) {
-        slurm::wait(&job, stopped, &mut || progress.say(&format!("job {job} of an earlier run")))?;
+        let mut look = |waits: &str| progress.count(&format!("job {job} of an earlier run{}", because(waits)));
+        slurm::wait(&job, stopped, &mut look)?;
         left.retain(|k| runner.record(&tasks[*k].id).is_none_or(|r| r.reason.is_some()));
     }
     for _ in 0..=runner.spec.retries {
@@ -198,9 +204,9 @@ fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
             slurm::submit(&runner.spec.title.replace(char::is_whitespace, "-"), elements, runner.spec.threads, runner.folder, &script)?;
         write(&runner.folder.join(JOB), job.as_bytes())?;
         let all = left.len();
-        let mut look = || {
+        let mut look = |waits: &str| {
             let n = left.iter().filter(|k| runner.file(&tasks[**k].id).exists()).count();
-            progress.count(&format!("job {job}: {n} of {all} tasks"));
+            progress.count(&format!("job {job}: {n} of {all} tasks{}", because(waits)));
         };
         slurm::wait(&job, stopped, &mut look)?;
         left.retain(|k| runner.record(&tasks[*k].id).is_none());
