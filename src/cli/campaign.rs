@@ -1,5 +1,6 @@
 //! `misfit campaign`: one verb over many variants, on this machine or through Slurm.
 
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::RecvTimeoutError;
@@ -287,23 +288,29 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 }
 
 /// Keeps a second campaign out of a folder for as long as this one runs.
-struct Lock(PathBuf);
+struct Lock {
+    /// Locked as long as this process lives, whoever waits for its end.
+    _file: std::fs::File,
+}
 
 impl Lock {
     fn take(folder: &Path) -> Result<Lock, Failure> {
         let path = folder.join(LOCK);
-        let holder = std::fs::read_to_string(&path).ok().filter(|pid| Path::new("/proc").join(pid.trim()).exists());
-        if let Some(pid) = holder.filter(|p| !p.trim().is_empty()) {
-            let message = format!("another campaign is at work here (process {})", pid.trim());
-            return Err(Failure::new("campaign", folder.display().to_string(), message, "its end, or --out with another folder"));
+        let failed = |e: std::io::Error| CampaignError::File { path: path.clone(), reason: e.to_string() };
+        let mut file = std::fs::OpenOptions::new().create(true).truncate(false).read(true).write(true).open(&path).map_err(failed)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(std::fs::TryLockError::WouldBlock) => {
+                let mut pid = String::new();
+                file.read_to_string(&mut pid).map_err(failed)?;
+                let message = format!("another campaign is at work here (process {})", pid.trim());
+                return Err(Failure::new("campaign", folder.display().to_string(), message, "its end, or --out with another folder"));
+            }
+            // Some file systems of clusters have no locks; there the last one to come wins, and every result is written whole.
+            Err(std::fs::TryLockError::Error(e)) if e.kind() == std::io::ErrorKind::Unsupported => {}
+            Err(std::fs::TryLockError::Error(e)) => return Err(failed(e).into()),
         }
-        write(&path, std::process::id().to_string().as_bytes())?;
-        Ok(Lock(path))
-    }
-}
-
-impl Drop for Lock {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
+        file.set_len(0).and_then(|()| file.write_all(std::process::id().to_string().as_bytes())).map_err(failed)?;
+        Ok(Lock { _file: file })
     }
 }
