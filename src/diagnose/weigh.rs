@@ -272,7 +272,7 @@ impl Scale {
     }
 
     /// The same weighed on until that gains no more: what a model has not yet found by itself would be the gain of whatever is added to it. A fit may have
-    /// converged and its variances not: along records of strengths that scatter they move together, and left ten nats.
+    /// converged and its variances not: along records of strengths that scatter they move together, and left up to nine nats.
     pub fn finished(&self, mut now: Weighed, monitor: &Monitor) -> Result<Weighed, String> {
         for _ in 0..self.settings.finish {
             if super::trace::stopped(monitor) {

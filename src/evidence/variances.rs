@@ -38,7 +38,7 @@ impl Variances {
         Variances { kappa: 0.0, tau, omega: (0.25 * s.scatter_most).ln(), apart: [0.0; KINDS], own }.bounded(s)
     }
 
-    /// Scatter of strengths in a test.
+    /// Logarithm of the relative scatter of strengths in a test, `omega + a_kind`.
     pub fn scatter(&self, record: &Record) -> f64 {
         self.omega + self.apart[record.kind as usize]
     }
