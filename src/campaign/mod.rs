@@ -9,18 +9,20 @@
 //! | key | what |
 //! |---|---|
 //! | `schema = 1`, `title` | the first is required |
-//! | `verb` | check, compare, fit, diagnose, ladder, predict, tolerance, trial |
+//! | `verb` | check, compare, fit, diagnose, add, ladder, predict, tolerance, trial |
 //! | `studies = ["a", "b"]` | folders with study.toml, or such files, relative to campaign.toml |
 //! | `arguments = ["--bootstrap", "20"]` | of every task |
 //! | `retries = 1` | how often a failed task is tried again |
 //! | `threads = 1` | threads of a task |
 //! | `keep_runs = true` | keep the folder of every run |
-//! | `[grid]` | every combination of its lists: `seed`, the name of a parameter (`"c1.x.viscous.c"`: its start), a key of study.toml (`"fit.loss"`), an option (`"--cases"`) |
+//! | `shares = 8` | tasks among which the replicates of `--bootstrap`, the parameters of `--profile` and the cases of a trial are divided; the run that puts them together is the row |
+//! | `[grid]` | every combination of its lists: `seed`, the name of a parameter (`"c1.x.viscous.c"`: its start), a key of study.toml (`"fit.loss"`), an option (`"--cases"`), for `add` the name of an effect (`effect`) |
 //! | `[[variant]]` | one task beside the grid: `name`, `study`, `seed`, `set = { key = value }`, `arguments` |
 
 mod error;
 mod page;
 mod spec;
+mod share;
 pub mod slurm;
 pub mod table;
 pub mod task;
@@ -28,6 +30,7 @@ mod variant;
 
 pub use error::CampaignError;
 pub use page::page;
+pub use share::{Share, shares};
 pub use spec::{Spec, VERBS};
 pub use task::{Record, Runner, Task, whole};
 

@@ -7,7 +7,7 @@ use crate::data::toml_strict::{TableView, TomlError, TomlFile, ValueView};
 use super::CampaignError;
 
 /// Verbs that a campaign may run.
-pub const VERBS: [&str; 8] = ["check", "compare", "fit", "diagnose", "ladder", "predict", "tolerance", "trial"];
+pub const VERBS: [&str; 9] = ["check", "compare", "fit", "diagnose", "add", "ladder", "predict", "tolerance", "trial"];
 
 /// An axis of the grid: its key and its values as TOML.
 pub(super) type Axis = (String, Vec<String>);
@@ -40,19 +40,23 @@ pub struct Spec {
     pub threads: usize,
     /// Whether the folders of the runs are kept.
     pub keep_runs: bool,
+    /// Tasks among which what a run draws is divided.
+    pub shares: usize,
     pub(super) grid: Vec<Axis>,
     pub(super) variants: Vec<Variant>,
 }
 
 /// Most tasks of one campaign.
 const MOST: usize = 1_000_000;
+/// Most shares of one run.
+const SHARES: i64 = 10_000;
 
 impl Spec {
     /// Reads campaign.toml.
     pub fn load(file: &Path) -> Result<Spec, CampaignError> {
         let toml = TomlFile::read(file, "campaign")?;
         let root = toml.root();
-        root.only(&["schema", "title", "verb", "studies", "arguments", "retries", "threads", "keep_runs", "grid", "variant"])?;
+        root.only(&["schema", "title", "verb", "studies", "arguments", "retries", "threads", "keep_runs", "shares", "grid", "variant"])?;
         crate::data::schema(&root)?;
         let words = VERBS.map(|v| (v, v));
         let verb = root.require("verb", "\"fit\"")?.word("verb", &words)?;
@@ -96,6 +100,7 @@ impl Spec {
             retries: root.optional("retries", |v| v.integer(0, 1000))?.map_or(0, |n| n as usize),
             threads: root.optional("threads", |v| v.integer(1, 1000))?.map_or(1, |n| n as usize),
             keep_runs: root.optional("keep_runs", |v| v.bool())?.unwrap_or(false),
+            shares: root.optional("shares", |v| v.integer(1, SHARES))?.map_or(1, |n| n as usize),
             grid: if crossed { grid } else { vec![] },
             variants,
         })

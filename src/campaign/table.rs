@@ -168,6 +168,7 @@ mod tests {
             axes: vec![("seed".into(), "1".into())],
             set: vec![],
             arguments: vec![],
+            part: Default::default(),
         };
         let result = json!({ "cost": 2.5, "wall_s": 9.0, "termination": "converged", "parameters": [{ "name": "c1.x.viscous.c", "value": 3.0, "std": null }],
                              "missing": [{ "effect": "coulomb", "at": "c1.x" }], "fit": { "cost": 1.0 },

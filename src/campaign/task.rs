@@ -15,7 +15,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::limits;
 
 use super::variant::{self, Contents};
-use super::{CampaignError, Spec};
+use super::{CampaignError, Share, Spec};
 
 /// One run of the verb.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +34,52 @@ pub struct Task {
     pub set: Vec<(String, String)>,
     /// Arguments of the verb.
     pub arguments: Vec<String>,
+    /// What of the run it is.
+    pub part: Part,
+}
+
+/// What of a run a task is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum Part {
+    /// All of it.
+    #[default]
+    Whole,
+    /// A share of what the task `of` draws.
+    Share {
+        /// Id of that task.
+        of: String,
+        /// Which share.
+        share: Share,
+    },
+    /// What its shares have drawn, put together.
+    Joined,
+}
+
+impl Task {
+    /// The tasks among which what this one draws is divided by `n`.
+    pub fn shares(&self, n: usize) -> impl Iterator<Item = Task> {
+        let one = |share: Share| {
+            let mut hash = Xxh3::new();
+            hash.update(format!("{} {share}", self.id).as_bytes());
+            Task {
+                id: format!("{:032x}", hash.digest128()),
+                label: format!("{} share {share}", self.label),
+                part: Part::Share { of: self.id.clone(), share },
+                ..self.clone()
+            }
+        };
+        Share::all(n).map(one)
+    }
+
+    /// Whether its verb draws what can be divided.
+    fn draws(&self, verb: &str) -> bool {
+        let asks = |options: &[&str]| self.arguments.iter().any(|a| options.iter().any(|o| a == o || a.starts_with(&format!("{o}="))));
+        match verb {
+            "fit" => asks(&["--bootstrap", "--profile"]),
+            "predict" => asks(&["--bootstrap"]),
+            verb => verb == "trial",
+        }
+    }
 }
 
 /// What came of a task.
@@ -94,6 +140,16 @@ pub(super) fn list(spec: &Spec) -> Result<Vec<Task>, CampaignError> {
     for task in &mut all {
         let content = task.study.as_ref().map_or(0, |s| *studies.entry(s.clone()).or_insert_with(|| contents.study(s)));
         task.id = id(spec, task, content);
+        if spec.shares > 1 {
+            if !task.draws(&spec.verb) {
+                return Err(CampaignError::Folder {
+                    path: spec.file.clone(),
+                    message: format!("`{}` draws nothing that could be divided into shares", task.label),
+                    accepted: "fit with --bootstrap or --profile, predict with --bootstrap, trial; or no `shares`".into(),
+                });
+            }
+            task.part = Part::Joined;
+        }
         if let Some(first) = seen.insert(task.id.clone(), task.label.clone()) {
             return Err(CampaignError::Folder {
                 path: spec.file.clone(),
@@ -116,11 +172,13 @@ fn task(spec: &Spec, study: &str, values: Vec<(String, String)>) -> Task {
         axes: if trial { vec![] } else { vec![("study".into(), study.to_string())] },
         set: vec![],
         arguments: spec.arguments.clone(),
+        part: Part::Whole,
     };
     for (key, text) in values {
         let shown = plain(&text);
         match key.as_str() {
             "seed" => task.seed = shown.parse().unwrap_or(1),
+            EFFECT if spec.verb == ADD => task.arguments.insert(0, shown.clone()),
             option if option.starts_with("--") => task.arguments.extend([key.clone(), shown.clone()]),
             _ => task.set.push((key.clone(), text)),
         }
@@ -152,6 +210,10 @@ fn id(spec: &Spec, task: &Task, content: u128) -> String {
     hash.update(&content.to_le_bytes());
     format!("{:032x}", hash.digest128())
 }
+
+/// The verb that takes an effect, and writes it into its study; and the axis that names it.
+const ADD: &str = "add";
+const EFFECT: &str = "effect";
 
 /// Runs tasks of a campaign into its folder.
 pub struct Runner<'a> {
@@ -198,6 +260,25 @@ impl<'a> Runner<'a> {
         self.folder.join("tasks").join(format!("{id}.json"))
     }
 
+    /// Where the runs of the shares of a task are kept until they are put together.
+    fn shared(&self, id: &str) -> PathBuf {
+        self.folder.join("shares").join(id)
+    }
+
+    /// Folder of what a share has drawn.
+    fn share(&self, of: &str, share: Share) -> PathBuf {
+        self.shared(of).join(share.to_string().replace('/', "-of-"))
+    }
+
+    /// Whether a task is done: its record says so, and what a share has drawn is there.
+    pub fn is_done(&self, task: &Task) -> bool {
+        let there = match &task.part {
+            Part::Share { of, share } => self.share(of, *share).is_dir(),
+            Part::Whole | Part::Joined => true,
+        };
+        there && self.record(&task.id).is_some_and(|r| r.reason.is_none())
+    }
+
     /// The record of a task; none where it is not there, or is no record.
     pub fn record(&self, id: &str) -> Option<Record> {
         let text = limits::text(&self.file(id)).ok()?;
@@ -225,10 +306,20 @@ impl<'a> Runner<'a> {
                 continue;
             }
             let record = Record { id: task.id.clone(), reason, attempts, wall_s: begun.elapsed().as_secs_f64(), result };
-            let text = serde_json::to_string(&record).map_err(|e| CampaignError::file(&self.file(&task.id), e))?;
-            whole(&self.file(&task.id), text.as_bytes())?;
+            self.keep(&record)?;
+            if task.part == Part::Joined && record.reason.is_none() {
+                // What the shares have drawn stands in the record now.
+                let _ = std::fs::remove_dir_all(self.shared(&task.id));
+            }
             return Ok(Some(record));
         }
+    }
+
+    /// Writes a record, whole.
+    pub fn keep(&self, record: &Record) -> Result<(), CampaignError> {
+        let file = self.file(&record.id);
+        let text = serde_json::to_string(record).map_err(|e| CampaignError::file(&file, e))?;
+        whole(&file, text.as_bytes())
     }
 
     /// One attempt: what was printed, or why it failed; none where it was interrupted.
@@ -240,7 +331,7 @@ impl<'a> Runner<'a> {
         let mut command = Command::new(words.next().map_or(OsStr::new(""), OsString::as_os_str));
         command.args(words).arg(&self.spec.verb);
         if let Some(study) = &task.study {
-            if task.set.is_empty() {
+            if task.set.is_empty() && self.spec.verb != ADD {
                 command.arg(study);
             } else {
                 match variant_of(study, &task.set) {
@@ -255,6 +346,11 @@ impl<'a> Runner<'a> {
         }
         command.args(&task.arguments).arg("--json").arg("--out").arg(&run);
         command.args(["--seed", &task.seed.to_string(), "--threads", &self.spec.threads.to_string()]);
+        match &task.part {
+            Part::Whole => {}
+            Part::Share { share, .. } => drop(command.args(["--share", &share.to_string()])),
+            Part::Joined => drop(command.arg("--joined").arg(self.shared(&task.id))),
+        }
         let started = PathBuf::from(command.get_program());
         let done = self.output(command).map_err(|e| CampaignError::file(&started, e))?;
         if interrupted(&done.status) {
@@ -270,10 +366,15 @@ impl<'a> Runner<'a> {
                 Err((format!("{}: {}", done.status, last.trim()), Value::Null))
             }
         };
-        if self.spec.keep_runs && run.is_dir() {
-            let kept = self.folder.join("runs").join(&task.id);
+        let (kept, outcome) = match &task.part {
+            // What it printed is told once more by the whole.
+            Part::Share { of, share } => (Some(self.share(of, *share)).filter(|_| outcome.is_ok()), outcome.map(|_| Value::Null)),
+            Part::Whole | Part::Joined => (Some(self.folder.join("runs").join(&task.id)).filter(|_| self.spec.keep_runs), outcome),
+        };
+        if let Some(kept) = kept.filter(|_| run.is_dir()) {
             let _ = std::fs::remove_dir_all(&kept);
-            std::fs::rename(&run, &kept).map_err(|e| CampaignError::file(&kept, e))?;
+            let made = kept.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| std::fs::rename(&run, &kept));
+            made.map_err(|e| CampaignError::file(&kept, e))?;
         }
         Ok(Some(outcome))
     }
@@ -352,7 +453,16 @@ mod tests {
         // A program that ends as an interrupted interpreter does.
         let program = ["sh", "-c", "echo KeyboardInterrupt >&2; exit 1"].map(OsString::from);
         let runner = Runner::new(&program, &spec, folder.path());
-        let task = Task { id: "one".into(), label: "one".into(), study: None, seed: 1, axes: vec![], set: vec![], arguments: vec![] };
+        let task = Task {
+            id: "one".into(),
+            label: "one".into(),
+            study: None,
+            seed: 1,
+            axes: vec![],
+            set: vec![],
+            arguments: vec![],
+            part: Part::Whole,
+        };
         let asked = AtomicUsize::new(0);
         assert!(runner.run(&task, &|| asked.fetch_add(1, Ordering::Relaxed) > 0).unwrap().is_none());
         assert!(runner.record("one").is_none(), "it is computed when the campaign goes on");

@@ -84,20 +84,25 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         leftovers(&folder)?;
     }
     let runner = Runner::new(&program, &spec, &folder);
-    let records: Vec<Option<Record>> = parallel::map(&tasks, |t| runner.record(&t.id));
-    let left: Vec<usize> = (0..tasks.len()).filter(|k| records[*k].as_ref().is_none_or(|r| r.reason.is_some())).collect();
-    let others = strangers(&folder, &tasks);
+    let left: Vec<usize> = open(&runner, &tasks);
+    let others = strangers(&runner, &tasks);
     let progress = Progress::new(args.json, None, args.watcher.clone());
-    match args.on {
-        On::Local => {
-            if let Some(job) = earlier(&folder) {
-                let message = format!("job {job} of this campaign is still queued or running");
-                let accepted = format!("--on slurm --resume to go on with it, or `scancel {job}`");
-                return Err(Failure::new("campaign", folder.display().to_string(), message, accepted));
-            }
-            local(&runner, &tasks, &left, &progress, &stopped)?;
-        }
-        On::Slurm => array(&runner, &tasks, &left, &progress, &stopped)?,
+    if let Some(job) = earlier(&folder).filter(|_| args.on == On::Local) {
+        let message = format!("job {job} of this campaign is still queued or running");
+        let accepted = format!("--on slurm --resume to go on with it, or `scancel {job}`");
+        return Err(Failure::new("campaign", folder.display().to_string(), message, accepted));
+    }
+    let execute = |tasks: &[Task], left: &[usize]| match args.on {
+        On::Local => local(&runner, tasks, left, &progress, &stopped),
+        On::Slurm => array(&runner, tasks, left, &progress, &stopped),
+    };
+    if spec.shares > 1 {
+        let shares: Vec<Task> = left.iter().flat_map(|k| tasks[*k].shares(spec.shares)).collect();
+        execute(&shares, &open(&runner, &shares))?;
+        let whole = together(&runner, &tasks, &left, stopped())?;
+        execute(&tasks, &whole)?;
+    } else {
+        execute(&tasks, &left)?;
     }
     progress.end();
     let records: Vec<Option<Record>> = parallel::map(&tasks, |t| runner.record(&t.id));
@@ -133,6 +138,31 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     text += &format!("Table: {}\nReport: {}\n", shown(TABLE), shown(REPORT));
     Ok(Outcome { json: value, text, code: if interrupted { INTERRUPTED } else { 0 } })
+}
+
+/// The tasks that are not done.
+fn open(runner: &Runner, tasks: &[Task]) -> Vec<usize> {
+    let done = parallel::map(tasks, |t| runner.is_done(t));
+    (0..tasks.len()).filter(|k| !done[*k]).collect()
+}
+
+/// Those of the tasks that are left whose shares are all done; of the others a record says which share failed, unless they were not tried.
+fn together(runner: &Runner, tasks: &[Task], left: &[usize], stopped: bool) -> Result<Vec<usize>, CampaignError> {
+    let mut whole = Vec::new();
+    for k in left {
+        let missing: Vec<Task> = tasks[*k].shares(runner.spec.shares).filter(|s| !runner.is_done(s)).collect();
+        match missing.first() {
+            None => whole.push(*k),
+            Some(_) if stopped => {}
+            Some(first) => {
+                let why = runner.record(&first.id).and_then(|r| r.reason).unwrap_or_else(|| "it ended without a result".into());
+                let reason = format!("{} of {} shares failed; {}: {why}", missing.len(), runner.spec.shares, first.label);
+                let id = tasks[*k].id.clone();
+                runner.keep(&Record { id, reason: Some(reason), attempts: 0, wall_s: 0.0, result: Value::Null })?;
+            }
+        }
+    }
+    Ok(whole)
 }
 
 /// Every task that is left, as many at a time as there are threads.
@@ -179,7 +209,7 @@ fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
     if let Some(job) = earlier(runner.folder) {
         let mut look = |waits: &str| progress.count(&format!("job {job} of an earlier run{}", because(waits)));
         slurm::wait(&job, stopped, &mut look)?;
-        left.retain(|k| runner.record(&tasks[*k].id).is_none_or(|r| r.reason.is_some()));
+        left.retain(|k| !runner.is_done(&tasks[*k]));
     }
     for _ in 0..=runner.spec.retries {
         if left.is_empty() || stopped() {
@@ -226,7 +256,7 @@ fn one_element(runner: &Runner, element: usize, stopped: &(dyn Fn() -> bool + Sy
     let mut done = 0;
     for task in own {
         // A job that was requeued finds what it has done before.
-        if runner.record(&task.id).is_some_and(|r| r.reason.is_none()) {
+        if runner.is_done(task) {
             continue;
         }
         if runner.run(task, stopped)?.is_none() {
@@ -276,10 +306,15 @@ fn orphans(folder: &Path) {
 }
 
 /// Records of tasks that are not in the list.
-fn strangers(folder: &Path, tasks: &[Task]) -> usize {
-    let known: std::collections::HashSet<&str> = tasks.iter().map(|t| t.id.as_str()).collect();
-    let names =
-        std::fs::read_dir(folder.join("tasks")).into_iter().flatten().flatten().map(|e| e.file_name().to_string_lossy().into_owned());
+fn strangers(runner: &Runner, tasks: &[Task]) -> usize {
+    let shares = Some(runner.spec.shares).filter(|n| *n > 1).unwrap_or(0);
+    let shared = tasks.iter().flat_map(|t| t.shares(shares)).map(|s| s.id);
+    let known: std::collections::HashSet<String> = tasks.iter().map(|t| t.id.clone()).chain(shared).collect();
+    let names = std::fs::read_dir(runner.folder.join("tasks"))
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|e| e.file_name().to_string_lossy().into_owned());
     names.filter(|n| n.strip_suffix(".json").is_some_and(|id| !known.contains(id))).count()
 }
 

@@ -8,6 +8,7 @@ use crate::identify::Monitor;
 use crate::study::run::RunFolder;
 
 use super::session::{Common, Session};
+use super::share::Shared;
 use super::{INTERRUPTED, NOT_DONE, Outcome, scatter, text};
 use crate::work::Failure;
 
@@ -24,6 +25,8 @@ pub(super) struct Args {
     /// Bootstrap: refits to this many measurements made of the residuals
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     bootstrap: Option<u32>,
+    #[command(flatten)]
+    shared: Shared,
 }
 
 use crate::work::{profiles, take_over};
@@ -34,7 +37,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let study = session.study()?;
     let case = session.case(&study)?;
-    let folder = session.folder(&study, "fit")?;
+    let (folder, share) = (session.folder(&study, "fit")?, args.shared.share);
+    args.shared.join(&folder)?;
     let done = fitted(&session, &case, &folder, args.resume.as_deref()).and_then(|(case, fitted, result)| {
         keep(&study, &fitted.system, &folder, &result)?;
         session.show(&result.tests);
@@ -45,13 +49,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut value = json(&result, &folder)?;
     if !args.profile.is_empty() {
         let every = || fitted.free.iter().map(|f| f.name.clone()).collect();
-        let names = if args.profile.iter().any(|n| n == "all") { every() } else { args.profile.clone() };
+        let names: Vec<String> = if args.profile.iter().any(|n| n == "all") { every() } else { args.profile.clone() };
+        let names: Vec<String> = share.of(names.len()).map(|k| names[k].clone()).collect();
         let all = profiles(&case, &fitted, &folder, &names, &session.monitor(), &|step: &str| session.progress.say(step))?;
         text += &format!("\n{}", scatter::profile_table(&all));
         value["profiles"] = plain(&all)?;
     }
     if let Some(n) = args.bootstrap {
-        let all = scatter::replicates(&session, &case, &fitted, &folder, n as usize)?;
+        let all = scatter::replicates(&session, &case, &fitted, &folder, (n as usize, share))?;
         let (told, table) = scatter::told(&fitted, &all, n as usize);
         text += &format!("\n{table}");
         value["bootstrap"] = told;

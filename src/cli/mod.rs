@@ -21,6 +21,7 @@ mod scatter;
 mod schema;
 mod serve;
 mod session;
+mod share;
 mod simulate;
 mod table;
 mod text;

@@ -16,6 +16,7 @@ use crate::study::{Predicted, PredictionSpec, Study, ToleranceSpec};
 use crate::units::Dimension;
 
 use super::session::{Common, Session};
+use super::share::Shared;
 use super::table::{percent, significant, table};
 use super::{INTERRUPTED, Outcome, fit, report, scatter, text};
 use crate::work::Failure;
@@ -38,6 +39,8 @@ pub(super) struct Args {
     /// Go on with the fit and the replicates of an interrupted run, kept in its folder
     #[arg(long, value_name = "RUNDIR")]
     resume: Option<PathBuf>,
+    #[command(flatten)]
+    shared: Shared,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -59,13 +62,14 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let near = |case: Case| Case { f_tol: (!way.is_empty()).then_some(WRITTEN), ..case };
     let case = near(session.case(study)?);
     let folder = session.folder(&asked, "predict")?;
+    args.shared.join(&folder)?;
     let done = fit::fitted(&session, &case, &folder, args.resume.as_deref());
     let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
     let replicates = match args.bootstrap {
-        Some(n) => scatter::replicates(&session, &case, &fitted, &folder, n as usize)?,
+        Some(n) => scatter::replicates(&session, &case, &fitted, &folder, (n as usize, args.shared.share))?,
         None => vec![],
     };
-    let stopped = session.interrupted() && args.bootstrap.is_some_and(|n| replicates.len() < n as usize);
+    let stopped = session.interrupted() && args.bootstrap.is_some_and(|n| replicates.len() < args.shared.share.of(n as usize).count());
     session.progress.say("predictions");
     let listed = listed(study, &fitted, &replicates)?;
     let mut text = format!("{}\n\n", asked.title);

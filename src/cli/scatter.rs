@@ -7,6 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use serde_json::Value;
 
+use crate::campaign::Share;
 use crate::diagnose::results::SplitName;
 use crate::diagnose::{Case, Fitted, unit_of};
 use crate::identify::{Replicate, bootstrap, quantile};
@@ -18,8 +19,14 @@ use super::table::{significant, table};
 use crate::work::lines::{BOOTSTRAP, Lines, head};
 use crate::work::{Failure, Profiled};
 
-/// The first `n` replicates of a fit, those of an earlier run not again.
-pub(super) fn replicates(session: &Session, case: &Case, fitted: &Fitted, folder: &RunFolder, n: usize) -> Result<Vec<Replicate>, Failure> {
+/// A share of the first `n` replicates of a fit, those of an earlier run not again.
+pub(super) fn replicates(
+    session: &Session,
+    case: &Case,
+    fitted: &Fitted,
+    folder: &RunFolder,
+    (n, share): (usize, Share),
+) -> Result<Vec<Replicate>, Failure> {
     let (lines, mut done) = Lines::open::<Replicate>(folder, BOOTSTRAP, &head(fitted, case.seed))?;
     let plans = case.plans_of(SplitName::Fit);
     let mut tests = Vec::new();
@@ -29,13 +36,13 @@ pub(super) fn replicates(session: &Session, case: &Case, fitted: &Fitted, folder
         row += plan.len();
     }
     let problem = Problem::new(plans, fitted.system.clone());
-    let left: Vec<usize> = (0..n).filter(|k| !done.iter().any(|d| d.index == *k)).collect();
-    let (before, trouble) = (n - left.len(), Mutex::new((0usize, None)));
+    let (all, left): (usize, Vec<usize>) = (share.of(n).count(), share.of(n).filter(|k| !done.iter().any(|d| d.index == *k)).collect());
+    let (before, trouble) = (all - left.len(), Mutex::new((0usize, None)));
     let each = |r: &Replicate| {
         let kept = lines.add(r);
         if let Ok(mut state) = trouble.lock() {
             state.0 += 1;
-            session.progress.say(&format!("bootstrap: {} of {n}", before + state.0));
+            session.progress.say(&format!("bootstrap: {} of {all}", before + state.0));
             state.1 = state.1.take().or(kept.err());
         }
     };
@@ -44,7 +51,7 @@ pub(super) fn replicates(session: &Session, case: &Case, fitted: &Fitted, folder
     if let Some(e) = trouble.into_inner().unwrap_or_else(PoisonError::into_inner).1 {
         return Err(e);
     }
-    done.retain(|r| r.index < n);
+    done.retain(|r| r.index < n && share.has(r.index));
     done.sort_by_key(|r| r.index);
     Ok(done)
 }

@@ -6,11 +6,13 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
+use crate::campaign;
 use crate::identify::Monitor;
 use crate::trial::{self, CaseResult, Counts, Data, Imperfection, Kept, Kind, NONCENTRALITY, Options, Structure, TrialError};
 
 use super::call::Watched;
 use super::progress::Progress;
+use super::share::Shared;
 use super::table::{significant, table};
 use super::{INTERRUPTED, Outcome};
 use crate::work::Failure;
@@ -58,6 +60,8 @@ pub(super) struct Args {
     /// Stop after this time with the cases done
     #[arg(long, value_name = "S", value_parser = super::session::seconds)]
     pub max_seconds: Option<f64>,
+    #[command(flatten)]
+    shared: Shared,
     /// The program that called the verb, in place of a terminal.
     #[arg(skip)]
     pub watcher: Watched,
@@ -121,11 +125,19 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         None => {
             let folder = args.out.clone().unwrap_or_else(|| format!("runs/trial-{}", args.seed).into());
-            (folder.clone(), Kept::create(&folder, &drawn)?, drawn, vec![])
+            match &args.shared.joined {
+                Some(joined) => {
+                    Kept::join(&folder, &campaign::shares(joined)?)?;
+                    let (kept, options, done) = Kept::resume(&folder)?;
+                    (folder, kept, options, done)
+                }
+                None => (folder.clone(), Kept::create(&folder, &drawn)?, drawn, vec![]),
+            }
         }
     };
-    let cases = args.cases as usize;
-    let before = done.iter().filter(|d| d.index < cases).count();
+    let asked: Vec<usize> = args.shared.share.of(args.cases as usize).collect();
+    let cases = asked.len();
+    let before = done.iter().filter(|d| asked.contains(&d.index)).count();
     let progress = Progress::new(args.json, monitor.deadline, args.watcher.clone());
     progress.say(&format!("{} cases", cases - before));
     let (started, tally) = (Instant::now(), Mutex::new((0usize, 0usize)));
@@ -142,7 +154,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         Ok(())
     };
-    let ran = trial::run(&options, cases, &done, &monitor, &each);
+    let ran = trial::run(&options, &asked, &done, &monitor, &each);
     progress.end();
     let results = ran?;
     let told = trial::table(&results);

@@ -1,5 +1,10 @@
 //! The frame of the page: head, style, contents, and plotly's script once.
 
+use std::io::Read;
+use std::sync::LazyLock;
+
+use flate2::read::GzDecoder;
+
 use super::text::esc;
 
 /// A page under construction.
@@ -48,10 +53,16 @@ pub const CONTENTS: &str = "<!--contents-->";
 /// Where plotly's script stands: after the words of the first screen, so that they are there before it is parsed, before the first chart.
 pub const SCRIPT: &str = "<!--script-->";
 
-/// plotly.js 3.7.0 with the traces `scatter`, `bar` and `pie`: the npm package `plotly.js-basic-dist-min`, unchanged (MIT).
-pub const PLOTLY: &str = include_str!("plotly/plotly-basic.min.js");
+/// plotly.js 3.7.0 with the traces `scatter`, `bar` and `pie`: the npm package `plotly.js-basic-dist-min`, unchanged (MIT). It is compressed in the program,
+/// which is a third of a megabyte of it then and not more than one.
+pub static PLOTLY: LazyLock<String> = LazyLock::new(|| {
+    let mut text = String::new();
+    // The bytes are part of the program: a test reads them.
+    let _ = GzDecoder::new(include_bytes!("plotly/plotly-basic.min.js.gz").as_slice()).read_to_string(&mut text);
+    text
+});
 
 /// plotly, and a few lines that draw a chart when it comes into view.
 fn script() -> String {
-    format!("<script>\n{PLOTLY}</script>\n<script>\n{}</script>\n", include_str!("page.js"))
+    format!("<script>\n{}</script>\n<script>\n{}</script>\n", *PLOTLY, include_str!("page.js"))
 }

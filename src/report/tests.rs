@@ -356,8 +356,8 @@ fn missed() -> Unexplained {
 
 /// What stands outside plotly's script: it must load nothing and hold no name unescaped.
 fn own_part(page: &str) -> String {
-    assert_eq!(page.matches(PLOTLY).count(), 1, "plotly's script stands once");
-    page.replace(PLOTLY, "")
+    assert_eq!(page.matches(PLOTLY.as_str()).count(), 1, "plotly's script stands once");
+    page.replace(PLOTLY.as_str(), "")
 }
 
 #[track_caller]

@@ -17,7 +17,7 @@ pub fn file(name: &str) -> Option<(&'static str, &'static str)> {
         "models.js" => (JS, include_str!("page/models.js")),
         "modes.js" => (JS, include_str!("page/modes.js")),
         "new.js" => (JS, include_str!("page/new.js")),
-        "plotly.js" => (JS, PLOTLY),
+        "plotly.js" => (JS, PLOTLY.as_str()),
         "icon.svg" => ("image/svg+xml", include_str!("page/icon.svg")),
         _ => return None,
     })

@@ -56,6 +56,25 @@ impl Kept {
         Ok((Kept { path: path.clone(), file: Mutex::new(file) }, options, done))
     }
 
+    /// Puts the cases of shares of one trial together in the file of `folder`.
+    pub fn join(folder: &Path, shares: &[PathBuf]) -> Result<(), TrialError> {
+        let mut joined: Option<(Kept, Options)> = None;
+        for share in shares {
+            let (_, options, done) = Kept::resume(share)?;
+            let (kept, of) = match joined.take() {
+                Some(joined) => joined,
+                None => (Kept::create(folder, &options)?, options.clone()),
+            };
+            if of != options {
+                let (reason, accepted) = ("it is a share of another trial".to_string(), "shares of one trial".to_string());
+                return Err(TrialError::Resume { path: share.join(NAME), line: Some(1), reason, accepted });
+            }
+            done.iter().try_for_each(|case| kept.add(case))?;
+            joined = Some((kept, of));
+        }
+        Ok(())
+    }
+
     /// Appends a finished case.
     pub fn add(&self, result: &CaseResult) -> Result<(), TrialError> {
         self.line(result)

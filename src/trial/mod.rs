@@ -235,16 +235,16 @@ fn next_test(
     Ok(again.ok().filter(|(l, _)| !l.interrupted).map(|(l, _)| judge::followed(next, among, &l, truth)))
 }
 
-/// Runs the cases of `0..cases` that are not in `done`, as many at a time as there are threads, and hands each to `each` as it ends. Stops
-/// with what there is when the monitor says so.
+/// Runs the `cases` that are not in `done`, as many at a time as there are threads, and hands each to `each` as it ends. Stops with what there is when the
+/// monitor says so.
 pub fn run(
     options: &Options,
-    cases: usize,
+    cases: &[usize],
     done: &[CaseResult],
     monitor: &Monitor,
     each: &(dyn Fn(&CaseResult) -> Result<(), TrialError> + Sync),
 ) -> Result<Vec<CaseResult>, TrialError> {
-    let left: Vec<usize> = (0..cases).filter(|i| !done.iter().any(|d| d.index == *i)).collect();
+    let left: Vec<usize> = cases.iter().copied().filter(|i| !done.iter().any(|d| d.index == *i)).collect();
     let (quiet, next) = (monitor.quiet(), AtomicUsize::new(0));
     // Each worker has a pool of one thread: in a shared pool, a thread that waits inside one case would begin another on top of it.
     let work = || -> Result<Vec<CaseResult>, TrialError> {
@@ -268,7 +268,7 @@ pub fn run(
         let joined = threads.into_iter().map(|t| t.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
         joined.collect::<Result<Vec<_>, TrialError>>()
     })?;
-    let mut all: Vec<CaseResult> = done.iter().filter(|d| d.index < cases).cloned().chain(fresh.into_iter().flatten()).collect();
+    let mut all: Vec<CaseResult> = done.iter().filter(|d| cases.contains(&d.index)).cloned().chain(fresh.into_iter().flatten()).collect();
     all.sort_by_key(|r| r.index);
     Ok(all)
 }

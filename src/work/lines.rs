@@ -74,6 +74,25 @@ impl Lines {
         Ok((Lines { path, file: Mutex::new(file) }, done))
     }
 
+    /// Puts the lines of shares of one run together in a file of `folder`; what they are about is that of the first.
+    pub fn join(folder: &RunFolder, name: &str, shares: &[PathBuf]) -> Result<(), Failure> {
+        let mut text = String::new();
+        for path in shares.iter().map(|share| share.join(name)).filter(|path| path.is_file()) {
+            let fail = |reason: String| Failure::new("identify", path.display().to_string(), reason, "the lines of a share of this run");
+            let own = crate::limits::text(&path).map_err(|e| fail(e.to_string()))?;
+            let (head, lines) = own.split_once('\n').ok_or_else(|| fail("it is empty".into()))?;
+            match text.split_once('\n') {
+                None => text = own,
+                Some((first, _)) if first == head => text += lines,
+                Some(_) => return Err(fail("it is about another fit than the share before it".into())),
+            }
+        }
+        if !text.is_empty() {
+            folder.write(name, text.as_bytes())?;
+        }
+        Ok(())
+    }
+
     /// Appends a line.
     pub fn add(&self, value: &impl Serialize) -> Result<(), Failure> {
         let fail = |reason: String| Failure::new("identify", self.path.display().to_string(), reason, "a file that can be written");

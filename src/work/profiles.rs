@@ -79,5 +79,6 @@ pub fn profiles(
     let fresh: Vec<Option<Profiled>> = parallel::map(&left, one).into_iter().collect::<Result<_, Failure>>()?;
     done.extend(fresh.into_iter().flatten());
     done.retain(|d| names.contains(&d.name));
+    done.sort_by_key(|d| names.iter().position(|n| *n == d.name));
     Ok(done)
 }

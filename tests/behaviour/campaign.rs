@@ -139,6 +139,54 @@ fn through_a_scheduler_the_table_is_the_same_and_a_lost_element_is_queued_again(
     assert!(result["error"]["message"].as_str().unwrap().contains("Invalid partition"), "{result}");
 }
 
+/// What a run draws may be divided among tasks: the table is that of the undivided run, to the byte.
+#[test]
+fn divided_into_shares_the_table_is_that_of_the_whole_run() {
+    let (dir, file) = bench();
+    let fit = "verb = \"fit\"\narguments = [\"--bootstrap\", \"7\", \"--profile\", \"all\"]\nstudies = [\".\"]\n[grid]\nseed = [1, 2]\n";
+    let trial = "verb = \"trial\"\narguments = [\"--cases\", \"3\", \"--models\", \"sparse\"]\n[grid]\nseed = [5]\n";
+    for (name, text) in [("fit", fit), ("trial", trial)] {
+        std::fs::write(&file, format!("schema = 1\n{text}")).unwrap();
+        let (whole, shared) = (dir.path().join(format!("{name}-whole")), dir.path().join(format!("{name}-shared")));
+        let undivided = run(&file, &whole, &[]);
+        std::fs::write(&file, format!("schema = 1\nshares = 3\n{text}")).unwrap();
+        let result = run(&file, &shared, &[]);
+        assert_eq!((&result["tasks"], &result["done"]), (&undivided["tasks"], &undivided["tasks"]), "{result}");
+        assert_eq!(table(&shared), table(&whole), "{name}");
+        assert!(std::fs::read_dir(shared.join("shares")).unwrap().next().is_none(), "what was put together is not kept twice");
+        // Nothing of it is computed again, and no share is taken for a stranger.
+        let again = run(&file, &shared, &["--resume"]);
+        assert_eq!((again["computed"].as_u64(), again["of_other_inputs"].as_u64()), (Some(0), Some(0)), "{again}");
+    }
+    // A share that fails is named in the row of its task.
+    let text = "schema = 1\nverb = \"fit\"\nshares = 2\nstudies = [\"gone\"]\narguments = [\"--bootstrap\", \"4\"]\n";
+    std::fs::write(&file, text).unwrap();
+    let result = run(&file, &dir.path().join("gone-shared"), &[]);
+    let reason = result["failed"][0]["reason"].as_str().unwrap();
+    assert!(reason.contains("2 of 2 shares failed") && reason.contains("gone"), "{result}");
+    // Where nothing is drawn, there is nothing to divide.
+    std::fs::write(&file, text.replace("arguments", "# arguments")).unwrap();
+    let refused = command(&file, &dir.path().join("nothing"), &[]).output().unwrap();
+    assert!(String::from_utf8_lossy(&refused.stdout).contains("draws nothing that could be divided"));
+}
+
+/// Every candidate of a step of the ladder as a task: the study itself is not touched.
+#[test]
+fn the_refits_of_a_ladder_are_tasks() {
+    let (dir, file) = bench();
+    let text =
+        "schema = 1\nverb = \"add\"\nstudies = [\".\"]\n[grid]\neffect = [\"coulomb\", \"cubic_stiffness\"]\n\"--at\" = [\"c1.x\"]\n";
+    std::fs::write(&file, text).unwrap();
+    let study = dir.path().join("study.toml");
+    let before = std::fs::read(&study).unwrap();
+    let out = dir.path().join("refits");
+    let result = run(&file, &out, &[]);
+    assert_eq!(result["done"], 2, "{result}");
+    assert_eq!(std::fs::read(&study).unwrap(), before);
+    let page = std::fs::read_to_string(result["report"].as_str().unwrap()).unwrap();
+    assert!(page.contains("coulomb") && page.contains("cubic_stiffness") && page.contains("cost"), "{page}");
+}
+
 #[test]
 fn a_campaign_that_cannot_be_is_refused_with_its_line() {
     let (dir, file) = bench();
