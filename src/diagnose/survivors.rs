@@ -7,6 +7,7 @@ use super::search::{Against, Price, Stood, promised};
 use super::trace;
 use super::weigh::{Promised, Weighed};
 use crate::evidence::Variances;
+use crate::model::System;
 use crate::parallel;
 
 /// Refits, and what they are held against.
@@ -77,11 +78,17 @@ impl Survivors<'_> {
         (0..self.refits.len()).map(of).collect()
     }
 
-    /// A refit as it stands under variances of its own, and what a fit under these may add.
+    /// A refit as it stands under variances of its own, and what a fit under these may add; or the effect as it was refitted beside the model's own
+    /// parameters as they are without it, where that is likelier: a race takes what strengths scatter between tests for error, and may lead them astray.
     fn standing(&self, k: usize) -> Weighing {
         let scale = self.against.scale;
         let promised = match &self.refits[k].result {
-            Ok(proof) => scale.promised(&proof.fitted, &self.start(k)),
+            Ok(proof) => {
+                let at = |system: &System| scale.promised(system, &self.start(k), self.against.monitor);
+                let (raced, beside) = (at(&proof.fitted.system), self.beside(k).map(|system| at(&system)));
+                let likelier = |of: &Promised| raced.as_ref().is_ok_and(|raced| of.stands.likelihood > raced.stands.likelihood);
+                beside.and_then(Result::ok).filter(likelier).map_or(raced, Ok)
+            }
             Err(why) => Err(why.clone()),
         };
         match promised {
@@ -91,6 +98,13 @@ impl Survivors<'_> {
             }
             Err(why) => Weighing { refit: k, model: Err(why), most: f64::NEG_INFINITY },
         }
+    }
+
+    /// The model without a candidate, and this as it was refitted.
+    fn beside(&self, k: usize) -> Option<System> {
+        let (own, base) = (self.refits[k].result.as_ref().ok()?, &self.against.base.fitted.system);
+        let instances = &own.fitted.system.instances;
+        (instances.len() == base.instances.len() + 1).then(|| base.with(base.instances.len(), instances[base.instances.len()..].to_vec()))
     }
 
     /// Fits what may gain most, then the others that may come within a tie of it, but for the price of their parameters ([`super::weigh::Tied::Larger`]);

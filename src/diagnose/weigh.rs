@@ -218,14 +218,17 @@ impl Scale {
         Ok(None)
     }
 
-    /// A fitted model under variances of its own, no fit made under them.
-    pub fn promised(&self, fitted: &Fitted, start: &Variances) -> Result<Promised, String> {
-        let Standing { seen, v, likelihood, .. } = self.standing(&fitted.system, start, &Memo::default())?;
-        let likelihood = likelihood - 0.5 * prior_squares(fitted) - self.case.deviations.price(fitted);
+    /// A model under variances of its own, no fit made under them.
+    pub fn promised(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Promised, String> {
+        let memo = Arc::new(Memo::default());
+        let standing = self.standing(system, start, &memo)?;
+        let fitted = self.fitted(&standing, 0, &memo, monitor)?;
+        let Standing { seen, v, likelihood, .. } = standing;
+        let likelihood = likelihood - 0.5 * prior_squares(&fitted) - self.case.deviations.price(&fitted);
         let prior = |p: &Prior| (p.index, fitted.outcome.p[p.index], p.mean, p.sigma);
         let priors: Vec<_> = fitted.options.priors.iter().map(prior).collect();
         let step = self.evidence.within_a_step(&seen, &self.counts, &v, &priors).unwrap_or(f64::INFINITY);
-        Ok(Promised { stands: Weighed { fitted: fitted.clone(), seen, v, likelihood }, step })
+        Ok(Promised { stands: Weighed { fitted, seen, v, likelihood }, step })
     }
 
     /// A fitted model with its variances, not fitted again under them.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 /// A folder with a small study `s`, and a campaign of eight fits and one study that is not there.
-fn bench() -> (tempfile::TempDir, PathBuf) {
+pub(super) fn bench() -> (tempfile::TempDir, PathBuf) {
     let dir = super::tolerance::folder(&[0.1, 0.2, 0.3], &[0.2, 0.25]);
     let file = dir.path().join("many.toml");
     let text = "schema = 1\nverb = \"fit\"\nstudies = [\".\"]\nretries = 1\n[grid]\n\"c1.x.viscous.c\" = [\"0.1 N s/mm\", \"0.4 N s/mm\"]\nseed = [1, 2, 3, 4]\n\
@@ -17,23 +17,23 @@ fn bench() -> (tempfile::TempDir, PathBuf) {
     (dir, file)
 }
 
-fn command(file: &Path, out: &Path, more: &[&str]) -> Command {
+pub(super) fn command(file: &Path, out: &Path, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_misfit"));
     command.arg("campaign").arg(file).arg("--json").arg("--out").arg(out).args(more);
     command
 }
 
-fn run(file: &Path, out: &Path, more: &[&str]) -> Value {
+pub(super) fn run(file: &Path, out: &Path, more: &[&str]) -> Value {
     let run = command(file, out, more).output().unwrap();
     assert!(run.status.success(), "{} {}", String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
     serde_json::from_slice(&run.stdout).unwrap()
 }
 
-fn table(out: &Path) -> Vec<u8> {
+pub(super) fn table(out: &Path) -> Vec<u8> {
     std::fs::read(out.join("table.parquet")).unwrap()
 }
 
-fn records(out: &Path) -> usize {
+pub(super) fn records(out: &Path) -> usize {
     std::fs::read_dir(out.join("tasks")).map_or(0, |d| d.flatten().filter(|e| e.path().extension().is_some_and(|e| e == "json")).count())
 }
 
@@ -209,30 +209,4 @@ fn a_campaign_that_cannot_be_is_refused_with_its_line() {
         assert_eq!(run.status.code(), Some(1), "{to}: {result}");
         assert!(result["error"]["message"].as_str().unwrap().contains(said), "{to}: {result}");
     }
-}
-
-/// On a Slurm that runs (`tests/slurm/run` starts one on a bare machine): the table of a job array is that of the local run, also where the submitter is killed and
-/// another goes on with its job.
-#[test]
-#[ignore = "needs a running Slurm: tests/slurm/run starts one and runs this test"]
-fn on_a_running_slurm_the_table_is_the_same_and_a_killed_submitter_is_taken_over() {
-    let (dir, file) = bench();
-    let (local, array, killed) = (dir.path().join("local"), dir.path().join("array"), dir.path().join("killed"));
-    run(&file, &local, &[]);
-    let result = run(&file, &array, &["--on", "slurm"]);
-    assert_eq!(result["done"], 8, "{result}");
-    assert_eq!(table(&array), table(&local));
-    let mut child = command(&file, &killed, &["--on", "slurm"]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    let begun = Instant::now();
-    while !killed.join("job").exists() {
-        assert!(begun.elapsed() < Duration::from_secs(60), "no job in a minute");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let refused = command(&file, &killed, &["--resume"]).output().unwrap();
-    assert!(String::from_utf8_lossy(&refused.stdout).contains("still queued or running"), "{}", String::from_utf8_lossy(&refused.stdout));
-    let result = run(&file, &killed, &["--on", "slurm", "--resume"]);
-    assert_eq!(result["done"], 8, "{result}");
-    assert_eq!(table(&killed), table(&local));
 }

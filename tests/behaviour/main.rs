@@ -19,6 +19,7 @@ mod new;
 mod population;
 mod rig;
 mod round_trip;
+mod scheduler;
 mod schema;
 mod settling;
 mod shapes;

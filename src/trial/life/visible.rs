@@ -15,6 +15,9 @@ const LARGEST: f64 = 1.0;
 const LARGEST_FLAW: f64 = 0.3;
 /// Relative difference by which slopes are taken.
 const SLOPE: f64 = 1e-3;
+/// How often, and how far in logarithms, parameters move to imitate what is hidden.
+const MOVES: usize = 4;
+const MOVE: f64 = 0.3;
 
 /// The tests that are fitted or decide, with the whitening of what they show.
 struct View {
@@ -87,10 +90,13 @@ impl View {
     }
 }
 
-/// What can be imitated: freely by the model's parameters, within their variance by everything that is not known. Orthonormal columns, below
+/// What can be imitated: freely by the model's parameters, within their variance by everything that is not known. Columns of slopes, `q r` of them, below
 /// the data a row for each variance.
 struct Imitated {
     q: DMatrix<f64>,
+    r: DMatrix<f64>,
+    /// Parameters that can be seen, with the length of the column of each; they come first.
+    free: Vec<(usize, f64)>,
 }
 
 impl Imitated {
@@ -150,8 +156,37 @@ impl Imitated {
             c[n + k] = 1.0;
             c
         }));
+        let lengths: Vec<f64> = all.iter().take(bench.params.len()).map(|c| c.norm()).collect();
+        let free = lengths.into_iter().enumerate().filter(|(_, length)| *length > 0.0).collect();
         let all: Vec<DVector<f64>> = all.into_iter().filter(|c| c.norm() > 0.0).map(|c| c.normalize()).collect();
-        Imitated { q: if all.is_empty() { DMatrix::zeros(n, 0) } else { DMatrix::from_columns(&all).qr().q() } }
+        if all.is_empty() {
+            return Imitated { q: DMatrix::zeros(n, 0), r: DMatrix::zeros(0, 0), free };
+        }
+        let (q, r) = DMatrix::from_columns(&all).qr().unpack();
+        Imitated { q, r, free }
+    }
+
+    /// What is left of `whole` beside a model without an effect, `without` at its parameters, once these have moved to where least is left: across a narrow
+    /// resonance slopes say little of what a shift of it imitates.
+    fn left(&self, whole: &DVector<f64>, params: &[f64], without: &dyn Fn(&[f64]) -> DVector<f64>) -> DVector<f64> {
+        let (mut at, mut difference) = (params.to_vec(), whole - without(params));
+        let mut least = self.beyond(difference.clone());
+        for _ in 0..MOVES {
+            let rows = difference.clone().resize_vertically(self.q.nrows(), 0.0);
+            let Some(step) = self.r.solve_upper_triangular(&self.q.tr_mul(&rows)) else { break };
+            for (k, (j, length)) in self.free.iter().enumerate() {
+                at[*j] *= (step[k] / length).clamp(-MOVE, MOVE).exp();
+            }
+            difference = whole - without(&at);
+            let left = self.beyond(difference.clone());
+            if !left.norm().is_finite() {
+                break;
+            }
+            if left.norm() < least.norm() {
+                least = left;
+            }
+        }
+        least
     }
 
     fn beyond(&self, rows: DVector<f64>) -> DVector<f64> {
@@ -196,11 +231,11 @@ fn of_each(case: &Generated, view: &View, imitated: &Imitated) -> Vec<f64> {
     let mut own: Vec<DVector<f64>> = (0..case.planted.len())
         .map(|j| {
             let others: Vec<Planted> = case.planted.iter().enumerate().filter(|(i, _)| *i != j).map(|(_, p)| p.clone()).collect();
-            imitated.beyond(&whole - view.see(bench, &bench.params, &others, &flaws))
+            imitated.left(&whole, &bench.params, &|params| view.see(bench, params, &others, &flaws))
         })
         .collect();
     if !flaws.is_empty() {
-        own.push(imitated.beyond(&whole - view.see(bench, &bench.params, &case.planted, &[])));
+        own.push(imitated.left(&whole, &bench.params, &|params| view.see(bench, params, &case.planted, &[])));
     }
     let left = |j: usize| {
         let mut rest = own[j].clone();

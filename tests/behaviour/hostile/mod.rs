@@ -10,7 +10,7 @@ mod cases;
 mod formats;
 mod hands;
 mod kills;
-mod mutate;
+pub mod mutate;
 mod studies;
 
 use std::path::{Path, PathBuf};
