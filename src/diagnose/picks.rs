@@ -67,22 +67,22 @@ pub fn by_kind(picked: &[Score], names: &[Name], trials: &[Trial]) -> (Vec<Score
     (simple, richer)
 }
 
-/// Of the richer laws those whose simpler kin takes away as much of the cost as a leader does, or could not be fitted. `unexplained`: the cost without a
-/// candidate.
-pub fn following(richer: &[Richer], refits: &[Refit], unexplained: f64, race: &Race) -> Vec<Score> {
+/// Of the richer laws those whose simpler kin takes away as much of the cost as a leader does, where one `stands`, or could not be fitted. `unexplained`: the
+/// cost without a candidate.
+pub fn following(richer: &[Richer], refits: &[Refit], stands: bool, unexplained: f64, race: &Race) -> Vec<Score> {
     let fall = |r: &Refit| r.result.as_ref().map_or(0.0, |p| unexplained - p.fitted.outcome.cost);
     let most = refits.iter().map(fall).fold(0.0, f64::max);
-    let leads = |c: usize| refits.iter().any(|r| r.candidate == c && (r.result.is_err() || fall(r) >= race.leads * most));
+    let leads = |c: usize| refits.iter().any(|r| r.candidate == c && (r.result.is_err() || (stands && fall(r) >= race.leads * most)));
     richer.iter().filter(|(_, of)| leads(*of)).map(|(s, _)| *s).collect()
 }
 
-/// By the refits, the cheapest first: the next in the list for what could not be fitted; other effects where the leader acts, which it may have
-/// crowded out of the list; and, unless the leader already explains everything, the effects of the leaders at other places. `unexplained`: the cost
-/// without a candidate.
+/// By the refits, the cheapest first: the next in the list for what could not be fitted; where one of them `stands`, other effects where the leader acts, which
+/// it may have crowded out of the list; and, unless the leader already explains everything, the effects of the leaders at other places. `unexplained`: the
+/// cost without a candidate.
 pub fn second(
     best: &[Score],
     refits: &[Refit],
-    explained: bool,
+    (stands, explained): (bool, bool),
     unexplained: f64,
     names: &[Name],
     trials: &[Trial],
@@ -101,7 +101,7 @@ pub fn second(
     let mut picked: BTreeMap<usize, Score> = best.iter().filter(|s| !done(s)).take(failed).map(|s| (candidate(s), *s)).collect();
     let lead = refits.iter().filter(|r| r.result.is_ok() && acts(r.candidate) && fall(r) >= race.leads * most);
     let leaders: Vec<usize> = lead.map(|r| r.candidate).take(race.leaders).collect();
-    let Some(leader) = leaders.first() else { return picked.into_values().collect() };
+    let Some(leader) = leaders.first().filter(|_| stands) else { return picked.into_values().collect() };
     let promised = refits.iter().find(|r| r.candidate == *leader).map_or(0.0, |r| r.score.drop);
     let there = |c: usize| names[c].at == names[*leader].at;
     let at_place = race.at_place.saturating_sub(refits.iter().filter(|r| r.result.is_ok() && there(r.candidate)).count());
@@ -173,9 +173,9 @@ mod tests {
         let failed = |k: usize| Refit { candidate: k, score: best[k], result: Err("no small-amplitude limit".into()) };
         let refits: Vec<Refit> = [0, 1, 2].into_iter().map(failed).collect();
         let names: Vec<Name> = (0..6).map(name).collect();
-        let next = second(&best, &refits, false, 1.0, &names, &trials, &settings.race);
+        let next = second(&best, &refits, (true, false), 1.0, &names, &trials, &settings.race);
         assert_eq!(next.iter().map(|s| s.trial).collect::<Vec<_>>(), [3, 4, 5]);
-        let next = second(&best, &refits[..1], false, 1.0, &names, &trials, &settings.race);
+        let next = second(&best, &refits[..1], (true, false), 1.0, &names, &trials, &settings.race);
         assert_eq!(next.iter().map(|s| s.trial).collect::<Vec<_>>(), [1], "one for one");
     }
 
@@ -190,7 +190,7 @@ mod tests {
         assert_eq!(simple.iter().map(|s| s.trial).collect::<Vec<_>>(), [1, 2, 3, 4]);
         assert_eq!(richer.iter().map(|(s, of)| (s.trial, *of)).collect::<Vec<_>>(), [(0, 1)]);
         let failed = Refit { candidate: 1, score: picked[1], result: Err("no steady response".into()) };
-        assert_eq!(following(&richer, &[failed], 1.0, &Race::default()).len(), 1);
-        assert!(following(&richer, &[], 1.0, &Race::default()).is_empty());
+        assert_eq!(following(&richer, &[failed], false, 1.0, &Race::default()).len(), 1);
+        assert!(following(&richer, &[], true, 1.0, &Race::default()).is_empty());
     }
 }

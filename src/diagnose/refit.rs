@@ -1,5 +1,7 @@
 //! Full refits of the best candidates: what the score predicts is proved here.
 
+use std::sync::OnceLock;
+
 use crate::parallel;
 
 use crate::effect::{Grid, Kind, Role};
@@ -17,6 +19,7 @@ use super::score::{Score, Scores};
 use super::search::promised;
 use super::secant::Secant;
 use super::states::Wanted;
+use super::weigh::Promised;
 
 /// Residuals of one test, whitened.
 pub type Whitened = Vec<Vec<f64>>;
@@ -39,6 +42,8 @@ pub struct Proof {
     pub fit: Whitened,
     /// Pooled relative error on the fit tests.
     pub error: f64,
+    /// What it may come to under variances of its own, once that was looked at.
+    pub stands: OnceLock<Result<Promised, String>>,
 }
 
 /// Best score of each candidate, in order.
@@ -371,7 +376,7 @@ pub fn prove(case: &Case, system: &System, monitor: &Monitor) -> Result<Proof, S
 /// A fitted system held against the fit tests.
 pub fn proof(case: &Case, fitted: Fitted) -> Result<Proof, String> {
     let (fit, error) = against(&case.plans_of(SplitName::Fit), &fitted.system)?;
-    Ok(Proof { fitted, fit, error })
+    Ok(Proof { fitted, fit, error, stands: OnceLock::new() })
 }
 
 /// Half the sum of squares.

@@ -14,7 +14,7 @@ use super::refit::{Bench, Leader, Refit, best_per_candidate};
 use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
 use super::score::{Score, Scores, score};
 use super::states::{self, Wanted};
-use super::survivors::Survivors;
+use super::survivors::{Held, Survivors};
 use super::weigh::{Scale, Weighed};
 use super::{DiagnoseError, trace};
 
@@ -113,11 +113,13 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         let weighed = scale.weigh(&proof.fitted.system, &loose, a.monitor);
         weighed.is_ok_and(|w| scale.gain(&w, base, price.tried(r.candidate)) + scale.settings.tie < rival)
     };
-    let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, &beaten, watch));
+    let held = Held { against: a, names: &names, price: &price, cost, from: &loose };
+    let stands = |refits: &[Refit]| Survivors { held: &held, refits }.any_may_gain();
+    let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, (&beaten, &stands), watch));
     let cut = trace::stopped(&hurried);
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
-    let (stood, mut reasons) = Survivors { against: a, refits: &refits, names: &names, price: &price, cost, from: &loose }.weighed(cut);
+    let (stood, mut reasons) = Survivors { held: &held, refits: &refits }.weighed(cut);
     let single = stood.iter().filter(|s| s.admissible && a.need.is_none()).max_by(|a, b| a.gain.total_cmp(&b.gain));
     let mut taken = None;
     if let Some(s) = single {
@@ -272,13 +274,14 @@ pub(super) fn role(name: &Name) -> Option<Role> {
 }
 
 /// Refits of what was picked, of what these suggest, and from where laws of their kind stand; the cheapest first. Of laws of one kind at one place the
-/// simplest goes first, and the others follow where it leads and is not `beaten`.
+/// simplest goes first, and the others follow where it leads and is not `beaten`. A race takes what strengths scatter for error, and something always leads
+/// it: where under its own variances none of what was picked may gain (`stands`), it suggests nothing.
 fn refitted(
     bench: &Bench,
     hopeful: &[Score],
     picked: &[Score],
     cost: f64,
-    beaten: &dyn Fn(&Refit) -> bool,
+    (beaten, stands): (&dyn Fn(&Refit) -> bool, &dyn Fn(&[Refit]) -> bool),
     watch: &(dyn Fn(&str) + Sync),
 ) -> Vec<Refit> {
     if picked.is_empty() {
@@ -291,11 +294,12 @@ fn refitted(
     if refits.first().is_some_and(beaten) {
         return refits;
     }
+    let stands = trace::stopped(bench.monitor) || stands(&refits);
     let leads = refits.first().and_then(|r| r.result.as_ref().ok()).map(|p| p.fitted.outcome.cost);
     let leader = leads.map(|cost| Leader { cost, drop: refits[0].score.drop });
     let explained = leads.is_some_and(|c| c < bench.race().explained * cost);
-    let mut further = picks::second(hopeful, &refits, explained, cost, bench.names, bench.trials, bench.race());
-    let new = picks::following(&richer, &refits, cost, bench.race());
+    let mut further = picks::second(hopeful, &refits, (stands, explained), cost, bench.names, bench.trials, bench.race());
+    let new = picks::following(&richer, &refits, stands, cost, bench.race());
     further.extend(
         new.into_iter()
             .filter(|s| !further.iter().any(|f| bench.trials[f.trial].candidate == bench.trials[s.trial].candidate))
@@ -306,8 +310,10 @@ fn refitted(
         refits.extend(bench.refit_all(&further, leader, watch));
         sort(&mut refits);
     }
-    bench.begin_at_kin(&mut refits, watch);
-    sort(&mut refits);
+    if stands {
+        bench.begin_at_kin(&mut refits, watch);
+        sort(&mut refits);
+    }
     refits
 }
 

@@ -1,5 +1,7 @@
 //! What a race has left: weighed with variances of its own.
 
+use std::ops::Deref;
+
 use super::candidates::Name;
 use super::reason::Reason;
 use super::refit::Refit;
@@ -10,16 +12,29 @@ use crate::evidence::Variances;
 use crate::model::System;
 use crate::parallel;
 
-/// Refits, and what they are held against.
-pub(super) struct Survivors<'a> {
+/// What refits are held against.
+pub(super) struct Held<'a> {
     pub against: &'a Against<'a>,
-    pub refits: &'a [Refit],
     pub names: &'a [Name],
     pub price: &'a Price<'a>,
     /// Cost of the model without any of them.
     pub cost: f64,
     /// Variances of that where strengths do not scatter.
     pub from: &'a Variances,
+}
+
+/// Refits that are held against it.
+pub(super) struct Survivors<'a> {
+    pub held: &'a Held<'a>,
+    pub refits: &'a [Refit],
+}
+
+impl<'a> Deref for Survivors<'a> {
+    type Target = Held<'a>;
+
+    fn deref(&self) -> &Held<'a> {
+        self.held
+    }
 }
 
 /// A refit that is weighed.
@@ -47,6 +62,15 @@ impl Survivors<'_> {
         }
         stood.sort_by(|a, b| self.against.scale.worth(&b.weighed).total_cmp(&self.against.scale.worth(&a.weighed)));
         (stood, reasons.into_iter().map(|r| r.unwrap_or(Reason::NotTried)).collect())
+    }
+
+    /// Whether one of them may gain under variances of its own. What could not be fitted says nothing.
+    pub fn any_may_gain(&self) -> bool {
+        let least = -self.against.scale.settings.tie;
+        let gains = |k: &usize| self.standing(*k).most >= least;
+        let open: Vec<usize> = (0..self.refits.len()).filter(|k| self.refits[*k].result.is_ok()).collect();
+        // Where something is missing, what leads the race is it as a rule.
+        open.split_first().is_some_and(|(first, others)| gains(first) || parallel::map(others, gains).contains(&true))
     }
 
     /// Part of the cost that a refit takes away.
@@ -82,21 +106,25 @@ impl Survivors<'_> {
     /// parameters as they are without it, where that is likelier: a race takes what strengths scatter between tests for error, and may lead them astray.
     fn standing(&self, k: usize) -> Weighing {
         let scale = self.against.scale;
+        let failed = |why: &String| Weighing { refit: k, model: Err(why.clone()), most: f64::NEG_INFINITY };
         let promised = match &self.refits[k].result {
-            Ok(proof) => {
+            Ok(proof) => proof.stands.get_or_init(|| {
                 let at = |system: &System| scale.promised(system, &self.start(k), self.against.monitor);
                 let (raced, beside) = (at(&proof.fitted.system), self.beside(k).map(|system| at(&system)));
                 let likelier = |of: &Promised| raced.as_ref().is_ok_and(|raced| of.stands.likelihood > raced.stands.likelihood);
-                beside.and_then(Result::ok).filter(likelier).map_or(raced, Ok)
-            }
-            Err(why) => Err(why.clone()),
+                match beside.and_then(Result::ok).filter(likelier) {
+                    Some(beside) => Ok(beside),
+                    None => raced,
+                }
+            }),
+            Err(why) => return failed(why),
         };
         match promised {
             Ok(Promised { stands, step }) => {
-                let most = self.gain(k, &stands) + scale.settings.reach * step;
-                Weighing { refit: k, model: Ok(stands), most }
+                let most = self.gain(k, stands) + scale.settings.reach * step;
+                Weighing { refit: k, model: Ok(stands.clone()), most }
             }
-            Err(why) => Weighing { refit: k, model: Err(why), most: f64::NEG_INFINITY },
+            Err(why) => failed(why),
         }
     }
 

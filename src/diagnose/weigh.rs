@@ -41,6 +41,7 @@ impl Weighed {
 }
 
 /// What a fit under a model's own variances may come to.
+#[derive(Clone)]
 pub struct Promised {
     /// The model as it stands.
     pub stands: Weighed,
