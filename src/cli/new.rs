@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::data::Estimate;
 use crate::data::inspect::{FoundFile, FoundFrf, FoundHistory, FoundItem};
 use crate::data::modal_fit::{self, ModalFit};
-use crate::work::new::{self, Scaffold};
+use crate::work::new::{self, Correction, Scaffold};
 
 use super::Outcome;
 use super::table::{percent, significant, table};
@@ -20,16 +20,28 @@ pub(super) struct Args {
     /// Files from the test bench: .csv .txt .tsv .dat .asc .parquet .uff .unv .mat
     #[arg(long, required = true, num_args = 1.., value_name = "FILES")]
     pub from: Vec<PathBuf>,
+    /// Corrections of what is found, as JSON: a list of { file, item, columns = { NAME: { role, unit } }, start_up, control, quantity, respond, excite,
+    /// averages }; the workbench writes it
+    #[arg(long, value_name = "JSON", value_parser = corrections)]
+    pub correct: Option<Corrections>,
     /// One JSON object on stdout, everything else on stderr
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Clone)]
+pub(super) struct Corrections(Vec<Correction>);
+
+fn corrections(text: &str) -> Result<Corrections, String> {
+    let list = serde_json::from_str(text).map(Corrections);
+    list.map_err(|e| format!("{e}; such as [{{\"file\": \"loop.csv\", \"item\": 0, \"columns\": {{\"F\": {{\"unit\": \"kN\"}}}}, \"start_up\": 2}}]"))
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     new::free(&args.dir)?;
     let names = new::names(&args.from)?;
     // Every file is read before anything is written.
-    let new::Looked { found, files, left, scaffold } = new::look(&args.from, &[])?;
+    let new::Looked { found, files, left, scaffold } = new::look(&args.from, args.correct.as_ref().map_or(&[], |c| &c.0))?;
     let Some(scaffold) = scaffold else {
         let inside: String = found.iter().flat_map(|f| &f.items).take(20).map(described).collect();
         let message = format!(

@@ -7,7 +7,7 @@ use axum::body::Body;
 use axum::http::StatusCode;
 use futures_util::StreamExt;
 use serde::Deserialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::work::new::Correction;
 
@@ -71,7 +71,11 @@ async fn study(app: &Arc<App>, what: &str, body: Body) -> Answer {
         let mut written = app2.baskets.write(asked.basket, &asked.corrections, &dir)?;
         written["study"] = app2.serves(dir.clone()).into();
         let files = written["files"].as_array().map(|f| f.iter().filter_map(Value::as_str).map(quoted).collect::<Vec<_>>().join(" "));
-        written["command"] = format!("misfit new {} --from {}", quoted(&dir.display().to_string()), files.unwrap_or_default()).into();
+        let mut line = format!("misfit new {} --from {}", quoted(&dir.display().to_string()), files.unwrap_or_default());
+        if !asked.corrections.is_empty() {
+            line += &format!(" --correct {}", quoted(&json!(asked.corrections).to_string()));
+        }
+        written["command"] = line.into();
         Ok(written)
     });
     told(&written.await?)

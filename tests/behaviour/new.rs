@@ -96,6 +96,18 @@ fn a_unit_that_is_not_in_the_file_has_to_be_given() {
     assert!(json["to_confirm"].to_string().contains("the unit of `Kraft` is not in the file"), "{json}");
     let problem = json["problem"].to_string();
     assert!(problem.contains("study/data/dataset.toml") && !problem.contains(".misfit-new"), "{problem}");
+    // Said on the command line, as the workbench writes it, nothing is open; what is no correction, and what corrects nothing, is refused.
+    let second = dir.path().join("second").display().to_string();
+    let corrected = |text: &str| misfit(&["new", &second, "--json", "--correct", text, "--from", &path.display().to_string()]);
+    for (text, said) in [("[{]", "--correct"), (r#"[{ "file": "a.csv", "item": 0, "columns": { "Druck": {} } }]"#, "there is no column `Druck`")] {
+        let refused = corrected(text);
+        assert!(refused.code != 0 && refused.json()["error"].to_string().contains(said), "{}", refused.stdout);
+    }
+    let ran = corrected(r#"[{ "file": "a.csv", "item": 0, "columns": { "Kraft": { "unit": "kN" } }, "start_up": 3 }]"#);
+    let json = ran.json();
+    assert!(ran.code == 0 && json["problem"].is_null() && !json["to_confirm"].to_string().contains("the unit of `Kraft`"), "{json}");
+    let dataset = std::fs::read_to_string(json["dataset"].as_str().unwrap()).unwrap();
+    assert!(dataset.contains("kN") && dataset.contains("discard_cycles = 3"), "{dataset}");
 }
 
 /// Set 55: mode shapes of a universal file are a table of modes, and the model that is written has as many degrees of freedom.

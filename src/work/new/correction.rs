@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::data::inspect::{Corrected, FoundFile, FoundFrf, FoundHistory, FoundItem, history};
 use crate::data::{Control, FrfQuantity, Role};
@@ -15,7 +15,7 @@ use crate::work::Failure;
 pub const ROLES: [Role; 5] = [Role::Time, Role::Displacement, Role::Velocity, Role::Acceleration, Role::Force];
 
 /// Corrections of one thing in a file; what is not said stays as it was found.
-#[derive(Deserialize, Debug, Clone, Default)]
+#[derive(Deserialize, Serialize, Debug, Clone, Default)]
 #[serde(deny_unknown_fields)]
 pub struct Correction {
     /// Name of the file.
@@ -23,29 +23,37 @@ pub struct Correction {
     /// Which of the things in it, from 0.
     pub item: usize,
     /// Columns by name.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub columns: BTreeMap<String, ColumnCorrection>,
     /// Cycles of the start-up.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub start_up: Option<u32>,
     /// `displacement` or `force`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
     /// `receptance`, `mobility` or `accelerance`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub quantity: Option<String>,
     /// Place of the response, `NODE.AXIS`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub respond: Option<String>,
     /// Place of the force, `NODE.AXIS`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub excite: Option<String>,
     /// Averages behind the coherence.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub averages: Option<u32>,
 }
 
 /// Corrections of a column.
-#[derive(Deserialize, Debug, Clone, Default)]
+#[derive(Deserialize, Serialize, Debug, Clone, Default)]
 #[serde(deny_unknown_fields)]
 pub struct ColumnCorrection {
     /// A role's word; empty: the column is not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub role: Option<String>,
     /// Unit; empty: not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
 }
 

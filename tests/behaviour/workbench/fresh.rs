@@ -109,8 +109,10 @@ fn files_and_names_stay_inside_what_is_allowed() {
         assert_eq!(json_of(&served, "/api/new", &json!({ "basket": basket, "name": name })).0, 400, "{name}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing was written");
-    let written = json_of(&served, "/api/new", &json!({ "basket": basket, "name": "one" }));
+    let corrections = json!([{ "file": "a.txt", "item": 0, "start_up": 2 }]);
+    let written = json_of(&served, "/api/new", &json!({ "basket": basket, "corrections": corrections, "name": "one" }));
     assert_eq!((written.0, written.1["study"].as_str()), (200, Some("one")), "{}", written.1);
+    assert!(written.1["command"].as_str().unwrap().ends_with(r#" --correct '[{"file":"a.txt","item":0,"start_up":2}]'"#), "{}", written.1);
     assert_eq!(json_of(&served, "/api/new", &json!({ "basket": basket, "name": "one" })).0, 400, "nothing is written over");
     assert_eq!(served.get("/api/studies/one").json()["study"]["tests"].as_array().unwrap().len(), 1);
     // Where one study is served, there is no place beside it.
