@@ -7,67 +7,87 @@ use nalgebra::{DMatrix, DVector};
 use super::record::{Alike, Part};
 use super::{Counts, Evidence, Record, Seen, Variances, beside};
 
-/// A test with its columns `X = [r, J / ||J||]` and `B`. What varies alike has the same weight `w` under all variances, and `w X'X = w R'R` with the
-/// triangular factor R of its rows: of a record of thousands of samples as many rows are left as it has columns.
+/// A test with its columns `A = [X, B]`, `X = [r, J / ||J||]`. What varies alike has the same weight `w` under all variances, and of such a lot `w A'A` needs no row:
+/// its squares are formed once, where it has more rows than a few.
 pub struct Gram {
-    x: DMatrix<f64>,
-    b: DMatrix<f64>,
-    /// Rows of every lot of coefficients.
-    rows: Vec<Range<usize>>,
+    /// Columns of X and of B.
+    columns: (usize, usize),
+    lots: Vec<Lot>,
+    /// Rows of the lots that have few, one lot after the other.
+    rows: DMatrix<f64>,
     alike: Vec<Alike>,
 }
+
+/// What of a lot stands in a [`Gram`].
+enum Lot {
+    /// `A'A`.
+    Squares(DMatrix<f64>),
+    /// Its rows.
+    Rows(Range<usize>),
+}
+
+/// Rows of a lot up to which these are multiplied anew each time: a product of matrices does as many operations a second as several sums of them.
+const FEW: usize = 8;
 
 impl Gram {
     fn of(record: &Record, z: &DVector<f64>, x: &DMatrix<f64>, b: &DMatrix<f64>) -> Gram {
         let (all, alike) = (beside(x, b), record.alike(z));
-        let mut parts = Vec::new();
+        let (mut lots, mut few) = (Vec::new(), Vec::new());
         for lot in &alike {
-            let own = all.select_rows(&lot.members);
-            parts.push(if own.nrows() > own.ncols() { own.qr().r() } else { own });
+            if lot.members.len() > FEW {
+                let own = all.select_rows(&lot.members);
+                lots.push(Lot::Squares(own.transpose() * &own));
+            } else {
+                lots.push(Lot::Rows(few.len()..few.len() + lot.members.len()));
+                few.extend(&lot.members);
+            }
         }
-        let (mut rows, mut at) = (Vec::new(), 0);
-        let mut whole = DMatrix::zeros(parts.iter().map(|p| p.nrows()).sum(), all.ncols());
-        for part in &parts {
-            whole.rows_mut(at, part.nrows()).copy_from(part);
-            rows.push(at..at + part.nrows());
-            at += part.nrows();
-        }
-        Gram { x: whole.columns(0, x.ncols()).into_owned(), b: whole.columns(x.ncols(), b.ncols()).into_owned(), rows, alike }
+        Gram { columns: (x.ncols(), b.ncols()), lots, rows: all.select_rows(&few), alike }
     }
 
-    /// `(X'V^-1X, ln|V|)` under a covariance, coefficients with the same in common: `b`.
-    fn information(&self, b: &DMatrix<f64>, record: &Record, v: (f64, &[f64]), z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
-        let (mut w, mut ld) = (DVector::zeros(self.x.nrows()), 0.0);
-        for (lot, rows) in self.alike.iter().zip(&self.rows) {
-            let (part, z) = (record.part(lot.channel, lot.members[0], v.0, v.1[lot.channel]), z[lot.members[0]]);
-            w.rows_mut(rows.start, rows.len()).fill(1.0 / part.variance(z));
-            ld += lot.members.len() as f64 * part.level(z);
+    /// `(X'V^-1X, ln|V|)` under a covariance, coefficients with the columns of B in common, each times its factor.
+    fn information(&self, factors: &[f64], record: &Record, v: (f64, &[f64]), z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
+        let n = self.columns.0 + self.columns.1;
+        let (mut squares, mut rows, mut ld) = (DMatrix::zeros(n, n), self.rows.clone(), 0.0);
+        for (alike, lot) in self.alike.iter().zip(&self.lots) {
+            let (part, z) = (record.part(alike.channel, alike.members[0], v.0, v.1[alike.channel]), z[alike.members[0]]);
+            let w = 1.0 / part.variance(z);
+            ld += alike.members.len() as f64 * part.level(z);
+            match lot {
+                Lot::Squares(own) => squares.zip_apply(own, |sum, own| *sum += w * own),
+                Lot::Rows(range) => rows.rows_mut(range.start, range.len()).scale_mut(w.sqrt()),
+            }
         }
-        information((&self.x, b), &w, ld)
+        if rows.nrows() > 0 {
+            squares.gemm(1.0, &rows.transpose(), &rows, 1.0);
+        }
+        for (k, factor) in factors.iter().enumerate() {
+            squares.column_mut(self.columns.0 + k).scale_mut(*factor);
+            squares.row_mut(self.columns.0 + k).scale_mut(*factor);
+        }
+        information(&squares, self.columns.0, ld)
     }
 }
 
-/// `(X'V^-1X, ln|V|)` of columns X under weights and columns B in common.
-fn information((x, b): (&DMatrix<f64>, &DMatrix<f64>), w: &DVector<f64>, mut ld: f64) -> Option<(DMatrix<f64>, f64)> {
-    let weighed = |m: &DMatrix<f64>| {
-        let mut m = m.clone();
-        m.column_iter_mut().for_each(|mut c| c.component_mul_assign(w));
-        m
-    };
-    let (xw, bw) = (weighed(x), weighed(b));
-    let mut inner = bw.tr_mul(b);
-    (0..inner.nrows()).for_each(|k| inner[(k, k)] += 1.0);
+/// `(X'V^-1X, ln|V|)` from the squares `A'WA` of `A = [X, B]`, X of `n` columns: `V = W^-1 + BB'`, so that `V^-1 = W - WB (1 + B'WB)^-1 B'W`.
+fn information(squares: &DMatrix<f64>, n: usize, mut ld: f64) -> Option<(DMatrix<f64>, f64)> {
+    let m = squares.ncols() - n;
+    let mut inner = squares.view((n, n), (m, m)).into_owned();
+    (0..m).for_each(|k| inner[(k, k)] += 1.0);
     let factor = inner.cholesky()?;
-    let u = factor.l().solve_lower_triangular(&bw.tr_mul(x))?;
+    let u = factor.l().solve_lower_triangular(&squares.view((n, 0), (m, n)))?;
     ld += 2.0 * factor.l().diagonal().iter().map(|v| v.ln()).sum::<f64>();
-    let whole = xw.tr_mul(x) - u.tr_mul(&u);
+    // A product, not `tr_mul`: that goes column by column.
+    let whole = squares.view((0, 0), (n, n)) - u.transpose() * &u;
     Some((whole, ld)).filter(|(m, ld)| ld.is_finite() && m.iter().all(|v| v.is_finite()))
 }
 
 /// The same of a test whose coefficients vary by these parts, counted `z` times.
 fn of_parts(x: &DMatrix<f64>, b: &DMatrix<f64>, parts: &[Part], z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
     let ld: f64 = parts.iter().zip(z.iter()).map(|(p, z)| p.level(*z)).sum();
-    information((x, b), &weights(parts, z), ld)
+    let (mut all, w) = (beside(x, b), weights(parts, z).map(f64::sqrt));
+    all.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
+    information(&(all.transpose() * &all), x.ncols(), ld)
 }
 
 /// A residual as a column.
@@ -137,15 +157,15 @@ impl Evidence {
 
 /// The restricted likelihood: the parameters integrated out to first order.
 pub(super) fn restricted(e: &Evidence, grams: &[Gram], seen: &[Seen], counts: &Counts, v: &Variances) -> Option<f64> {
-    let p = grams.first()?.x.ncols();
+    let p = grams.first()?.columns.0;
     let (mut whole, mut ld) = (DMatrix::zeros(p, p), 0.0);
     for (t, (record, gram)) in e.records.iter().zip(grams).enumerate() {
-        let mut b = gram.b.clone();
         let (scattering, bending) = (seen[t].strengths.ncols(), seen[t].bends.ncols());
-        let (from, w) = (b.ncols() - scattering - bending, v.scatter(record).exp());
-        b.columns_mut(from, scattering).scale_mut(w);
-        b.columns_mut(from + scattering, bending).scale_mut(w * w * std::f64::consts::FRAC_1_SQRT_2);
-        let (inner, own) = gram.information(&b, record, (v.kappa, &v.own_errors(t, record)), &counts.z[t])?;
+        let (from, w) = (gram.columns.1 - scattering - bending, v.scatter(record).exp());
+        let mut factors = vec![1.0; from];
+        factors.resize(from + scattering, w);
+        factors.resize(from + scattering + bending, w * w * std::f64::consts::FRAC_1_SQRT_2);
+        let (inner, own) = gram.information(&factors, record, (v.kappa, &v.own_errors(t, record)), &counts.z[t])?;
         (whole, ld) = (whole + inner, ld + own);
     }
     let mut k = whole.view((1, 1), (p - 1, p - 1)).into_owned();
