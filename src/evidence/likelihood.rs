@@ -45,8 +45,8 @@ impl Gram {
         Gram { columns: (x.ncols(), b.ncols()), lots, rows: all.select_rows(&few), alike }
     }
 
-    /// `(X'V^-1X, ln|V|)` under a covariance, coefficients with the columns of B in common, each times its factor.
-    fn information(&self, factors: &[f64], record: &Record, v: (f64, &[f64]), z: &DVector<f64>) -> Option<(DMatrix<f64>, f64)> {
+    /// Squares and level of its coefficients under the variances that each of them has by itself.
+    fn weighed(&self, record: &Record, v: (f64, &[f64]), z: &DVector<f64>) -> Squares {
         let n = self.columns.0 + self.columns.1;
         let (mut squares, mut rows, mut ld) = (DMatrix::zeros(n, n), self.rows.clone(), 0.0);
         for (alike, lot) in self.alike.iter().zip(&self.lots) {
@@ -61,11 +61,32 @@ impl Gram {
         if rows.nrows() > 0 {
             squares.gemm(1.0, &rows.transpose(), &rows, 1.0);
         }
-        for (k, factor) in factors.iter().enumerate() {
+        Squares { columns: self.columns, squares, ld }
+    }
+}
+
+/// `A'WA` of a test and `-ln|W|`: all that variances of single coefficients, a common noise and the model's own errors, change of its likelihood.
+pub(super) struct Squares {
+    columns: (usize, usize),
+    squares: DMatrix<f64>,
+    ld: f64,
+}
+
+impl Squares {
+    /// Those of all tests.
+    pub fn of(e: &Evidence, grams: &[Gram], counts: &Counts, v: &Variances) -> Vec<Squares> {
+        let of = |(t, gram): (usize, &Gram)| gram.weighed(&e.records[t], (v.kappa, &v.own_errors(t, &e.records[t])), &counts.z[t]);
+        grams.iter().enumerate().map(of).collect()
+    }
+
+    /// `(X'V^-1X, ln|V|)`, coefficients with the columns of B in common, each times its factor.
+    fn information(&self, factors: &[f64]) -> Option<(DMatrix<f64>, f64)> {
+        let mut squares = self.squares.clone();
+        for (k, factor) in factors.iter().enumerate().filter(|(_, factor)| **factor != 1.0) {
             squares.column_mut(self.columns.0 + k).scale_mut(*factor);
             squares.row_mut(self.columns.0 + k).scale_mut(*factor);
         }
-        information(&squares, self.columns.0, ld)
+        information(&squares, self.columns.0, self.ld)
     }
 }
 
@@ -155,17 +176,17 @@ impl Evidence {
     }
 }
 
-/// The restricted likelihood: the parameters integrated out to first order.
-pub(super) fn restricted(e: &Evidence, grams: &[Gram], seen: &[Seen], counts: &Counts, v: &Variances) -> Option<f64> {
-    let p = grams.first()?.columns.0;
+/// The restricted likelihood under the variances that the squares stand for and the scatter of `v`: the parameters integrated out to first order.
+pub(super) fn restricted(e: &Evidence, squares: &[Squares], seen: &[Seen], v: &Variances) -> Option<f64> {
+    let p = squares.first()?.columns.0;
     let (mut whole, mut ld) = (DMatrix::zeros(p, p), 0.0);
-    for (t, (record, gram)) in e.records.iter().zip(grams).enumerate() {
+    for (t, (record, own)) in e.records.iter().zip(squares).enumerate() {
         let (scattering, bending) = (seen[t].strengths.ncols(), seen[t].bends.ncols());
-        let (from, w) = (gram.columns.1 - scattering - bending, v.scatter(record).exp());
+        let (from, w) = (own.columns.1 - scattering - bending, v.scatter(record).exp());
         let mut factors = vec![1.0; from];
         factors.resize(from + scattering, w);
         factors.resize(from + scattering + bending, w * w * std::f64::consts::FRAC_1_SQRT_2);
-        let (inner, own) = gram.information(&factors, record, (v.kappa, &v.own_errors(t, record)), &counts.z[t])?;
+        let (inner, own) = own.information(&factors)?;
         (whole, ld) = (whole + inner, ld + own);
     }
     let mut k = whole.view((1, 1), (p - 1, p - 1)).into_owned();

@@ -2,7 +2,7 @@
 
 use crate::data::TestKind;
 
-use super::likelihood::restricted;
+use super::likelihood::{Squares, restricted};
 use super::record::{Alike, Channel};
 use super::{Counts, Evidence, Record, Seen, Settings};
 
@@ -10,7 +10,7 @@ use super::{Counts, Evidence, Record, Seen, Settings};
 const KINDS: usize = TestKind::WORDS.len();
 
 /// Variances, as logarithms of standard deviations.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Variances {
     /// True noise over that seen.
     pub kappa: f64,
@@ -167,9 +167,12 @@ impl Evidence {
         let start = Variances { omega: start.omega.max(self.settings.scatter_from), ..start.clone() };
         let (grams, alike) = (self.grams(seen, counts), self.alike(counts));
         let mut best = self.own_errors(seen, counts, start.bounded(&self.settings), &alike);
-        let value =
-            |v: &Variances| restricted(self, &grams, seen, counts, v).map_or(f64::NEG_INFINITY, |l| l + self.prior_of(counts, v, &alike));
-        let mut here = value(&best);
+        let squares = |v: &Variances| Squares::of(self, &grams, counts, v);
+        let value = |v: &Variances, squares: &[Squares]| {
+            restricted(self, squares, seen, v).map_or(f64::NEG_INFINITY, |l| l + self.prior_of(counts, v, &alike))
+        };
+        let mut at_best = squares(&best);
+        let mut here = value(&best, &at_best);
         let directions = self.directions();
         let (mut left, mut part) = (self.settings.evaluations, 1.0);
         while part > self.settings.last_step && left > 0 {
@@ -177,9 +180,16 @@ impl Evidence {
             for step in &directions {
                 for sign in [1.0, -1.0] {
                     let trial = best.moved(step, sign * part).bounded(&self.settings);
-                    let there = value(&trial);
+                    // At a bound it stays where it is.
+                    if trial == best {
+                        continue;
+                    }
+                    // Scatter changes what coefficients have in common, not the variance of one by itself.
+                    let moved = ((trial.kappa, trial.tau) != (best.kappa, best.tau)).then(|| squares(&trial));
+                    let there = value(&trial, moved.as_ref().unwrap_or(&at_best));
                     left = left.saturating_sub(1);
                     if there > here {
+                        at_best = moved.unwrap_or(at_best);
                         (best, here, better) = (trial, there, true);
                         break;
                     }
