@@ -34,7 +34,9 @@ pub(super) struct Corrections(Vec<Correction>);
 
 fn corrections(text: &str) -> Result<Corrections, String> {
     let list = serde_json::from_str(text).map(Corrections);
-    list.map_err(|e| format!("{e}; such as [{{\"file\": \"loop.csv\", \"item\": 0, \"columns\": {{\"F\": {{\"unit\": \"kN\"}}}}, \"start_up\": 2}}]"))
+    list.map_err(|e| {
+        format!("{e}; such as [{{\"file\": \"loop.csv\", \"item\": 0, \"columns\": {{\"F\": {{\"unit\": \"kN\"}}}}, \"start_up\": 2}}]")
+    })
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {

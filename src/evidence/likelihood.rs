@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
+use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::{DMatrix, DVector};
 
 use super::record::{Alike, Part};
@@ -35,8 +37,7 @@ impl Gram {
         let (mut lots, mut few) = (Vec::new(), Vec::new());
         for lot in &alike {
             if lot.members.len() > FEW {
-                let own = all.select_rows(&lot.members);
-                lots.push(Lot::Squares(own.transpose() * &own));
+                lots.push(Lot::Squares(squared(&all.select_rows(&lot.members))));
             } else {
                 lots.push(Lot::Rows(few.len()..few.len() + lot.members.len()));
                 few.extend(&lot.members);
@@ -54,18 +55,31 @@ impl Gram {
             let w = 1.0 / part.variance(z);
             ld += alike.members.len() as f64 * part.level(z);
             match lot {
-                Lot::Squares(own) => squares.zip_apply(own, |sum, own| *sum += w * own),
+                Lot::Squares(own) => (0..n).for_each(|k| {
+                    squares.view_mut((k, k), (n - k, 1)).zip_apply(&own.view((k, k), (n - k, 1)), |sum, own| *sum += w * own)
+                }),
                 Lot::Rows(range) => rows.rows_mut(range.start, range.len()).scale_mut(w.sqrt()),
             }
         }
         if rows.nrows() > 0 {
-            squares.gemm(1.0, &rows.transpose(), &rows, 1.0);
+            squares += squared(&rows);
         }
         Squares { columns: self.columns, squares, ld }
     }
 }
 
-/// `A'WA` of a test and `-ln|W|`: all that variances of single coefficients, a common noise and the model's own errors, change of its likelihood.
+/// The lower triangle of `A'A`.
+fn squared(a: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = a.ncols();
+    let mut squares = DMatrix::zeros(n, n);
+    let rows = MatRef::from_column_major_slice(a.as_slice(), a.nrows(), n);
+    let lower = MatMut::from_column_major_slice_mut(squares.as_mut_slice(), n, n);
+    let (triangle, whole) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+    matmul(lower, triangle, Accum::Replace, rows.transpose(), whole, rows, whole, 1.0, Par::Seq);
+    squares
+}
+
+/// The lower triangle of `A'WA` of a test and `-ln|W|`: all that variances of single coefficients, a common noise and the model's own errors, change of its likelihood.
 pub(super) struct Squares {
     columns: (usize, usize),
     squares: DMatrix<f64>,
@@ -90,7 +104,7 @@ impl Squares {
     }
 }
 
-/// `(X'V^-1X, ln|V|)` from the squares `A'WA` of `A = [X, B]`, X of `n` columns: `V = W^-1 + BB'`, so that `V^-1 = W - WB (1 + B'WB)^-1 B'W`.
+/// `(X'V^-1X, ln|V|)` from the lower triangle of the squares `A'WA` of `A = [X, B]`, X of `n` columns: `V = W^-1 + BB'`, so that `V^-1 = W - WB (1 + B'WB)^-1 B'W`.
 fn information(squares: &DMatrix<f64>, n: usize, mut ld: f64) -> Option<(DMatrix<f64>, f64)> {
     let m = squares.ncols() - n;
     let mut inner = squares.view((n, n), (m, m)).into_owned();
@@ -98,8 +112,8 @@ fn information(squares: &DMatrix<f64>, n: usize, mut ld: f64) -> Option<(DMatrix
     let factor = inner.cholesky()?;
     let u = factor.l().solve_lower_triangular(&squares.view((n, 0), (m, n)))?;
     ld += 2.0 * factor.l().diagonal().iter().map(|v| v.ln()).sum::<f64>();
-    // A product, not `tr_mul`: that goes column by column.
-    let whole = squares.view((0, 0), (n, n)) - u.transpose() * &u;
+    let mut whole = squares.view((0, 0), (n, n)) - squared(&u);
+    whole.fill_upper_triangle_with_lower_triangle();
     Some((whole, ld)).filter(|(m, ld)| ld.is_finite() && m.iter().all(|v| v.is_finite()))
 }
 
@@ -108,7 +122,7 @@ fn of_parts(x: &DMatrix<f64>, b: &DMatrix<f64>, parts: &[Part], z: &DVector<f64>
     let ld: f64 = parts.iter().zip(z.iter()).map(|(p, z)| p.level(*z)).sum();
     let (mut all, w) = (beside(x, b), weights(parts, z).map(f64::sqrt));
     all.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
-    information(&(all.transpose() * &all), x.ncols(), ld)
+    information(&squared(&all), x.ncols(), ld)
 }
 
 /// A residual as a column.

@@ -99,7 +99,9 @@ fn a_unit_that_is_not_in_the_file_has_to_be_given() {
     // Said on the command line, as the workbench writes it, nothing is open; what is no correction, and what corrects nothing, is refused.
     let second = dir.path().join("second").display().to_string();
     let corrected = |text: &str| misfit(&["new", &second, "--json", "--correct", text, "--from", &path.display().to_string()]);
-    for (text, said) in [("[{]", "--correct"), (r#"[{ "file": "a.csv", "item": 0, "columns": { "Druck": {} } }]"#, "there is no column `Druck`")] {
+    for (text, said) in
+        [("[{]", "--correct"), (r#"[{ "file": "a.csv", "item": 0, "columns": { "Druck": {} } }]"#, "there is no column `Druck`")]
+    {
         let refused = corrected(text);
         assert!(refused.code != 0 && refused.json()["error"].to_string().contains(said), "{}", refused.stdout);
     }

@@ -146,6 +146,9 @@ fn on_a_running_slurm_kills_lose_nothing_and_double_nothing() {
         let result = run(&file, &out, &["--on", "slurm", "--resume"]);
         assert!(result["done"] == 60 && records(&out) == 60, "kill {k} of {what}: {result}");
         assert_eq!(table(&out), table(&local), "kill {k} of {what}");
-        println!("kill {k} of {what} after {at} of 60 tasks: the table of the undisturbed campaign{}", if whole { "" } else { ", resumed" });
+        println!(
+            "kill {k} of {what} after {at} of 60 tasks: the table of the undisturbed campaign{}",
+            if whole { "" } else { ", resumed" }
+        );
     }
 }
