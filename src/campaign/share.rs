@@ -31,7 +31,7 @@ impl Share {
     }
 
     /// The part of `0..n` that it has.
-    pub fn of(&self, n: usize) -> impl Iterator<Item = usize> {
+    pub fn of(&self, n: usize) -> impl Iterator<Item = usize> + use<> {
         let share = *self;
         (0..n).filter(move |k| share.has(*k))
     }

@@ -114,7 +114,8 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         weighed.is_ok_and(|w| scale.gain(&w, base, price.tried(r.candidate)) + scale.settings.tie < rival)
     };
     let held = Held { against: a, names: &names, price: &price, cost, from: &loose };
-    let stands = |refits: &[Refit]| Survivors { held: &held, refits }.any_may_gain();
+    // What could stand in the place of an effect is looked for among everything there.
+    let stands = |refits: &[Refit]| a.need.is_some() || Survivors { held: &held, refits }.any_may_gain();
     let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, (&beaten, &stands), watch));
     let cut = trace::stopped(&hurried);
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
