@@ -171,26 +171,23 @@ impl Climb<'_> {
         above.filter(|gain| gain.is_finite()).unwrap_or(f64::INFINITY)
     }
 
-    /// The effects exchanged for what does their work now, and what else is missing looked for. What was found here is exchanged once nothing gains beside
-    /// it, as on the way with slack, where that may decide between it and slack.
+    /// The effects exchanged for what does their work now, and what else is missing looked for. What was found here is exchanged where that may decide
+    /// between it and slack.
     fn exchanged(&mut self, searched: bool, former: &Former, loose: &Case) -> Result<Vec<Rung>, DiagnoseError> {
-        let (added, removed) = if self.added.is_empty() { None } else { self.replace() }.unzip();
-        let mut rungs = vec![self.rung(added, removed.into_iter().collect())?];
-        while searched {
-            let full = self.effects() >= self.settings.max_added || rungs.len() > 2 * self.settings.max_added;
-            let step = if full { Step::default() } else { self.step_without_slack()? };
-            if let Some(taken) = &step.taken {
-                rungs.push(self.taken(taken, &step)?);
-                continue;
+        let mut rungs = Vec::new();
+        loop {
+            let open = rungs.is_empty() || self.slack_above(former, loose) <= self.settings.tie + self.settings.decisive;
+            let (added, removed) = if self.added.is_empty() || !open { None } else { self.replace() }.unzip();
+            if added.is_some() || rungs.is_empty() {
+                rungs.push(self.rung(added, removed.into_iter().collect())?);
             }
-            let open = rungs.len() > 1 && self.slack_above(former, loose) <= self.settings.tie + self.settings.decisive;
-            let Some((added, removed)) = open.then(|| self.replace()).flatten() else { break };
-            rungs.push(self.rung(Some(added), vec![removed])?);
-            if full {
-                break;
+            if !searched || self.effects() >= self.settings.max_added || rungs.len() > 2 * self.settings.max_added {
+                return Ok(rungs);
             }
+            let step = self.step_without_slack()?;
+            let Some(taken) = &step.taken else { return Ok(rungs) };
+            rungs.push(self.taken(taken, &step)?);
         }
-        Ok(rungs)
     }
 
     /// A step; where the additions are those beside which slack was given, what was found then.
