@@ -260,9 +260,9 @@ impl<'a> Runner<'a> {
         self.folder.join("tasks").join(format!("{id}.json"))
     }
 
-    /// Where the runs of the shares of a task are kept until they are put together.
+    /// Where the runs of the shares of a task are kept until they are put together: those of a run that was divided by another number are no part of it.
     fn shared(&self, id: &str) -> PathBuf {
-        self.folder.join("shares").join(id)
+        self.folder.join("shares").join(format!("{id}-{}", self.spec.shares))
     }
 
     /// Folder of what a share has drawn.

@@ -158,6 +158,20 @@ fn divided_into_shares_the_table_is_that_of_the_whole_run() {
         let again = run(&file, &shared, &["--resume"]);
         assert_eq!((again["computed"].as_u64(), again["of_other_inputs"].as_u64()), (Some(0), Some(0)), "{again}");
     }
+    // Shares of another number, left by a run that was killed, are no part of a run.
+    std::fs::write(&file, format!("schema = 1\nshares = 3\n{fit}")).unwrap();
+    let (broken, whole) = (dir.path().join("broken"), dir.path().join("fit-whole"));
+    let mut child = command(&file, &broken, &["--threads", "1"]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let begun = Instant::now();
+    while records(&broken) < 2 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no result in a minute");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    std::fs::write(&file, format!("schema = 1\nshares = 2\n{fit}")).unwrap();
+    run(&file, &broken, &["--resume"]);
+    assert_eq!(table(&broken), table(&whole));
     // A share that fails is named in the row of its task.
     let text = "schema = 1\nverb = \"fit\"\nshares = 2\nstudies = [\"gone\"]\narguments = [\"--bootstrap\", \"4\"]\n";
     std::fs::write(&file, text).unwrap();
