@@ -116,7 +116,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let held = Held { against: a, names: &names, price: &price, cost, from: &loose };
     // What could stand in the place of an effect is looked for among everything there.
     let stands = |refits: &[Refit]| a.need.is_some() || Survivors { held: &held, refits }.any_may_gain();
-    let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, (&beaten, &stands), watch));
+    let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, &beaten, &stands, watch));
     let cut = trace::stopped(&hurried);
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
@@ -282,7 +282,8 @@ fn refitted(
     hopeful: &[Score],
     picked: &[Score],
     cost: f64,
-    (beaten, stands): (&dyn Fn(&Refit) -> bool, &dyn Fn(&[Refit]) -> bool),
+    beaten: &dyn Fn(&Refit) -> bool,
+    stands: &dyn Fn(&[Refit]) -> bool,
     watch: &(dyn Fn(&str) + Sync),
 ) -> Vec<Refit> {
     if picked.is_empty() {
