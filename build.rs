@@ -1,4 +1,4 @@
-//! Has the linker keep one copy of functions of identical code (`--icf=all`), which generic code makes many of: a megabyte of the program. GNU's ld does not know that,
+//! Has the linker keep one copy of functions of identical code (`--icf=all`), which generic code makes many of: two megabytes of the program. GNU's ld does not know that,
 //! and an unknown option would break the build, so that it is tried on an empty program first.
 
 use std::path::PathBuf;
