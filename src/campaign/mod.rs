@@ -16,10 +16,12 @@
 //! | `threads = 1` | threads of a task |
 //! | `keep_runs = true` | keep the folder of every run |
 //! | `shares = 8` | tasks among which the replicates of `--bootstrap`, the parameters of `--profile` and the cases of a trial are divided; the run that puts them together is the row |
+//! | `refits = 20` | of `add`: the tasks are the best so many candidates of the score map of each study (`diagnose --scores`) |
 //! | `[grid]` | every combination of its lists: `seed`, the name of a parameter (`"c1.x.viscous.c"`: its start), a key of study.toml (`"fit.loss"`), an option (`"--cases"`), for `add` the name of an effect (`effect`) |
 //! | `[[variant]]` | one task beside the grid: `name`, `study`, `seed`, `set = { key = value }`, `arguments` |
 
 mod error;
+mod list;
 mod page;
 mod spec;
 mod share;
@@ -36,5 +38,15 @@ pub use task::{Record, Runner, Task, whole};
 
 /// Puts tasks in order and names them by their inputs.
 pub fn tasks(spec: &Spec) -> Result<Vec<Task>, CampaignError> {
-    task::list(spec)
+    list::list(spec)
+}
+
+/// The score maps (`diagnose --scores`) that a campaign with `refits` runs first; none for another.
+pub fn looks(spec: &Spec) -> Result<Vec<Task>, CampaignError> {
+    list::looks(spec)
+}
+
+/// Its tasks, once these maps have their records: the best candidates of each.
+pub fn refits(spec: &Spec, looks: &[Task], records: &[Option<Record>]) -> Vec<Task> {
+    list::refits(spec, looks, records)
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::data::toml_strict::{TableView, TomlError, TomlFile, ValueView};
 
 use super::CampaignError;
+use super::list::{ADD, EFFECT};
 
 /// Verbs that a campaign may run.
 pub const VERBS: [&str; 9] = ["check", "compare", "fit", "diagnose", "add", "ladder", "predict", "tolerance", "trial"];
@@ -42,12 +43,16 @@ pub struct Spec {
     pub keep_runs: bool,
     /// Tasks among which what a run draws is divided.
     pub shares: usize,
+    /// Candidates of each study's score map that are refitted; 0 where the list says what is added.
+    pub refits: usize,
     pub(super) grid: Vec<Axis>,
     pub(super) variants: Vec<Variant>,
 }
 
 /// Most tasks of one campaign.
 const MOST: usize = 1_000_000;
+/// Most candidates of one score map.
+const REFITS: i64 = 10_000;
 /// Most shares of one run.
 const SHARES: i64 = 10_000;
 
@@ -56,7 +61,20 @@ impl Spec {
     pub fn load(file: &Path) -> Result<Spec, CampaignError> {
         let toml = TomlFile::read(file, "campaign")?;
         let root = toml.root();
-        root.only(&["schema", "title", "verb", "studies", "arguments", "retries", "threads", "keep_runs", "shares", "grid", "variant"])?;
+        root.only(&[
+            "schema",
+            "title",
+            "verb",
+            "studies",
+            "arguments",
+            "retries",
+            "threads",
+            "keep_runs",
+            "shares",
+            "refits",
+            "grid",
+            "variant",
+        ])?;
         crate::data::schema(&root)?;
         let words = VERBS.map(|v| (v, v));
         let verb = root.require("verb", "\"fit\"")?.word("verb", &words)?;
@@ -90,6 +108,13 @@ impl Spec {
                 }
             }
         }
+        let refits = root.optional("refits", |v| v.integer(1, REFITS))?.map_or(0, |n| n as usize);
+        let says = [EFFECT, "--at"].into_iter().find(|key| grid.iter().any(|a| a.0 == *key));
+        if refits > 0 && (verb != ADD || says.is_some()) {
+            let why = says
+                .map_or(format!("`refits` are of `{ADD}`, not of `{verb}`"), |key| format!("`refits` and `{key}` both say what is added"));
+            return Err(root.refuse(why, format!("verb = \"{ADD}\" with `refits`, or with `effect` and `--at` under [grid]")).into());
+        }
         let named = file.file_stem().map_or("campaign".into(), |n| n.to_string_lossy().into_owned());
         Ok(Spec {
             file: file.to_path_buf(),
@@ -101,6 +126,7 @@ impl Spec {
             threads: root.optional("threads", |v| v.integer(1, 1000))?.map_or(1, |n| n as usize),
             keep_runs: root.optional("keep_runs", |v| v.bool())?.unwrap_or(false),
             shares: root.optional("shares", |v| v.integer(1, SHARES))?.map_or(1, |n| n as usize),
+            refits,
             grid: if crossed { grid } else { vec![] },
             variants,
         })

@@ -163,6 +163,7 @@ mod tests {
         let task = |label: &str| Task {
             id: label.into(),
             label: label.into(),
+            verb: "fit".into(),
             study: None,
             seed: 1,
             axes: vec![("seed".into(), "1".into())],

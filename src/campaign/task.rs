@@ -1,6 +1,6 @@
 //! Tasks: their list, one process each, a record of each written once and whole.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -14,8 +14,8 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::limits;
 
-use super::variant::{self, Contents};
-use super::{CampaignError, Share, Spec};
+use super::list::{self, ADD};
+use super::{CampaignError, Share, Spec, variant};
 
 /// One run of the verb.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,6 +24,8 @@ pub struct Task {
     pub id: String,
     /// Name for people: what it differs in.
     pub label: String,
+    /// The verb.
+    pub verb: String,
     /// The study; none for trials.
     pub study: Option<PathBuf>,
     /// Seed.
@@ -72,9 +74,9 @@ impl Task {
     }
 
     /// Whether its verb draws what can be divided.
-    fn draws(&self, verb: &str) -> bool {
+    pub(super) fn draws(&self) -> bool {
         let asks = |options: &[&str]| self.arguments.iter().any(|a| options.iter().any(|o| a == o || a.starts_with(&format!("{o}="))));
-        match verb {
+        match self.verb.as_str() {
             "fit" => asks(&["--bootstrap", "--profile"]),
             "predict" => asks(&["--bootstrap"]),
             verb => verb == "trial",
@@ -96,124 +98,6 @@ pub struct Record {
     /// What the verb printed.
     pub result: Value,
 }
-
-fn value(text: &str) -> toml::Value {
-    let parsed = format!("v = {text}").parse::<toml::Table>().ok().and_then(|mut t| t.remove("v"));
-    parsed.unwrap_or_else(|| toml::Value::String(text.into()))
-}
-
-/// As a person would write it: text without quotes.
-fn plain(text: &str) -> String {
-    value(text).as_str().map_or_else(|| text.to_string(), str::to_string)
-}
-
-pub(super) fn list(spec: &Spec) -> Result<Vec<Task>, CampaignError> {
-    let mut contents = Contents::default();
-    let mut studies: BTreeMap<PathBuf, u128> = BTreeMap::new();
-    let mut all: Vec<Task> = Vec::new();
-    let none = [String::new()];
-    let named: &[String] = if spec.verb == "trial" { &none } else { &spec.studies };
-    if spec.crossed() {
-        for study in named {
-            let mut at = vec![0; spec.grid.len()];
-            loop {
-                let values = spec.grid.iter().zip(&at).map(|((key, values), k)| (key.clone(), values[*k].clone()));
-                all.push(task(spec, study, values.collect()));
-                // The last axis runs fastest.
-                let Some(k) = (0..at.len()).rev().find(|k| at[*k] + 1 < spec.grid[*k].1.len()) else { break };
-                at[k] += 1;
-                at[k + 1..].fill(0);
-            }
-        }
-    }
-    for v in &spec.variants {
-        let study = v.study.clone().or(named.first().cloned()).unwrap_or_default();
-        let mut values = v.set.clone();
-        values.extend(v.seed.map(|s| ("seed".to_string(), s.to_string())));
-        let mut task = task(spec, &study, values);
-        task.arguments.extend(v.arguments.clone());
-        task.axes.insert(0, ("variant".into(), v.name.clone()));
-        task.label = v.name.clone();
-        all.push(task);
-    }
-    let mut seen: BTreeMap<String, String> = BTreeMap::new();
-    for task in &mut all {
-        let content = task.study.as_ref().map_or(0, |s| *studies.entry(s.clone()).or_insert_with(|| contents.study(s)));
-        task.id = id(spec, task, content);
-        if spec.shares > 1 {
-            if !task.draws(&spec.verb) {
-                return Err(CampaignError::Folder {
-                    path: spec.file.clone(),
-                    message: format!("`{}` draws nothing that could be divided into shares", task.label),
-                    accepted: "fit with --bootstrap or --profile, predict with --bootstrap, trial; or no `shares`".into(),
-                });
-            }
-            task.part = Part::Joined;
-        }
-        if let Some(first) = seen.insert(task.id.clone(), task.label.clone()) {
-            return Err(CampaignError::Folder {
-                path: spec.file.clone(),
-                message: format!("`{first}` and `{}` are one and the same task", task.label),
-                accepted: "tasks that differ in study, values, seed or arguments".into(),
-            });
-        }
-    }
-    Ok(all)
-}
-
-/// A task without its id.
-fn task(spec: &Spec, study: &str, values: Vec<(String, String)>) -> Task {
-    let trial = spec.verb == "trial";
-    let mut task = Task {
-        id: String::new(),
-        label: String::new(),
-        study: (!trial).then(|| spec.path(study)),
-        seed: 1,
-        axes: if trial { vec![] } else { vec![("study".into(), study.to_string())] },
-        set: vec![],
-        arguments: spec.arguments.clone(),
-        part: Part::Whole,
-    };
-    for (key, text) in values {
-        let shown = plain(&text);
-        match key.as_str() {
-            "seed" => task.seed = shown.parse().unwrap_or(1),
-            EFFECT if spec.verb == ADD => task.arguments.insert(0, shown.clone()),
-            option if option.starts_with("--") => task.arguments.extend([key.clone(), shown.clone()]),
-            _ => task.set.push((key.clone(), text)),
-        }
-        task.axes.push((key, shown));
-    }
-    let words = task.axes.iter().map(|(k, v)| if k == "study" { v.clone() } else { format!("{k}={v}") });
-    task.label = words.collect::<Vec<_>>().join(" ");
-    if task.label.is_empty() {
-        task.label = format!("seed={}", task.seed);
-    }
-    task
-}
-
-fn id(spec: &Spec, task: &Task, content: u128) -> String {
-    let mut hash = Xxh3::new();
-    let mut add = |text: &str| {
-        hash.update(&(text.len() as u64).to_le_bytes());
-        hash.update(text.as_bytes());
-    };
-    add(env!("CARGO_PKG_VERSION"));
-    add(&spec.verb);
-    task.set.iter().for_each(|(k, v)| {
-        add(k);
-        add(v);
-    });
-    add("--");
-    task.arguments.iter().for_each(|a| add(a));
-    hash.update(&task.seed.to_le_bytes());
-    hash.update(&content.to_le_bytes());
-    format!("{:032x}", hash.digest128())
-}
-
-/// The verb that takes an effect, and writes it into its study; and the axis that names it.
-const ADD: &str = "add";
-const EFFECT: &str = "effect";
 
 /// Runs tasks of a campaign into its folder.
 pub struct Runner<'a> {
@@ -329,9 +213,9 @@ impl<'a> Runner<'a> {
         let run = work.path().join("run");
         let mut words = self.program.iter();
         let mut command = Command::new(words.next().map_or(OsStr::new(""), OsString::as_os_str));
-        command.args(words).arg(&self.spec.verb);
+        command.args(words).arg(&task.verb);
         if let Some(study) = &task.study {
-            if task.set.is_empty() && self.spec.verb != ADD {
+            if task.set.is_empty() && task.verb != ADD {
                 command.arg(study);
             } else {
                 match variant_of(study, &task.set) {
@@ -417,7 +301,7 @@ fn variant_of(study: &Path, set: &[(String, String)]) -> Result<String, String> 
     let mut table: toml::Table = text.parse().map_err(|e| format!("{}: {e}", file.display()))?;
     variant::absolute(&mut table, file.parent().unwrap_or(Path::new("")));
     for (key, text) in set {
-        variant::set(&mut table, key, &value(text))?;
+        variant::set(&mut table, key, &list::value(text))?;
     }
     toml::to_string(&table).map_err(|e| e.to_string())
 }
@@ -456,6 +340,7 @@ mod tests {
         let task = Task {
             id: "one".into(),
             label: "one".into(),
+            verb: "fit".into(),
             study: None,
             seed: 1,
             axes: vec![],

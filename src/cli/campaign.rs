@@ -75,7 +75,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(element) = args.element {
         return one_element(&Runner::new(&program, &spec, &folder), element, &stopped);
     }
-    let tasks = campaign::tasks(&spec)?;
+    let looks = campaign::looks(&spec)?;
+    let listed = if looks.is_empty() { campaign::tasks(&spec)? } else { vec![] };
     begin(&folder, args.resume)?;
     let folder = folder.canonicalize().unwrap_or(folder);
     let _lock = Lock::take(&folder)?;
@@ -84,8 +85,6 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         leftovers(&folder)?;
     }
     let runner = Runner::new(&program, &spec, &folder);
-    let left: Vec<usize> = open(&runner, &tasks);
-    let others = strangers(&runner, &tasks);
     let progress = Progress::new(args.json, None, args.watcher.clone());
     if let Some(job) = earlier(&folder).filter(|_| args.on == On::Local) {
         let message = format!("job {job} of this campaign is still queued or running");
@@ -96,6 +95,16 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         On::Local => local(&runner, tasks, left, &progress, &stopped),
         On::Slurm => array(&runner, tasks, left, &progress, &stopped),
     };
+    let tasks = if looks.is_empty() {
+        listed
+    } else {
+        execute(&looks, &open(&runner, &looks))?;
+        campaign::refits(&spec, &looks, &parallel::map(&looks, |t| runner.record(&t.id)))
+    };
+    let mut left: Vec<usize> = open(&runner, &tasks);
+    // A map that stands for itself was tried as often as asked.
+    left.retain(|k| looks.iter().all(|l| l.id != tasks[*k].id));
+    let others = strangers(&runner, &tasks, &looks);
     if spec.shares > 1 {
         let shares: Vec<Task> = left.iter().flat_map(|k| tasks[*k].shares(spec.shares)).collect();
         execute(&shares, &open(&runner, &shares))?;
@@ -306,10 +315,10 @@ fn orphans(folder: &Path) {
 }
 
 /// Records of tasks that are not in the list.
-fn strangers(runner: &Runner, tasks: &[Task]) -> usize {
+fn strangers(runner: &Runner, tasks: &[Task], looks: &[Task]) -> usize {
     let shares = Some(runner.spec.shares).filter(|n| *n > 1).unwrap_or(0);
     let shared = tasks.iter().flat_map(|t| t.shares(shares)).map(|s| s.id);
-    let known: std::collections::HashSet<String> = tasks.iter().map(|t| t.id.clone()).chain(shared).collect();
+    let known: std::collections::HashSet<String> = tasks.iter().chain(looks).map(|t| t.id.clone()).chain(shared).collect();
     let names = std::fs::read_dir(runner.folder.join("tasks"))
         .into_iter()
         .flatten()

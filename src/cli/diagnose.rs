@@ -1,17 +1,23 @@
 //! `misfit diagnose`: where the model fails, which effects explain it, how sure that is.
 
-use crate::diagnose::results::{Candidate, Diagnosis, FitResult, Verdict};
+use serde_json::json;
+
+use crate::diagnose::results::{Candidate, Diagnosis, FitResult, SplitName, Verdict};
 use crate::diagnose::{self, Case, Unexplained};
 
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{INTERRUPTED, Outcome, fit, report, text};
-use crate::work::Failure;
+use crate::study::Study;
+use crate::work::{self, Failure, Scored};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
     pub common: Common,
+    /// The score test alone: every effect at every place with the fall of the cost that it predicts; nothing is refitted and nothing concluded
+    #[arg(long)]
+    scores: bool,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -19,6 +25,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let study = session.study()?;
     let case = session.case(&study)?;
     session.progress.say("fit");
+    if args.scores {
+        return scores(&session, &study, &case);
+    }
     let done = call(&session, &case);
     session.progress.end();
     let (result, diagnosis) = done?;
@@ -35,6 +44,38 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let text = format!("{}\n\n{}\n{}\nRun: {}\n", study.title, text::tests(&result.tests), told(&diagnosis, &shown), folder.path.display());
     Ok(Outcome { json: value, text, code: if session.interrupted() { INTERRUPTED } else { 0 } })
 }
+
+/// Fit and score map.
+fn scores(session: &Session, study: &Study, case: &Case) -> Result<Outcome, Failure> {
+    let splits = [SplitName::Fit, SplitName::Select];
+    let monitor = session.monitor();
+    let done = diagnose::fit(case, &splits, &monitor).and_then(|(case, fitted, result)| {
+        let marks = diagnose::map(&case, &fitted, &monitor, &|step: &str| session.progress.say(step))?;
+        Ok((fitted.system, result, marks))
+    });
+    session.progress.end();
+    let (system, result, marks) = done?;
+    let scored = work::scored(study, &system, &marks);
+    let folder = session.folder(study, "diagnose")?;
+    folder.study(study, &system)?;
+    let value = fit::json(&json!({ "scores": fit::plain(&scored)?, "fit": fit::plain(&result)? }), &folder)?;
+    folder.result(&value)?;
+    let row = |s: &Scored| {
+        let at = s.of.as_ref().map_or(s.at.clone(), |of| format!("{} ({of})", s.at));
+        let promises = if s.promises { "yes" } else { "no" };
+        let drop = percent(s.predicted_drop);
+        vec![s.effect.clone(), at, drop, significant(s.nats, 3), significant(s.price, 3), promises.into(), s.tied_with.join("; ")]
+    };
+    let header = ["effect", "at", "predicted drop", "nats at most", "price", "worth a refit", "cannot be told from"];
+    let rows: Vec<Vec<String>> = scored.iter().take(SHOWN).map(row).collect();
+    let rest = scored.len().saturating_sub(SHOWN);
+    let more = if rest > 0 { format!("and {rest} more, in {}\n", folder.path.join("result.json").display()) } else { String::new() };
+    let text = format!("{}\n\n{}{more}Run: {}\n", study.title, table(&header, &rows), folder.path.display());
+    Ok(Outcome { json: value, text, code: if session.interrupted() { INTERRUPTED } else { 0 } })
+}
+
+/// Candidates of the score map that are printed.
+const SHOWN: usize = 40;
 
 /// Fit and diagnosis under the session's watch.
 pub(super) fn call(session: &Session, case: &Case) -> Result<(FitResult, Diagnosis), Failure> {

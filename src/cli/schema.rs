@@ -22,7 +22,7 @@ pub(super) struct Args {
 /// Name, what it is of, the schema.
 type Entry = (&'static str, &'static str, fn() -> Schema);
 
-const ALL: [Entry; 19] = [
+const ALL: [Entry; 20] = [
     ("study", "study.toml", crate::study::schema::study),
     ("dataset", "dataset.toml", crate::data::schema::dataset),
     ("error", "what any verb prints where it could not be done", result::<results::Error>),
@@ -32,6 +32,7 @@ const ALL: [Entry; 19] = [
     ("fit", "result of `misfit fit`", result::<results::Fit>),
     ("compare", "result of `misfit compare`", result::<results::Compare>),
     ("diagnose", "result of `misfit diagnose`", result::<results::Diagnose>),
+    ("scores", "result of `misfit diagnose --scores`", result::<results::Scores>),
     ("add", "result of `misfit add`", result::<results::Add>),
     ("ladder", "result of `misfit ladder`", result::<results::Ladder>),
     ("predict", "result of `misfit predict`", result::<results::Predict>),

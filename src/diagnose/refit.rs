@@ -60,7 +60,7 @@ pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
     for (value, p) in instance.params.iter_mut().zip(info.params) {
         // A setting that was tried as a start is fitted as well.
         let begun = matches!(p.grid, Grid::Elastic(_) if value.value > 0.0) || matches!(p.grid, Grid::Starts(_));
-        if (p.kind == Kind::Shape && !p.grid.fitted_last()) || begun {
+        if (p.kind == Kind::Shape && !p.grid.fitted_last(value.value)) || begun {
             value.free = true;
             (value.min, value.max) = (p.min.max(value.min), p.max.min(value.max));
         }
@@ -160,8 +160,12 @@ impl Bench<'_> {
         let mut fitted = looks;
         if rough.is_some() {
             let may = look.may_lead(&fitted, leader, unexplained);
-            fitted =
-                parallel::map_into(fitted, |k, l| l.and_then(|f| if may[k] { self.from(&f.system, race.leg).or(Ok(f)) } else { Ok(f) }));
+            // What cannot be computed in all its steps where the coarser ones have led begins anew from the model itself.
+            let anew = |score: &Score| self.secant(&[*score], 0.0, false).and_then(|s| self.from(&s.system, race.leg));
+            let on = |k: usize, f: Fitted| {
+                if may[k] { self.from(&f.system, race.leg).or_else(|_| anew(&picked[k])).or(Ok(f)) } else { Ok(f) }
+            };
+            fitted = parallel::map_into(fitted, |k, l| l.and_then(|f| on(k, f)));
         }
         self.run(&mut fitted, leader, watch);
         let drops = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop);
@@ -306,7 +310,7 @@ impl Bench<'_> {
         let mut any = false;
         for instance in &mut system.instances[self.base.instances.len()..] {
             let info = instance.effect.info();
-            for (value, p) in instance.params.iter_mut().zip(info.params).filter(|(_, p)| p.grid.fitted_last()) {
+            for (value, p) in instance.params.iter_mut().zip(info.params).filter(|(v, p)| p.grid.fitted_last(v.value)) {
                 (value.free, value.min, value.max, any) = (true, p.min.max(p.grid.least(value.value)), p.max, true);
             }
         }

@@ -84,6 +84,10 @@ pub trait ForceLaw: Send + Sync {
     fn presses(&self) -> bool {
         false
     }
+    /// [`Force::AT_DRIVE`].
+    fn at_drive(&self) -> Option<usize> {
+        None
+    }
     /// [`Force::LOOKS_BACK`].
     fn looks_back(&self) -> usize {
         0
@@ -327,6 +331,10 @@ impl<L: Force> ForceLaw for Dispatch<L> {
 
     fn presses(&self) -> bool {
         L::PRESSES
+    }
+
+    fn at_drive(&self) -> Option<usize> {
+        L::AT_DRIVE
     }
 
     fn looks_back(&self) -> usize {

@@ -189,7 +189,7 @@ pub enum Grid {
     /// Multiples of the highest frequency of the tests, one over the shortest period [Hz].
     OfHighest(&'static [f64]),
     /// Multiples of the middle of the frequencies of the tests, on a logarithmic scale [Hz]; 0 where they show none. A setting
-    /// that is then fitted where that is worth a parameter.
+    /// that is then fitted where that is worth a parameter, if it is not below 0.
     OfMiddle(&'static [f64]),
     /// A frequency [Hz]: the first value, whatever the tests show; where they span more than three decades also those at these fractions of
     /// the way from their lowest to their highest frequency on a logarithmic scale, which part slow tests from fast ones.
@@ -225,14 +225,18 @@ pub struct Scales {
 const SHARPEST: f64 = 0.01;
 
 impl Grid {
-    /// Whether a value of this grid is kept until all else is fitted.
-    pub fn fitted_last(self) -> bool {
-        matches!(self, Grid::OfMiddle(_) | Grid::Sharpness(_))
+    /// Whether `value` of this grid is kept until all else is fitted, and is fitted then: a frequency below 0 is none.
+    pub fn fitted_last(self, value: f64) -> bool {
+        matches!(self, Grid::Sharpness(_)) || matches!(self, Grid::OfMiddle(_)) && value >= 0.0
     }
 
     /// The least value that one begun at `start` is fitted to.
     pub fn least(self, start: f64) -> f64 {
-        if matches!(self, Grid::Sharpness(_)) { SHARPEST * start } else { f64::NEG_INFINITY }
+        match self {
+            Grid::Sharpness(_) => SHARPEST * start,
+            Grid::OfMiddle(_) => 0.0,
+            _ => f64::NEG_INFINITY,
+        }
     }
 
     /// The values to try; empty where the tests do not show the scale they are multiples of.

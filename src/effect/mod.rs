@@ -123,6 +123,8 @@ pub trait Force: Send + Sync + 'static {
     /// Number of pairs at the head of the states that hold a quantity at the end of the last step and one step before it, for a rate by the
     /// backward formula; see [`Element::uniform_history`](crate::model::Element::uniform_history).
     const LOOKS_BACK: usize = 0;
+    /// Index of a frequency [Hz] that, below 0, is that of the drive in a settled cycle.
+    const AT_DRIVE: Option<usize> = None;
     /// Whether it acts where nothing moves and nothing loads the structure: such a force is balanced before small motion is looked at.
     const PRESSES: bool = false;
 

@@ -74,6 +74,12 @@ impl Bound {
         (Bound { elements, channels: vec![], n_free: columns.len(), loads: self.loads.clone() }, columns)
     }
 
+    /// The same in a settled cycle of this frequency [Hz].
+    pub fn driven_at(mut self, frequency: f64) -> Bound {
+        self.elements.iter_mut().for_each(|e| e.driven_at(frequency));
+        self
+    }
+
     /// Binds `system` to a test with the given conditions [SI]. The chains refer to `free`, whose variables are the logarithms where
     /// `free[k].log`.
     pub fn new(system: &System, free: &[FreeParam], test: &str, conditions: &BTreeMap<String, f64>) -> Result<Bound, ModelError> {

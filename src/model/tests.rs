@@ -1,6 +1,7 @@
 //! Elements: condensation of series effects against differences.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 use crate::effect::dispatch::INPUTS;
 use crate::effect::{Inputs, find};
@@ -138,4 +139,32 @@ fn a_law_finds_what_it_acts_on_where_instances_come_and_go() {
     assert_eq!((more.instances.len(), on(&more)), (5, "linear_stiffness"));
     // What is acted on cannot be taken from under it.
     assert!(system.without(1).is_none());
+}
+
+#[test]
+fn structural_damping_without_storage_stands_at_the_frequency_of_the_drive() {
+    let system = one_place(&[("linear_stiffness", &[500.0]), ("structural_damping", &[40.0, 0.01, 1e4, -2.0])]);
+    let free = system.free();
+    let bound = || Bound::new(&system, &free, "t", &BTreeMap::new()).unwrap();
+    let f_ref = free.iter().position(|f| f.name.ends_with("f_ref")).unwrap();
+    let stands = |b: &Bound| b.elements[0].chains.iter().flatten().any(|c| c.0 == f_ref);
+    assert!(stands(&bound()) && !stands(&bound().driven_at(30.0)));
+    let stored = |bound: &Bound, f: f64| {
+        let (steps, mut s, mut scratch) = (2000, vec![0.0; bound.elements[0].n_states()], ElementScratch::default());
+        let dt = 1.0 / (f * steps as f64);
+        let x = |k: usize| (TAU * f * dt * k as f64).sin();
+        // A cycle that begins anew from states that a slow branch has not forgotten: the last of many.
+        let mut sum = 0.0;
+        for k in 1..=40 * steps {
+            let u = Inputs { x: x(k), dx: x(k) - x(k - 1), ..Inputs::default() };
+            let force = bound.elements[0].value(&u, dt, &mut s, &mut scratch);
+            sum += if k > 39 * steps { 2.0 * force * u.x / steps as f64 } else { 0.0 };
+        }
+        sum
+    };
+    for f in [0.5, 2.0, 30.0] {
+        let stored = stored(&bound().driven_at(f), f);
+        assert!((stored - 500.0).abs() < 0.2, "{f} Hz: {stored}");
+    }
+    assert!(stored(&bound(), 30.0) > 550.0, "by itself it stands at 2 Hz");
 }

@@ -229,7 +229,7 @@ impl EnergyPlan {
         let n_free = if sensitivities { free.len() } else { 0 };
         type Logged = (f64, Vec<f64>);
         let one = |row: &Row| -> Result<(Option<Logged>, Option<Logged>), ResponseError> {
-            let bound = Bound::new(system, free, &plan.id, &row.conditions)?;
+            let bound = Bound::new(system, free, &plan.id, &row.conditions)?.driven_at(row.frequency);
             let cycle = self.cycle(row, &system.model, &bound, &plan.id, sensitivities)?;
             let driven: Vec<f64> = match (row.loads.prescribed.first(), row.loads.forces.first()) {
                 (Some((_, path)), _) => path.iter().skip(1).map(|s| s[0]).collect(),
@@ -289,7 +289,7 @@ impl EnergyPlan {
     pub(super) fn amplitudes(&self, system: &System, plan: &Plan) -> Result<Vec<Amplitude>, ResponseError> {
         let mut widest = vec![Amplitude::default(); system.model.places.len()];
         for row in &self.rows {
-            let bound = Bound::new(system, &[], &plan.id, &row.conditions)?;
+            let bound = Bound::new(system, &[], &plan.id, &row.conditions)?.driven_at(row.frequency);
             let here = place_amplitudes(&system.model, &bound, &row.loads)
                 .map_err(|source| ResponseError::Engine { test: plan.id.clone(), source })?;
             for (w, a) in widest.iter_mut().zip(here) {

@@ -300,7 +300,11 @@ impl Plan {
 
     /// Binds the system to this test.
     pub fn bind(&self, system: &System, free: &[FreeParam]) -> Result<Bound, ResponseError> {
-        Ok(Bound::new(system, free, &self.id, &self.conditions)?)
+        let bound = Bound::new(system, free, &self.id, &self.conditions)?;
+        Ok(match &self.work {
+            Work::Cycle(cycle) => bound.driven_at(1.0 / cycle.period()),
+            _ => bound,
+        })
     }
 
     /// Runs the engine.

@@ -10,7 +10,7 @@ use crate::diagnose::{self, Case, Fitted, Mark, map};
 use crate::model::System;
 use crate::study::run::RunFolder;
 use crate::study::unit_of;
-use crate::work::{self, Failure, Wish, keep, plain};
+use crate::work::{self, Failure, Scored, Wish, keep, plain};
 
 use super::bench::{Bench, Loaded, Model};
 use super::job::Job;
@@ -202,7 +202,9 @@ fn score(loaded: &Loaded, job: &Job, model: &Model, order: &Order) -> Result<Val
     let Some(fitted) = &model.fitted else { return Ok(Value::Null) };
     let monitor = job.monitor(fitted.system.clone());
     let marks = map(&model.case, fitted, &monitor, &|step: &str| job.say(step))?;
-    let all: Vec<Value> = marks.iter().map(|m| candidate(loaded, &fitted.system, m, &marks)).collect();
+    let scored = work::scored(&loaded.study, &fitted.system, &marks);
+    let one = |pair| candidate(&fitted.system, &loaded.study.dataset, pair);
+    let all = marks.iter().zip(&scored).map(one).collect::<Result<Vec<Value>, Failure>>()?;
     let all = Arc::new(Value::from(all));
     if !job.stopped() {
         loaded.keep(&order.model, Arc::new(Model { marks: Some(all.clone()), ..(*model).clone() }));
@@ -210,31 +212,23 @@ fn score(loaded: &Loaded, job: &Job, model: &Model, order: &Order) -> Result<Val
     Ok(json!({ "candidates": *all, "model": order.model }))
 }
 
-/// A candidate with what `add` is to be given for it.
-fn candidate(loaded: &Loaded, system: &System, m: &Mark, all: &[Mark]) -> Value {
-    let (i, info) = (&m.instance, m.instance.effect.info());
-    let study = &loaded.study;
-    let shape = |(k, p): (usize, &crate::effect::Param)| {
-        let searched = p.kind == crate::effect::Kind::Shape && i.params[k].value != p.default;
-        let unit = unit_of(system, &study.dataset, i, k);
-        // It is where a fit begins: three digits are enough, and are read.
-        let start = format!("{:.2e}", unit.from_si(i.params[k].value)).parse::<f64>().unwrap_or(i.params[k].value);
-        searched.then(|| (p.name, format!("{start} {}", unit.symbol).trim_end().to_string()))
-    };
-    let set: Vec<(&str, String)> = info.params.iter().enumerate().filter_map(shape).collect();
-    let unit = unit_of(system, &study.dataset, i, 0);
-    let label = |j: &usize| format!("{} at {}", all[*j].instance.name(), all[*j].instance.at);
-    let target = i.target.as_ref().map(|t| {
-        let of = m.of.as_ref().and_then(|o| o.split(" over ").next()).unwrap_or_default();
-        json!({ "of": of, "condition": t.condition, "reference": t.unit.print(t.reference) })
-    });
-    json!({
-        "effect": info.name, "at": i.at, "of": m.of, "role": info.role.word(), "family": info.family, "equation": info.equation, "claim": info.claim,
-        "places": places(&system.model, i), "predicted_drop": m.drop, "p_value": m.p_value,
-        "strength": printed(info.params[0].default + m.strength, &(unit.symbol.clone(), unit.factor)),
-        "parameter": info.params[0].name, "nats": m.bound, "price": m.price, "promises": m.bound >= m.price,
-        "set": set, "target": target, "tied_with": m.tied_with.iter().map(label).collect::<Vec<_>>(),
-    })
+/// A candidate with how it is shown beside its score.
+fn candidate(system: &System, dataset: &crate::data::Dataset, (m, scored): (&Mark, &Scored)) -> Result<Value, Failure> {
+    let info = m.instance.effect.info();
+    let unit = unit_of(system, dataset, &m.instance, 0);
+    let mut value = plain(scored)?;
+    value["places"] = json!(places(&system.model, &m.instance));
+    value["strength"] = printed(info.params[0].default + m.strength, &(unit.symbol.clone(), unit.factor)).into();
+    for (key, word) in [
+        ("role", info.role.word()),
+        ("family", info.family),
+        ("equation", info.equation),
+        ("claim", info.claim),
+        ("parameter", info.params[0].name),
+    ] {
+        value[key] = word.into();
+    }
+    Ok(value)
 }
 
 fn ladder(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {

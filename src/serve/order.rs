@@ -62,7 +62,7 @@ pub fn command(bench: &Bench, order: &Order) -> String {
     let run = |name: &str| quoted(&folder.join("runs").join(name).display().to_string());
     let study = if order.model == ROOT { quoted(&bench.path.display().to_string()) } else { run(&order.model) };
     let mut line = match order.verb.as_str() {
-        "score" => format!("misfit diagnose {study}"),
+        "score" => format!("misfit diagnose {study} --scores"),
         "profile" => format!("misfit fit {study} --profile {}", quoted(&order.parameter)),
         verb => format!("misfit {verb} {study}"),
     };

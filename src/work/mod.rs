@@ -10,6 +10,7 @@ mod library;
 pub mod lines;
 pub mod new;
 mod profiles;
+mod scores;
 
 pub use add::{Refitted, Wish, refit, wished};
 pub use demonstration::{Demonstration, demonstrate};
@@ -18,3 +19,4 @@ pub use failure::Failure;
 pub use keep::{ALL, REPORT, as_it_stands, at_values, json, keep, plain, report, take_over};
 pub use library::{curves_json, effect_json, parameter_kind, parameter_unit};
 pub use profiles::{Profiled, profiles};
+pub use scores::{Scored, ScoredTarget, scored};

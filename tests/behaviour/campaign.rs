@@ -201,6 +201,46 @@ fn the_refits_of_a_ladder_are_tasks() {
     assert!(page.contains("coulomb") && page.contains("cubic_stiffness") && page.contains("cost"), "{page}");
 }
 
+/// The best candidates of a score map as tasks; a study whose map fails stands for itself, and the rest goes on.
+#[test]
+fn the_best_of_a_score_map_are_refitted() {
+    let (dir, file) = bench();
+    let program = |words: &[&str]| {
+        let run = Command::new(env!("CARGO_BIN_EXE_misfit")).args(words).output().unwrap();
+        serde_json::from_slice::<Value>(&run.stdout).unwrap()
+    };
+    let (study, folder) = (dir.path().display().to_string(), dir.path().join("map").display().to_string());
+    let map = program(&["diagnose", &study, "--scores", "--json", "--out", &folder]);
+    let schema = program(&["schema", "scores", "--json"]);
+    let wrong = super::schema::against(&schema, &schema, &map, "");
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    let scores = map["scores"].as_array().unwrap();
+    let drops: Vec<f64> = scores.iter().map(|s| s["predicted_drop"].as_f64().unwrap()).collect();
+    assert!(drops.len() > 3 && drops.windows(2).all(|w| w[0] >= w[1]), "{drops:?}");
+    let text = "schema = 1\nverb = \"add\"\nstudies = [\".\", \"gone\"]\nrefits = 3\n";
+    std::fs::write(&file, text).unwrap();
+    let out = dir.path().join("refits");
+    let result = run(&file, &out, &[]);
+    let failed = result["failed"].as_array().unwrap();
+    assert_eq!((result["tasks"].as_u64(), result["done"].as_u64(), failed.len()), (Some(4), Some(3), 1), "{result}");
+    assert_eq!(failed[0]["task"], "gone", "{result}");
+    let page = std::fs::read_to_string(result["report"].as_str().unwrap()).unwrap();
+    for s in &scores[..3] {
+        assert!(page.contains(s["effect"].as_str().unwrap()), "{s} {page}");
+    }
+    // The maps are records like the others: nothing is computed twice, and nothing counts as of other inputs.
+    let first = table(&out);
+    let result = run(&file, &out, &["--resume"]);
+    assert_eq!((result["computed"].as_u64(), result["of_other_inputs"].as_u64()), (Some(0), Some(0)), "{result}");
+    assert_eq!(table(&out), first);
+    for (with, said) in [("verb = \"fit\"", "not of `fit`"), ("verb = \"add\"\n[grid]\neffect = [\"coulomb\"]", "both say")] {
+        std::fs::write(&file, format!("schema = 1\nstudies = [\".\"]\nrefits = 3\n{with}\n")).unwrap();
+        let run = command(&file, &dir.path().join("x"), &[]).output().unwrap();
+        let result: Value = serde_json::from_slice(&run.stdout).unwrap();
+        assert!(result["error"]["message"].as_str().unwrap().contains(said), "{result}");
+    }
+}
+
 #[test]
 fn a_campaign_that_cannot_be_is_refused_with_its_line() {
     let (dir, file) = bench();

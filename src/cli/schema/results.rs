@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use crate::diagnose::results::{Diagnosis, EffectAt, FitResult, LadderResult, TestResult};
 use crate::trial::Table;
+use crate::work::Scored;
 
 /// `{error: {stage, where, message, accepted}}`.
 #[derive(JsonSchema)]
@@ -134,6 +135,17 @@ pub struct Compare {
 pub struct Diagnose {
     #[schemars(flatten)]
     result: Diagnosis,
+    /// The fit it stands on.
+    fit: FitResult,
+    /// Folder of the run.
+    run: String,
+}
+
+/// Result of `diagnose --scores`.
+#[derive(JsonSchema)]
+pub struct Scores {
+    /// Every candidate that is expected to lower the cost, the largest drop first.
+    scores: Vec<Scored>,
     /// The fit it stands on.
     fit: FitResult,
     /// Folder of the run.

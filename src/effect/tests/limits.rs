@@ -184,6 +184,23 @@ fn structural_damping_has_a_flat_loss_modulus_inside_its_band() {
 }
 
 #[test]
+fn structural_damping_without_storage_is_the_loss_of_the_one_with_it() {
+    let law = law("structural_damping");
+    let at = |s: Complex64, f_ref: f64| law.stiffness_tangent(s, &[3.0, 0.05, 1e3, f_ref], &mut [Complex64::default(); 4]).unwrap();
+    for f in [-20.0, -0.3, 0.01, 0.3, 20.0, 3e3] {
+        let on_axis = Complex64::new(0.0, TAU * f);
+        let (z, slope) = at(on_axis, -7.0);
+        assert_eq!((z.re, z.im, slope), (0.0, at(on_axis, 7.0).0.im, Complex64::default()), "{f} Hz");
+        // A mode that decays loses as motion that does not.
+        assert_eq!(at(on_axis - 0.1 * f.abs(), -7.0).0, z, "{f} Hz");
+    }
+    // Time knows no frequency: what is left of a motion at 7 Hz is the same.
+    let path: Vec<f64> = (1..400).map(|k| (TAU * 7.0 * k as f64 * 1e-3).sin()).collect();
+    let [own, fixed] = [-7.0, 7.0].map(|f_ref| along(law, &[3.0, 0.05, 1e3, f_ref], 1e-3, &path));
+    assert_eq!(own, fixed);
+}
+
+#[test]
 fn springpot_is_the_power_law_inside_its_band() {
     for alpha in [0.05, 0.2, 0.5, 0.8, 0.95] {
         let p = [3.0, alpha, 2.0, 0.01, 1e4];

@@ -15,6 +15,10 @@ use super::structure::{Drive, Flexibility, Structure};
 
 /// What is accepted where rounding in a stiff law ends the descent earlier.
 const ACCEPTED: f64 = 1e-9;
+/// What is accepted where neither Newton's method from the line before nor from the linear response descends farther: a play that closes
+/// within a sample gives the sampled law a kink wherever it closes on another sample, and a balance may lie on one. Its neighbours are as
+/// far from the law as such a residual is.
+const ON_A_KINK: f64 = 1e-4;
 const ITERATIONS: usize = 60;
 /// How near the states of the laws are brought to their periodic values: this part of the residual, and so much at most.
 const WITHIN: (f64, f64) = (1e-4, 1e-6);
@@ -45,6 +49,8 @@ pub(super) struct Balance<'a> {
     tolerance: f64,
     /// Whether the derivatives of the laws have been taken, at whatever motion.
     derived: bool,
+    /// Where Newton's method has ended nearest to a balance under the whole force: frequency, residual, displacements.
+    nearest: Option<(f64, f64, DVector<f64>)>,
 }
 
 impl<'a> Balance<'a> {
@@ -70,6 +76,7 @@ impl<'a> Balance<'a> {
             within: PERIODIC,
             tolerance: settings.tolerance,
             derived: false,
+            nearest: None,
         })
     }
 
@@ -108,6 +115,7 @@ impl<'a> Balance<'a> {
             return Err(EngineError::GivenUp);
         }
         let (from, last) = (self.known.then_some(self.omega), self.x.clone());
+        self.nearest = None;
         self.condense(omega)?;
         if self.m() == 0 {
             return Ok(());
@@ -133,11 +141,25 @@ impl<'a> Balance<'a> {
             return Ok(());
         }
         self.linear_start();
-        if self.newton(1.0, &mut residual) || self.raise_force(&mut residual) || self.follow_force(&mut residual) {
+        if self.newton(1.0, &mut residual) || self.on_a_kink() || self.raise_force(&mut residual) || self.follow_force(&mut residual) {
             self.known = true;
             return Ok(());
         }
         Err(if parallel::given_up() { EngineError::GivenUp } else { self.failed(residual) })
+    }
+
+    /// Goes to where Newton's method has ended nearest to a balance at this frequency; whether that is near enough to be one.
+    fn on_a_kink(&mut self) -> bool {
+        let Some((_, _, x)) = self.nearest.take().filter(|(omega, norm, _)| *omega == self.omega && *norm <= ON_A_KINK) else {
+            return false;
+        };
+        let scales = self.scales(1.0);
+        let left = std::mem::replace(&mut self.x, x);
+        let found = self.balance(1.0, &scales).is_some();
+        if !found {
+            self.x = left;
+        }
+        found
     }
 
     /// Moves the solution along the straight line through the last two, where the next frequency is not much further than they are apart.
@@ -265,6 +287,9 @@ impl<'a> Balance<'a> {
                 }
                 None => {
                     self.x.copy_from(&before);
+                    if share == 1.0 && self.nearest.as_ref().is_none_or(|n| n.0 != self.omega || norm < n.1) {
+                        self.nearest = Some((self.omega, norm, before));
+                    }
                     // Residual and derivatives belong to the point that stays.
                     return norm <= ACCEPTED && self.balance(share, scales).is_some();
                 }

@@ -13,6 +13,18 @@ impl Element {
         !self.opening && self.linear.iter().any(|piece| piece.p.contains(&p))
     }
 
+    /// The element in a settled cycle of this frequency [Hz]: laws stand at it that say so ([`crate::effect::Force::AT_DRIVE`]).
+    pub(in crate::model) fn driven_at(&mut self, frequency: f64) {
+        let at = |piece: &ForcePiece| piece.law.at_drive().map(|k| piece.p.start + k);
+        let of: Vec<usize> = self.forces.iter().chain(&self.followers).filter_map(at).collect();
+        for k in of {
+            if self.p[k] < 0.0 {
+                (self.p[k], self.active[k]) = (frequency, false);
+                self.chains[k].clear();
+            }
+        }
+    }
+
     /// Whether anything acts here beyond [`Element::linear_part`].
     pub fn is_local(&self) -> bool {
         self.opening || !self.forces.is_empty()
