@@ -206,6 +206,10 @@ class Study:
         """Fits, then says where the model fails, which effects explain it, and how sure that is."""
         return self._verb(results.Diagnose, "diagnose", [], common)
 
+    def scores(self, **common: Any) -> results.Scores:
+        """The score test alone: every effect at every place with the fall of the cost that it predicts. Nothing is refitted, and nothing concluded."""
+        return self._verb(results.Scores, "diagnose", ["--scores"], common)
+
     def add(
         self,
         effect: str,

@@ -1153,6 +1153,52 @@ class Report(Run, kw_only=True, dict=True):
     """Folder of the run."""
 
 
+class Scored(msgspec.Struct, kw_only=True):
+    """A candidate under the score test, which refits nothing."""
+    at: str
+    """Place or channel."""
+    effect: str
+    """Name in the library."""
+    nats: float | None
+    """Nats that it may gain at most."""
+    of: str | None
+    """Of a coefficient, what it acts on and over which condition."""
+    p_value: float | None
+    """Probability that the best of all candidates scores as high where nothing is missing."""
+    predicted_drop: float | None
+    """Fraction of the cost that is expected to fall."""
+    price: float | None
+    """Nats that its parameters and the search cost."""
+    promises: bool
+    """Whether it may gain more than it costs."""
+    set: list[tuple[str, str]]
+    """Where its shapes score best: `--set` of `add`, by name."""
+    target: ScoredTarget | None
+    """Of a coefficient, the other options of `add`."""
+    tied_with: list[str]
+    """Candidates that the score cannot tell from it."""
+
+
+class ScoredTarget(msgspec.Struct, kw_only=True):
+    """What a coefficient is added with."""
+    condition: str
+    """`--condition`."""
+    of: str
+    """The parameter it scales, `--of`."""
+    reference: str
+    """`--reference`, with unit."""
+
+
+class Scores(Run, kw_only=True, dict=True):
+    """Result of `diagnose --scores`."""
+    fit: FitResult
+    """The fit it stands on."""
+    run: str
+    """Folder of the run."""
+    scores: list[Scored]
+    """Every candidate that is expected to lower the cost, the largest drop first."""
+
+
 class Simulated(msgspec.Struct, kw_only=True):
     """A simulated test."""
     id: str

@@ -33,6 +33,8 @@ def test_every_verb_gives_its_type(friction, tmp_path):
     assert checked.ok and all(f.moves_residual for f in checked.free)
     compared = friction.compare()
     before = {t.id: t.error for t in compared.tests}
+    scores = friction.scores().scores
+    assert scores[0].predicted_drop >= scores[-1].predicted_drop and any(s.promises for s in scores)
     found = friction.diagnose()
     assert isinstance(found, misfit.results.Diagnose) and found.verdict == "missing" and found.candidates
     added = friction.add("elastic_slip", at="c1.x", set={"d": "0.1 mm"})
