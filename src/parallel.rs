@@ -2,7 +2,7 @@
 //! every closure. Unlike theirs, nothing is left out after an error: what can fail returns it with the rest.
 
 use std::cell::RefCell;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -76,8 +76,23 @@ pub fn for_each<I: Send>(items: &mut [I], work: impl Fn(&mut I) + Sync) {
     map_into(items.iter_mut().collect(), |_, item| work(item));
 }
 
+/// A caller that is no thread of the pool does its share: to wait until one that sleeps has woken costs as much as a short evaluation.
 fn each(n: usize, work: &(dyn Fn(usize) + Sync)) {
-    (0..n).into_par_iter().for_each(work);
+    if rayon::current_thread_index().is_some() {
+        return (0..n).into_par_iter().for_each(work);
+    }
+    let next = AtomicUsize::new(0);
+    let take = || {
+        let mut k = next.fetch_add(1, Ordering::Relaxed);
+        while k < n {
+            work(k);
+            k = next.fetch_add(1, Ordering::Relaxed);
+        }
+    };
+    rayon::in_place_scope(|scope| {
+        (1..rayon::current_num_threads().min(n)).for_each(|_| scope.spawn(|_| take()));
+        take();
+    });
 }
 
 #[cfg(test)]
@@ -92,6 +107,14 @@ mod tests {
         cancel.store(true, Ordering::Relaxed);
         assert_eq!(watched(&watch, || over(50, |_| over(2, |_| given_up())[1])), vec![true; 50]);
         assert!(!given_up() && Watch { cancel: None, deadline: Some(Instant::now()) }.ended());
+    }
+
+    #[test]
+    fn a_panic_is_passed_on_from_whatever_thread() {
+        for at in [0, 7] {
+            let run = std::panic::catch_unwind(|| over(8, |k| assert_ne!(k, at, "it fell")));
+            assert!(run.is_err());
+        }
     }
 
     #[test]
