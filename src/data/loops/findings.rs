@@ -1,7 +1,7 @@
 //! What a record of a cyclic test shows of the rig: control, gaps, clipping, signs, delays. Nothing is repaired; it is said.
 
 use super::energy::series;
-use super::{Note, SettledLoop};
+use super::{LoopChannel, Note, SettledLoop};
 use crate::data::{Channel, Control, Role, TimeRecord};
 use std::f64::consts::{PI, TAU};
 
@@ -15,6 +15,7 @@ pub(super) fn findings(record: &TimeRecord, settled: &SettledLoop) -> Vec<Note> 
     let mut all: Vec<Note> = gaps(&record.time).into_iter().collect();
     all.extend(record.channels.iter().filter_map(|c| clipping(c, record, settled.frequency)));
     all.extend(control(record, settled));
+    all.extend(settled.channels.get(settled.controlled).and_then(one_sided));
     all.extend(places(settled).flat_map(|at| [sign(settled, at), delay(settled, at)]).flatten());
     all
 }
@@ -47,6 +48,16 @@ fn gaps(time: &[f64]) -> Option<Note> {
     let (first, at) = long().next()?;
     let missing: f64 = long().map(|(_, w)| ((w[1] - w[0]) / usual).round() - 1.0).sum();
     Some(Note::new("time", format!("{count} gaps, about {missing:.0} samples missing; the first after sample {} ({} s)", first + 1, at[0])))
+}
+
+/// A driven displacement whose cycle lies to one side of 0, as a transducer has it that reads from the end of its travel.
+fn one_sided(c: &LoopChannel) -> Option<Note> {
+    let (low, high) = c.mean.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    (c.role == Role::Displacement && low * high > 0.0).then(|| {
+        let (low, high) = (c.unit.print_difference(low), c.unit.print_difference(high));
+        let text = format!("its cycle lies to one side of 0, {low} to {high}: springs begin at 0; centre = true counts from its mean");
+        Note::new(format!("{} at {}", c.role.word(), c.at), text)
+    })
 }
 
 /// A channel that stands at its extreme for longer than its resolution makes a sine stand.
@@ -122,7 +133,7 @@ fn sign(l: &SettledLoop, at: &str) -> Option<Note> {
         return None;
     }
     let text = if along < 0.0 {
-        "the loop runs backwards and its force falls with displacement: the sign of force or displacement is swapped"
+        "the loop runs backwards and its force falls with displacement: the sign of force or displacement is swapped (scale = -1 in the channel turns it)"
     } else {
         "the loop runs backwards, gaining energy: the force channel is late against the displacement, or a sign is swapped"
     };

@@ -152,7 +152,8 @@ impl Writer {
         let amplitude = 0.5 * e.travel.value;
         let k = e.force_range.value / e.travel.value;
         let omega = std::f64::consts::TAU * c.frequency;
-        let damping = (e.dissipated.value / (std::f64::consts::PI * omega * amplitude * amplitude)).max(1e-6 * k / omega);
+        // A loop that runs backwards has a sign swapped, and the damping it shows all the same.
+        let damping = (e.dissipated.value.abs() / (std::f64::consts::PI * omega * amplitude * amplitude)).max(1e-6 * k / omega);
         let unit = |role: Role| h.columns.iter().find(|c| c.role == Some(role)).and_then(|c| c.unit.clone()).unwrap_or_default();
         let (force, length) = (unit(Role::Force), unit(Role::Displacement));
         self.connector = Some((k, damping, force, length, axis));
