@@ -91,7 +91,7 @@ fn gaps_clipping_signs_and_delays_are_found() {
     assert!(text(&swapped).contains("the sign of force or displacement is swapped (scale = -1"), "{}", text(&swapped));
     let mut raised = viscous();
     raised.channels[0].values.iter_mut().for_each(|v| *v += 1.02e-3);
-    assert!(text(&raised).contains("to one side of 0, 2.0") && text(&raised).contains("centre = true"), "{}", text(&raised));
+    assert!(text(&raised).contains("to one side of 0, 0.02 mm to 2.02 mm") && text(&raised).contains("centre = true"), "{}", text(&raised));
     raised.channels[0].values.iter_mut().for_each(|v| *v -= 0.04e-3);
     assert_eq!(text(&raised), "");
     let late = record(200.0, 8.0, Some(1.0), |t| 1e-3 * (TAU * t).sin(), |t| 5.0 * (TAU * t - 0.1).sin());
