@@ -130,13 +130,16 @@ fn id(task: &Task, content: u128) -> String {
     format!("{:032x}", hash.digest128())
 }
 
+/// The option by which `diagnose` prints the score map.
+const SCORES: &str = "--scores";
+
 /// The score maps from which a campaign with `refits` takes its tasks; none for another.
 pub(super) fn looks(spec: &Spec) -> Result<Vec<Task>, CampaignError> {
     if spec.refits == 0 {
         return Ok(vec![]);
     }
     let mut maps = Spec { verb: "diagnose".into(), ..spec.clone() };
-    maps.arguments.push("--scores".into());
+    maps.arguments.push(SCORES.into());
     list(&maps)
 }
 
@@ -145,26 +148,47 @@ pub(super) fn refits(spec: &Spec, looks: &[Task], records: &[Option<Record>]) ->
     let mut all = Vec::new();
     for (look, record) in looks.iter().zip(records) {
         let scores = record.as_ref().filter(|r| r.reason.is_none()).and_then(|r| r.result["scores"].as_array());
-        let tasks: Vec<Task> = scores.into_iter().flatten().take(spec.refits).filter_map(|s| refit(spec, look, s)).collect();
+        let tasks: Vec<Task> = scores.into_iter().flatten().take(spec.refits).filter_map(|s| refit(look, s)).collect();
         if tasks.is_empty() { all.push(look.clone()) } else { all.extend(tasks) }
     }
     all
 }
 
-/// The refit of one candidate, as `diagnose --scores` prints it.
-fn refit(spec: &Spec, look: &Task, scored: &Value) -> Option<Task> {
+/// The refit of one candidate, as `diagnose --scores` prints it, with the arguments of its map. Its shapes are left to `add`, which tries several.
+fn refit(look: &Task, scored: &Value) -> Option<Task> {
     let (effect, at) = (scored["effect"].as_str()?, scored["at"].as_str()?);
     let mut arguments = vec![effect.to_string(), "--at".into(), at.to_string()];
     for option in ["of", "condition", "reference"] {
         arguments.extend(scored["target"][option].as_str().into_iter().flat_map(|v| [format!("--{option}"), v.to_string()]));
     }
-    arguments.extend(spec.arguments.iter().cloned());
+    arguments.extend(look.arguments.iter().filter(|a| *a != SCORES).cloned());
     let mut task = Task { verb: ADD.into(), arguments, ..look.clone() };
     let of = scored["of"].as_str().map_or(String::new(), |of| format!(" ({of})"));
     task.label = format!("{} {effect} at {at}{of}", look.label);
     task.axes.extend([(EFFECT.to_string(), effect.to_string()), ("--at".into(), format!("{at}{of}"))]);
     // The map stands for all that it was made of.
-    task.id.clone_from(&look.id);
     task.id = id(&task, u128::from_str_radix(&look.id, 16).ok()?);
     Some(task)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refit_has_the_arguments_of_its_map() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("refits.toml");
+        let text = "schema = 1\nverb = \"add\"\nstudies = [\".\"]\nrefits = 2\narguments = [\"--data\", \"raw\"]\n[grid]\n\"--max-seconds\" = [5, 9]\n";
+        std::fs::write(&file, text).unwrap();
+        let spec = Spec::load(&file).unwrap();
+        let looks = looks(&spec).unwrap();
+        assert_eq!(looks[1].arguments, ["--data", "raw", "--scores", "--max-seconds", "9"]);
+        let target = serde_json::json!({ "of": "viscous.c", "condition": "i", "reference": "0.3 mm" });
+        let scored = serde_json::json!({ "effect": "interference_law", "at": "c1.x", "of": "viscous.c over i", "target": target });
+        let of = |look: &Task| refit(look, &scored).unwrap();
+        let words = ["interference_law", "--at", "c1.x", "--of", "viscous.c", "--condition", "i", "--reference", "0.3 mm"];
+        assert_eq!(of(&looks[1]).arguments, [&words[..], &["--data", "raw", "--max-seconds", "9"]].concat());
+        assert!(of(&looks[0]).id != of(&looks[1]).id && of(&looks[0]).id != looks[0].id);
+    }
 }

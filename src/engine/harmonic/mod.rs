@@ -11,7 +11,8 @@
 //! where a stand-in stiffness `z_k` is put into `Z` and taken out of the force again, so that a structure that only a nonlinear
 //! element holds can be condensed too. Newton's method takes the exact derivatives of the sampled law; each line starts where the two
 //! before lead, so a response with several branches is followed in the order of the lines. Where Newton's method fails, the frequency is
-//! raised in steps, then the force, at last along the curve of solutions past its folds. Sensitivities follow from the implicit function theorem at the solution.
+//! raised in steps, then the force, at last along the curve of solutions past its folds. Where it ends on a
+//! kink of a sampled law, as a play has that closes within a sample, a residual of 1e-4 of the displacements is taken (`balance::ON_A_KINK`). Sensitivities follow from the implicit function theorem at the solution.
 //!
 //! The mean `x_0` is part of the solution (asymmetric laws). Stuck friction remembers: the loading path goes from rest to the first
 //! sample of the cycle, as in [`super::periodic`]. The accuracy is that of the series and of the sampled law; see [`Settings`].
