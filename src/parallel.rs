@@ -4,8 +4,9 @@
 use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use rayon::Yield;
 use rayon::prelude::*;
 
 /// When work under way is to be given up: a flag (Ctrl-C), a moment (`--max-seconds`). The default never ends.
@@ -92,6 +93,30 @@ fn each(n: usize, work: &(dyn Fn(usize) + Sync)) {
     rayon::in_place_scope(|scope| {
         (1..rayon::current_num_threads().min(n)).for_each(|_| scope.spawn(|_| take()));
         take();
+    });
+    (1..rayon::current_num_threads().min(n)).for_each(|_| stay_awake());
+}
+
+/// How long a thread of the pool stays awake for the next call from outside [s]. A program that drives the model, SciPy say, comes back after 10 to
+/// 500 us, and a thread that has been put to sleep meanwhile wakes too late for its share of a short evaluation. OpenMP's threads wait so, for longer.
+const LINGER: Duration = Duration::from_micros(500);
+
+/// Threads that stay awake.
+static AWAKE: AtomicUsize = AtomicUsize::new(0);
+
+/// One thread more looks for work until it finds some, unless all but the caller's do. The time is lent: whoever else can run on the core does.
+fn stay_awake() {
+    let others = rayon::current_num_threads() - 1;
+    let one_more = |n: usize| (n < others).then_some(n + 1);
+    if AWAKE.fetch_update(Ordering::Relaxed, Ordering::Relaxed, one_more).is_err() {
+        return;
+    }
+    let until = Instant::now() + LINGER;
+    rayon::spawn(move || {
+        while Instant::now() < until && rayon::yield_now() != Some(Yield::Executed) {
+            std::thread::yield_now();
+        }
+        AWAKE.fetch_sub(1, Ordering::Relaxed);
     });
 }
 

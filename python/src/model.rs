@@ -1,8 +1,8 @@
 //! The residual of a study as a function of its free parameters, for SciPy, emcee, PyMC.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use misfit::diagnose::Case;
@@ -27,6 +27,8 @@ pub struct Model {
     study: Study,
     case: Case,
     free: Vec<FreeParam>,
+    /// A copy of both that an evaluation takes and gives back: to make one anew costs a hundredth of a short evaluation.
+    spare: Mutex<Option<(System, Vec<FreeParam>)>>,
     /// Whether the last evaluation was short: a thread that listens for Ctrl-C meanwhile is then dearer than waiting for the end.
     quick: AtomicBool,
 }
@@ -50,8 +52,7 @@ impl Model {
         let load = || -> Result<Model, Failure> {
             let study = Study::load(&path, data.as_deref())?;
             let case = Case::from_study(&study, seed)?;
-            let free = case.system.free();
-            Ok(Model { study, case, free, quick: AtomicBool::new(false) })
+            Ok(Model::of(study, case))
         };
         let (loaded, ended) = Self::watched(py, load)?;
         ended.map_or_else(|| loaded.map_err(|e| raise(py, &crate::law::explained(e))), Err)
@@ -91,7 +92,7 @@ impl Model {
             self.case.refined(&at).unwrap_or_else(|| self.case.clone())
         };
         let (case, ended) = Self::watched(py, work)?;
-        ended.map_or_else(|| Ok(Model { study: self.study.clone(), case, free: self.free.clone(), quick: AtomicBool::new(false) }), Err)
+        ended.map_or_else(|| Ok(Model::of(self.study.clone(), case)), Err)
     }
 
     /// Whitened residuals (computed - measured) / sigma of the tests of `splits` at the parameters `p` [SI].
@@ -99,6 +100,18 @@ impl Model {
     fn residual<'py>(&self, py: Python<'py>, p: Values<'py>, splits: Vec<String>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (r, _) = self.rows(py, p.as_array().iter().copied().collect(), &splits, false)?;
         Ok(PyArray1::from_vec(py, Vec::from(r.data)))
+    }
+
+    /// Seconds of so many calls of the same without Python, for `python/bench`.
+    fn seconds(&self, py: Python<'_>, p: Values<'_>, calls: usize) -> PyResult<Vec<f64>> {
+        let variables = self.variables(py, &p.as_array().iter().copied().collect::<Vec<_>>())?;
+        let problem = Problem { plans: self.case.plans_of(SplitName::Fit), system: self.system(), free: self.free.clone(), memo: None };
+        let call = |_| {
+            let began = Instant::now();
+            std::hint::black_box(problem.residuals(&variables)).map(|_| began.elapsed().as_secs_f64())
+        };
+        let seconds: Result<_, EvalError> = py.detach(|| (0..calls).map(call).collect());
+        seconds.map_err(|e| raise(py, &crate::law::explained(Failure::from(misfit::identify::IdentifyError::StartFails(e)))))
     }
 
     /// Residuals with their derivatives with respect to `p`, one row a residual.
@@ -114,6 +127,10 @@ impl Model {
 }
 
 impl Model {
+    fn of(study: Study, case: Case) -> Model {
+        Model { free: case.system.free(), study, case, spare: Mutex::default(), quick: AtomicBool::new(false) }
+    }
+
     fn param(&self, f: &FreeParam) -> &misfit::model::ParamValue {
         &self.case.system.instances[f.instance].params[f.param]
     }
@@ -161,11 +178,15 @@ impl Model {
         let splits = Self::splits(py, splits)?;
         let work = || -> Result<Rows, EvalError> {
             let plans = splits.iter().flat_map(|s| self.case.plans_of(*s)).collect();
-            let problem = Problem { plans, system: self.system(), free: self.free.clone(), memo: None };
-            match slopes {
+            let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let (system, free) = spare.unwrap_or_else(|| (self.system(), self.free.clone()));
+            let problem = Problem { plans, system, free, memo: None };
+            let rows = match slopes {
                 false => problem.residuals(&variables).map(|r| (r, None)),
                 true => problem.jacobian(&variables).map(|(r, j)| (r, Some(j))),
-            }
+            };
+            *self.spare.lock().unwrap_or_else(PoisonError::into_inner) = Some((problem.system, problem.free));
+            rows
         };
         let began = Instant::now();
         let (done, ended) = if self.quick.load(Ordering::Relaxed) { watch::short(py, work) } else { Self::watched(py, work) }?;

@@ -1,7 +1,7 @@
 //! The state of a ladder: the model as it stands, what was added to it, and how it is weighed.
 
 use crate::identify::Monitor;
-use crate::model::Instance;
+use crate::model::{Instance, System};
 use crate::parallel;
 
 use super::approach::in_step;
@@ -69,6 +69,8 @@ pub struct Climb<'a> {
     pub offered: Option<Offer>,
     /// What models are weighed on, under the counts of the model before the last addition.
     pub scale: Scale,
+    /// Where else the parameters of the study's own model may stand when a candidate begins.
+    pub elsewhere: Vec<System>,
     /// The study's own model.
     pub first: Weighed,
     /// The present one.
@@ -92,7 +94,9 @@ impl<'a> Climb<'a> {
         watch: &'a (dyn Fn(&str) + Sync),
     ) -> Result<Climb<'a>, DiagnoseError> {
         let settings = case.search.settings.clone();
-        let (case, fitted, slack) = with_slack(case, fitted, &settings, monitor, watch);
+        let (start, plain) = bounded(case.system.clone(), fitted.system.clone(), &settings);
+        let begun = Fitted { system: plain, ..fitted.clone() };
+        let (case, fitted, slack) = with_slack(&case.at(&start), &begun, &settings, monitor, watch);
         let mut scale = Scale::new(&case, &fitted.system, &settings);
         // Where it is time to stop, the fit is taken as it stands.
         let first = match scale.begin(&fitted.system, monitor) {
@@ -101,6 +105,7 @@ impl<'a> Climb<'a> {
         };
         let first = first.map_err(DiagnoseError::start_fails)?;
         let base = first.fitted.system.instances.len();
+        let elsewhere = elsewhere(&scale, &first, &fitted.system, &start);
         let now = first.clone();
         Ok(Climb {
             case,
@@ -113,6 +118,7 @@ impl<'a> Climb<'a> {
             beside: None,
             offered: None,
             scale,
+            elsewhere,
             first,
             now,
             added: vec![],
@@ -156,13 +162,29 @@ impl<'a> Climb<'a> {
         let near = in_step(&self.scale.case.at(&self.now.fitted.system), monitor)?;
         self.offered = if near.is_none() && self.errs(&self.now) { self.offer() } else { None };
         let rival = self.offered.as_ref().map(|o| o.gain);
+        let open = self.added.is_empty();
+        let elsewhere: Vec<System> = self.elsewhere.iter().filter(|_| open).map(|there| self.standing_at(there)).collect();
         let added = self.added.iter().map(|a| &a.name).collect();
         let found = match near {
             Some(near) => horizon::near(&self.scale, &near, &self.now, added, monitor, watch)?,
-            None => step(&Against { scale: &self.scale, base: &self.now, need: None, rival, added, monitor, watch })?,
+            None => {
+                step(&Against { scale: &self.scale, base: &self.now, need: None, rival, elsewhere: &elsewhere, added, monitor, watch })?
+            }
         };
         self.tried = found.tried.max(1.0);
         Ok(found)
+    }
+
+    /// The present model with its own parameters where they stand there, nothing of what was given slack deviating.
+    fn standing_at(&self, there: &System) -> System {
+        let mut system = self.now.fitted.system.clone();
+        for (k, own) in system.instances.iter_mut().enumerate() {
+            match there.instances.get(k) {
+                Some(i) => own.params.iter_mut().zip(&i.params).for_each(|(own, p)| own.value = p.value),
+                None => own.params.iter_mut().take(1).for_each(|p| p.value = 0.0),
+            }
+        }
+        system
     }
 
     /// Takes what a step found, with what came close to it.
@@ -209,6 +231,28 @@ impl<'a> Climb<'a> {
         }
         self.order = (0..self.added.len()).collect();
     }
+}
+
+/// The systems of a study and of its plain fit with bounds on coefficients that have none: some decades above both. One that becomes a stand-in for what is
+/// missing (a support that turns rigid, say) has no way back from farther away, since nothing changes there any more.
+fn bounded(mut start: System, mut plain: System, settings: &Settings) -> (System, System) {
+    for f in start.free() {
+        let (own, fitted) = (&mut start.instances[f.instance].params[f.param], &mut plain.instances[f.instance].params[f.param]);
+        let most = settings.fitting.known * own.value.max(fitted.value);
+        if own.max.is_infinite() && own.prior.is_none() && most > 0.0 {
+            (own.max, fitted.max) = (most, most);
+        }
+    }
+    (start, plain)
+}
+
+/// Where else candidates may begin: where the plain fit stands, and the study, as far as the model responds otherwise there by more than a tie. What is
+/// missing bends the parameters of a model without it, each covariance in its own way, and from a bent one no refit may lead to it.
+fn elsewhere(scale: &Scale, first: &Weighed, plain: &System, start: &System) -> Vec<System> {
+    let mut begun = plain.clone();
+    begun.instances.iter_mut().zip(&start.instances).for_each(|(own, s)| *own = s.clone());
+    let apart = |system: &System| scale.see(system).is_ok_and(|seen| scale.apart(&seen, first) > scale.settings.tie);
+    [plain.clone(), begun].into_iter().filter(apart).collect()
 }
 
 /// The fit with slack in what the study ties or fixes, begun from the one without; that one where nothing has slack or no fit with it comes out.

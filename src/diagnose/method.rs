@@ -26,6 +26,8 @@ pub struct Fitting {
     /// A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
     /// any more: the data do not hold it, or they contradict the model.
     pub ran_away: f64,
+    /// Times its start and its plain fit that a coefficient without an upper bound may come to in the search: two decades.
+    pub known: f64,
 }
 
 /// How candidates are scored.
@@ -112,6 +114,7 @@ impl Default for Fitting {
             coarse: 1e-5,
             misses: 1.5,
             ran_away: 1e9,
+            known: 100.0,
         }
     }
 }

@@ -34,7 +34,8 @@ impl Climb<'_> {
 
     /// Instruments that read, in all tests, the very same as an addition does.
     fn same(&self, a: &Added) -> Vec<Instrument> {
-        let equal = a.tied.iter().filter(|(how, _, w)| *how == Tied::Alike && self.scale.apart(w, &self.now) <= self.settings.settled);
+        let equal =
+            a.tied.iter().filter(|(how, _, w)| *how == Tied::Alike && self.scale.apart(&w.seen, &self.now) <= self.settings.settled);
         let of = |(_, name, w): &(Tied, Name, Weighed)| {
             let why = format!(
                 "{}, or {} at {}: in these tests both say the same",

@@ -100,6 +100,8 @@ pub struct Bench<'a> {
     pub scores: &'a Scores,
     /// Laws over conditions as the states of these want them.
     pub wanted: &'a [Wanted],
+    /// Where else its own parameters may stand when a candidate begins.
+    pub elsewhere: &'a [System],
     /// `r'V^-1 r` of the base, by which a fall of the cost is counted in nats.
     pub squares: f64,
     /// Nats of a tie.

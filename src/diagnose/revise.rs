@@ -1,6 +1,7 @@
 //! What stands is looked at again: taken out, or exchanged for what does its work better.
 
 use crate::effect::Role;
+use crate::model::System;
 use crate::parallel;
 
 use super::DiagnoseError;
@@ -155,9 +156,19 @@ impl Climb<'_> {
             }
             let need = stands - scale.worth(&small) - self.settings.tie;
             let quiet = |_: &str| {};
+            // What stands in its place may begin where the model with it stands.
+            let elsewhere: Vec<System> = self.now.fitted.system.without(self.base + k).into_iter().collect();
             let added = self.added.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, a)| &a.name).collect();
-            let against =
-                Against { scale: &scale, base: &small, need: Some(need), rival: None, added, monitor: self.monitor, watch: &quiet };
+            let against = Against {
+                scale: &scale,
+                base: &small,
+                need: Some(need),
+                rival: None,
+                elsewhere: &elsewhere,
+                added,
+                monitor: self.monitor,
+                watch: &quiet,
+            };
             let Step { stood, .. } = step(&against).ok()?;
             let own = &self.added[k].name;
             let mut others: Vec<(f64, Name, Weighed)> = stood

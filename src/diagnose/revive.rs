@@ -54,8 +54,16 @@ impl Climb<'_> {
         (scale.case.search.effects, scale.case.search.places) = (Some(vec![own.name().into()]), Some(vec![own.at.clone()]));
         let tie = self.settings.tie;
         let quiet = |_: &str| {};
-        let against =
-            Against { scale: &scale, base: &small, need: Some(tie), rival: None, added: vec![], monitor: self.monitor, watch: &quiet };
+        let against = Against {
+            scale: &scale,
+            base: &small,
+            need: Some(tie),
+            rival: None,
+            elsewhere: &[],
+            added: vec![],
+            monitor: self.monitor,
+            watch: &quiet,
+        };
         let found = step(&against).ok()?.stood.into_iter().find(|s| s.name.at == own.at)?;
         let (begun, others) = found.weighed.fitted.system.instances.split_last()?;
         let mut system = found.weighed.fitted.system.clone();

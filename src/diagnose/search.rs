@@ -3,6 +3,7 @@
 use crate::effect::{Role, find};
 use crate::evidence::Variances;
 use crate::identify::{Monitor, Termination};
+use crate::model::System;
 use crate::parallel;
 
 use super::candidates::{Name, Scene, Trial, candidates};
@@ -72,6 +73,8 @@ pub struct Against<'a> {
     pub need: Option<f64>,
     /// Nats that something else than a candidate gains here: where the simplest candidates gain less by a tie, no others are refitted.
     pub rival: Option<f64>,
+    /// Where else its own parameters may stand when a candidate begins.
+    pub elsewhere: &'a [System],
     /// What was added: no law acts twice, and one friction with memory at a place.
     pub added: Vec<&'a Name>,
     /// Watch over the fits.
@@ -101,6 +104,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         trials: &trials,
         scores: &scores,
         wanted: &wanted,
+        elsewhere: a.elsewhere,
         squares,
         tie: scale.settings.tie,
         monitor: &hurried,

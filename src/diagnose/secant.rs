@@ -51,6 +51,13 @@ impl Bench<'_> {
         let still = still.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
         found.extend(still.filter(|s| s.cost < unexplained));
         found.extend(asked);
+        for base in self.elsewhere {
+            let there = Bench { base, ..*self };
+            let parts = self.race().parts;
+            let each: Vec<(&Score, f64)> = shapes.iter().flat_map(|s| parts.map(|part| (s, part))).collect();
+            let there = parallel::map(&each, |(s, part)| there.secant(&[**s], *part, false));
+            found.extend(there.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)));
+        }
         // The model itself can be computed where nothing beside it can.
         let none = found.is_empty().then(|| self.secant(&[*first], 0.0, false));
         found.extend(none.and_then(Result::ok));

@@ -322,13 +322,13 @@ impl Scale {
             return Some(Tied::Alike);
         }
         let price = 0.5 * (other.size() as f64 - than.size() as f64).max(0.0) * self.counts.n.ln();
-        (behind - price <= tie && self.apart(other, than) > self.settings.settled).then_some(Tied::Larger)
+        (behind - price <= tie && self.apart(&other.seen, than) > self.settings.settled).then_some(Tied::Larger)
     }
 
     /// Nats by which the responses of two models are apart, under the variances of the second.
-    pub fn apart(&self, a: &Weighed, b: &Weighed) -> f64 {
+    pub fn apart(&self, a: &[Seen], b: &Weighed) -> f64 {
         let of = |(a, b): (&Seen, &Seen)| Seen { r: &a.r - &b.r, ..b.clone() };
-        let apart: Vec<Seen> = a.seen.iter().zip(&b.seen).map(of).collect();
+        let apart: Vec<Seen> = a.iter().zip(&b.seen).map(of).collect();
         0.5 * self.evidence.squares(&apart, &self.counts, &b.v)
     }
 }

@@ -4,12 +4,12 @@ use std::f64::consts::TAU;
 use std::sync::{Arc, Mutex};
 
 use num_complex::Complex;
-use rayon::prelude::*;
 
 use super::lanes::{C4, F4, WIDTH};
 use super::symmetric::{Batch, Column, Plan};
 use super::table::{Element, Table, row_start};
 use super::{BlockTri, BlockTriError, Layout};
+use crate::parallel;
 
 type C64 = Complex<f64>;
 
@@ -104,20 +104,10 @@ impl FrfSystem {
         // A few jobs per thread even out the load; each takes a workspace from the pool, so none is allocated per line.
         let share = request.omega.len().div_ceil(8 * rayon::current_num_threads());
         let lines = share.clamp(TOGETHER * WIDTH, 64).next_multiple_of(TOGETHER * WIDTH);
-        let chunks = request.omega.par_chunks(lines).zip(response.h.par_chunks_mut(lines * per_line));
-        let first = if per_line_dh > 0 {
-            chunks
-                .zip(response.dh.par_chunks_mut(lines * per_line_dh))
-                .enumerate()
-                .filter_map(|(at, ((omega, h), dh))| Some((at, job.run(omega, &coefficients, h, dh).err()?)))
-                .min_by_key(|(at, _)| *at)
-        } else {
-            chunks
-                .enumerate()
-                .filter_map(|(at, (omega, h))| Some((at, job.run(omega, &coefficients, h, &mut []).err()?)))
-                .min_by_key(|(at, _)| *at)
-        };
-        first.map_or(Ok(()), |(_, error)| Err(error))
+        let mut slopes = response.dh.chunks_mut((lines * per_line_dh).max(1));
+        let chunks = request.omega.chunks(lines).zip(response.h.chunks_mut(lines * per_line));
+        let chunks = chunks.map(|(omega, h)| (omega, h, slopes.next().unwrap_or_default())).collect();
+        parallel::map_into(chunks, |_, (omega, h, dh)| job.run(omega, &coefficients, h, dh)).into_iter().collect()
     }
 
     #[cfg(test)]

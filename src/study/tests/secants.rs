@@ -28,6 +28,7 @@ fn a_slider_takes_from_the_spring_beside_it() {
         trials: &trials,
         scores: &scores,
         wanted: &[],
+        elsewhere: &[],
         squares: 0.0,
         tie: 0.0,
         monitor: &monitor,
@@ -50,6 +51,12 @@ fn a_slider_takes_from_the_spring_beside_it() {
         "{costs:?} {still} {before}"
     );
     assert_eq!(bench.secants(&best, 0.0).unwrap().len(), 2);
+    // From elsewhere too: the study's own spring and damper, where they stood before they were fitted.
+    let elsewhere = [study.system.clone()];
+    let more = Bench { elsewhere: &elsewhere, ..bench }.secants(&best, before).unwrap();
+    let own = |s: &crate::model::System| s.instances[0].params[0].value;
+    assert!(more.len() == 4 && own(&more[3].system) == own(&study.system) && own(&more[2].system) == own(&fitted.system));
+    assert_ne!(own(&study.system), own(&fitted.system));
     let alone = bench.together(&[best]).unwrap();
     assert!(alone.cost <= gives && secants.iter().any(|s| s.cost == alone.cost));
 }
