@@ -576,6 +576,8 @@ class Fitting(msgspec.Struct, kw_only=True):
     far_off: float | None
     """Relative error of an FRF from which its peaks do not overlap the measured ones, of a record from which it is out of phase: it is
     approached from afar."""
+    known: float | None
+    """Times its start and its plain fit that a coefficient without an upper bound may come to in the search: two decades."""
     misses: float | None
     """Root mean square of the whitened residuals from which intervals do not hold."""
     near: float | None

@@ -167,9 +167,17 @@ impl<'a> Climb<'a> {
         let added = self.added.iter().map(|a| &a.name).collect();
         let found = match near {
             Some(near) => horizon::near(&self.scale, &near, &self.now, added, monitor, watch)?,
-            None => {
-                step(&Against { scale: &self.scale, base: &self.now, need: None, rival, elsewhere: &elsewhere, added, monitor, watch })?
-            }
+            None => step(&Against {
+                scale: &self.scale,
+                base: &self.now,
+                need: None,
+                stands: None,
+                rival,
+                elsewhere: &elsewhere,
+                added,
+                monitor,
+                watch,
+            })?,
         };
         self.tried = found.tried.max(1.0);
         Ok(found)

@@ -27,7 +27,8 @@ pub fn near(
     watch(&format!("out of step with a record: looking at {} of {} points, where the model can follow", points(near), points(&whole.case)));
     let mut scale = Scale::new(near, &near.system, &whole.settings);
     let base = scale.begin(&near.system, monitor).map_err(DiagnoseError::start_fails)?;
-    let mut found = step(&Against { scale: &scale, base: &base, need: None, rival: None, elsewhere: &[], added, monitor, watch })?;
+    let mut found =
+        step(&Against { scale: &scale, base: &base, need: None, stands: None, rival: None, elsewhere: &[], added, monitor, watch })?;
     let Some(taken) = found.taken.take() else { return Ok(found) };
     let pair = (taken.names.len() > 1).then(|| (taken.names.clone(), taken.weighed.fitted.system.clone()));
     let alone = found.stood.iter().filter(|s| s.admissible).map(|s| (vec![s.name.clone()], s.weighed.fitted.system.clone()));

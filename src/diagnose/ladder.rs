@@ -199,6 +199,9 @@ pub fn ladder_keeping(
             }
             break if step.cut || trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
         };
+        if climb.exchange_first(&mut rungs)? {
+            continue;
+        }
         rungs.push(climb.taken(taken, &step)?);
         rungs.extend(parallel::watched(&monitor.watch(), || climb.tighten(false)).unwrap_or_default());
     };
@@ -214,6 +217,16 @@ impl Climb<'_> {
             return Ok(false);
         }
         let Some((added, removed)) = parallel::watched(&self.monitor.watch(), || self.swap()) else { return Ok(false) };
+        rungs.push(self.rung(Some(added), vec![removed])?);
+        Ok(true)
+    }
+
+    /// Exchanges an addition, where something does its work better, before anything is added beside it: a law that does nearly what is missing leaves a rest
+    /// that another one, elsewhere, can take up, and an exchange is the smaller statement. Whether one was exchanged.
+    fn exchange_first(&mut self, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
+        let watch = self.monitor.watch();
+        let exchanged = if self.added.is_empty() { None } else { parallel::watched(&watch, || self.replace()) };
+        let Some((added, removed)) = exchanged else { return Ok(false) };
         rungs.push(self.rung(Some(added), vec![removed])?);
         Ok(true)
     }

@@ -159,10 +159,12 @@ impl Climb<'_> {
             // What stands in its place may begin where the model with it stands.
             let elsewhere: Vec<System> = self.now.fitted.system.without(self.base + k).into_iter().collect();
             let added = self.added.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, a)| &a.name).collect();
+            let own = &self.added[k].name;
             let against = Against {
                 scale: &scale,
                 base: &small,
                 need: Some(need),
+                stands: Some(own),
                 rival: None,
                 elsewhere: &elsewhere,
                 added,
@@ -170,7 +172,6 @@ impl Climb<'_> {
                 watch: &quiet,
             };
             let Step { stood, .. } = step(&against).ok()?;
-            let own = &self.added[k].name;
             let mut others: Vec<(f64, Name, Weighed)> = stood
                 .into_iter()
                 .filter(|s| s.admissible && s.name != *own && s.weighed.last().is_some_and(|i| !of_channel(i) || of_all(i)))

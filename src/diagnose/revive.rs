@@ -58,6 +58,7 @@ impl Climb<'_> {
             scale: &scale,
             base: &small,
             need: Some(tie),
+            stands: None,
             rival: None,
             elsewhere: &[],
             added: vec![],

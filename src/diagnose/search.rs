@@ -71,6 +71,8 @@ pub struct Against<'a> {
     pub base: &'a Weighed,
     /// Nats that a candidate must gain on that to be of interest, where that is not its price: what stands in its place gains so much.
     pub need: Option<f64>,
+    /// What stands in its place.
+    pub stands: Option<&'a Name>,
     /// Nats that something else than a candidate gains here: where the simplest candidates gain less by a tie, no others are refitted.
     pub rival: Option<f64>,
     /// Where else its own parameters may stand when a candidate begins.
@@ -90,9 +92,11 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let Survey { loose, squares, race, names, trials, scores, mut effort } = survey(a)?;
     let best = best_per_candidate(&scores.list, &trials);
     let price = Price::new(a, &names, squares, &scores);
-    let hopeful: Vec<Score> = best.iter().filter(|s| price.promises(trials[s.trial].candidate, s.drop)).copied().collect();
+    let off = price.slopes_are_off(&best, &trials);
+    let hopes = |candidate: usize, drop: f64| off * price.bound(candidate, drop) >= price.least(candidate);
+    let hopeful: Vec<Score> = best.iter().filter(|s| hopes(trials[s.trial].candidate, s.drop)).copied().collect();
     let wanted = states::wanted(scale, &race, base, &trials, a.monitor);
-    let wanted: Vec<Wanted> = wanted.into_iter().filter(|w| price.promises(trials[w.trial].candidate, w.drop)).collect();
+    let wanted: Vec<Wanted> = wanted.into_iter().filter(|w| hopes(trials[w.trial].candidate, w.drop)).collect();
     let bound = |s: &Score| price.bound(trials[s.trial].candidate, s.drop);
     let picked =
         if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &wanted, &scores.selected, bound, &trials, &scale.settings) };
@@ -256,8 +260,21 @@ impl<'a> Price<'a> {
         factor * promised(self.squares, drop)
     }
 
+    /// Nats below which a candidate is not worth a fit.
+    fn least(&self, candidate: usize) -> f64 {
+        self.price(candidate) - self.against.scale.settings.tie
+    }
+
     pub fn promises(&self, candidate: usize, drop: f64) -> bool {
-        self.bound(candidate, drop) >= self.price(candidate) - self.against.scale.settings.tie
+        self.bound(candidate, drop) >= self.least(candidate)
+    }
+
+    /// The factor by which what stands gained more than its slope promises here, where it did: a slope at strength zero says little of a friction
+    /// that sticks throughout, and no more of another one in its place.
+    fn slopes_are_off(&self, best: &[Score], trials: &[Trial]) -> f64 {
+        let stands = |s: &&Score| self.against.stands == Some(&self.names[trials[s.trial].candidate]);
+        let bound = best.iter().find(stands).map(|s| (trials[s.trial].candidate, self.bound(trials[s.trial].candidate, s.drop)));
+        bound.map_or(1.0, |(own, bound)| (self.price(own) / bound.max(f64::MIN_POSITIVE)).max(1.0))
     }
 
     pub fn left_out(&self, candidate: usize, drop: f64) -> Reason {

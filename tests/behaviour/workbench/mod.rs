@@ -6,4 +6,5 @@ mod client;
 mod devtools;
 mod fresh;
 mod hostile;
+mod reach;
 mod work;
