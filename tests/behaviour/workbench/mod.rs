@@ -6,5 +6,6 @@ mod client;
 mod devtools;
 mod fresh;
 mod hostile;
+mod numbers;
 mod reach;
 mod work;
