@@ -199,7 +199,7 @@ pub fn ladder_keeping(
             }
             break if step.cut || trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
         };
-        if climb.exchange_first(&mut rungs)? {
+        if climb.exchange_first(taken, &mut rungs)? {
             continue;
         }
         rungs.push(climb.taken(taken, &step)?);
@@ -221,11 +221,11 @@ impl Climb<'_> {
         Ok(true)
     }
 
-    /// Exchanges an addition, where something does its work better, before anything is added beside it: a law that does nearly what is missing leaves a rest
-    /// that another one, elsewhere, can take up, and an exchange is the smaller statement. Whether one was exchanged.
-    fn exchange_first(&mut self, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
+    /// Exchanges an addition before anything is added beside it, where that comes to no less: a law that does nearly what is missing leaves a rest that
+    /// another one, elsewhere, can take up. Whether one was exchanged.
+    fn exchange_first(&mut self, taken: &super::search::Move, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
         let watch = self.monitor.watch();
-        let exchanged = if self.added.is_empty() { None } else { parallel::watched(&watch, || self.replace()) };
+        let exchanged = if self.added.is_empty() { None } else { parallel::watched(&watch, || self.replace(Some(&taken.weighed))) };
         let Some((added, removed)) = exchanged else { return Ok(false) };
         rungs.push(self.rung(Some(added), vec![removed])?);
         Ok(true)

@@ -177,7 +177,7 @@ impl Climb<'_> {
         let mut rungs = Vec::new();
         loop {
             let open = rungs.is_empty() || self.slack_above(former, loose) <= self.settings.tie + self.settings.decisive;
-            let (added, removed) = if self.added.is_empty() || !open { None } else { self.replace() }.unzip();
+            let (added, removed) = if self.added.is_empty() || !open { None } else { self.replace(None) }.unzip();
             if added.is_some() || rungs.is_empty() {
                 rungs.push(self.rung(added, removed.into_iter().collect())?);
             }

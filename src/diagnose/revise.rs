@@ -62,7 +62,7 @@ impl Climb<'_> {
     /// Exchanges the addition for which something is better by [`super::settings::Settings::swap`], once, and lists what every addition is tied with;
     /// what was exchanged for what.
     pub fn swap(&mut self) -> Option<(EffectAt, EffectAt)> {
-        let exchanged = self.replace();
+        let exchanged = self.replace(None);
         self.list_ties();
         exchanged
     }
@@ -76,14 +76,18 @@ impl Climb<'_> {
         }
     }
 
-    /// The exchange alone; where nothing is better, ties are listed on the way.
-    pub fn replace(&mut self) -> Option<(EffectAt, EffectAt)> {
+    /// The exchange alone, if it comes to no less than a `rival`; where nothing is better, ties are listed on the way.
+    pub fn replace(&mut self, rival: Option<&Weighed>) -> Option<(EffectAt, EffectAt)> {
         let mut found = self.alternatives();
         let best = found.iter_mut().filter_map(|a| Some((a.of, a.better.take()?))).max_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let Some((k, (nats, name, weighed))) = best else {
             self.tie(found);
             return None;
         };
+        let weighed = self.scale.weigh(&weighed.fitted.system, &weighed.v, self.monitor).unwrap_or(weighed);
+        if rival.is_some_and(|r| self.scale.worth(&weighed) < self.scale.worth(r)) {
+            return None;
+        }
         let gone = self.added.remove(k);
         (self.watch)(&format!(
             "{} at {} takes the place of {} at {}: {nats:.1} nats",
@@ -94,9 +98,6 @@ impl Climb<'_> {
         self.added.push(Added { gain: gone.gain + nats, ..Added::new(name) });
         self.now = weighed;
         self.forget();
-        if let Ok(again) = self.scale.weigh(&self.now.fitted.system, &self.now.v, self.monitor) {
-            self.now = again;
-        }
         Some(exchanged)
     }
 
