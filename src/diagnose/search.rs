@@ -330,7 +330,9 @@ fn refitted(
     );
     if !(further.is_empty() || trace::stopped(bench.monitor)) {
         watch(&format!("refitting {} more", further.len()));
-        refits.extend(bench.refit_all(&further, leader, watch));
+        // Where the base of what leads is known, its kin needs no other.
+        let there = Bench { elsewhere: if stands && leader.is_some() { &[] } else { bench.elsewhere }, ..*bench };
+        refits.extend(there.refit_all(&further, leader, watch));
         sort(&mut refits);
     }
     if stands {

@@ -53,9 +53,7 @@ impl Bench<'_> {
         found.extend(asked);
         for base in self.elsewhere {
             let there = Bench { base, ..*self };
-            let parts = self.race().parts;
-            let each: Vec<(&Score, f64)> = shapes.iter().flat_map(|s| parts.map(|part| (s, part))).collect();
-            let there = parallel::map(&each, |(s, part)| there.secant(&[**s], *part, false));
+            let there = parallel::map(&shapes, |s| there.secant(&[*s], part, false));
             found.extend(there.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)));
         }
         // The model itself can be computed where nothing beside it can.
