@@ -30,9 +30,9 @@ fn processors() -> Option<usize> {
     told.lines().filter_map(|l| l.trim().rsplit('/').next()?.parse::<usize>().ok()).max()
 }
 
-/// Elements for so many tasks: four for every processor, so that short tasks are packed and long ones are still spread evenly.
+/// Elements for so many tasks: two for every processor, so that short tasks are packed and long ones are still spread evenly.
 pub fn elements(tasks: usize) -> usize {
-    tasks.min(processors().map_or(ELEMENTS, |n| 4 * n.max(1))).clamp(1, ELEMENTS)
+    tasks.min(processors().map_or(ELEMENTS, |n| 2 * n.max(1))).clamp(1, ELEMENTS)
 }
 
 /// Queues an array of `elements`, each of which runs `script` with its index in `SLURM_ARRAY_TASK_ID`; gives the id of the job.
