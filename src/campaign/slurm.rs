@@ -5,6 +5,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use super::CampaignError;
+use crate::limits;
 
 /// Most elements of one array: Slurm's default `MaxArraySize` is 1001.
 pub const ELEMENTS: usize = 1000;
@@ -35,9 +36,23 @@ pub fn elements(tasks: usize) -> usize {
     tasks.min(processors().map_or(ELEMENTS, |n| 2 * n.max(1))).clamp(1, ELEMENTS)
 }
 
+/// Folder of what the elements of a job say.
+const LOGS: &str = "slurm";
+
+/// What an element that left no result said last: of a node without the program or the data, with a full disk.
+pub fn last_words(folder: &Path, element: usize) -> String {
+    let said = limits::text(&folder.join(LOGS).join(format!("{element}.log"))).unwrap_or_default();
+    let Some(last) = said.lines().rev().map(str::trim).find(|l| !l.is_empty()) else {
+        return format!("element {element} of the job array ended without a result and without a word");
+    };
+    let error = serde_json::from_str::<serde_json::Value>(last).ok();
+    let message = error.as_ref().and_then(|e| e["error"]["message"].as_str());
+    format!("element {element} of the job array ended without a result: {}", message.unwrap_or(last))
+}
+
 /// Queues an array of `elements`, each of which runs `script` with its index in `SLURM_ARRAY_TASK_ID`; gives the id of the job.
 pub fn submit(name: &str, elements: usize, threads: usize, folder: &Path, script: &str) -> Result<String, CampaignError> {
-    let logs = folder.join("slurm");
+    let logs = folder.join(LOGS);
     std::fs::create_dir_all(&logs).map_err(|e| CampaignError::file(&logs, e))?;
     let mut command = Command::new("sbatch");
     command.args(["--parsable", "--job-name", name, "--open-mode=append"]);

@@ -211,7 +211,8 @@ fn because(waits: &str) -> String {
     if waits.is_empty() { String::new() } else { format!("; nothing of it runs, and Slurm says: {waits}") }
 }
 
-/// The same as a job array. What an element leaves without a record, because it was killed with its node, is queued again as often as asked.
+/// The same as a job array. What an element leaves without a record, because it was killed with its node, is queued again as often as asked; then it has failed,
+/// for what the element said last.
 fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, stopped: &(dyn Fn() -> bool + Sync)) -> Result<(), Failure> {
     let mut left = left.to_vec();
     // A job whose submitter was killed goes on by itself: it is waited for, not queued twice.
@@ -220,6 +221,7 @@ fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
         slurm::wait(&job, stopped, &mut look)?;
         left.retain(|k| !runner.is_done(&tasks[*k]));
     }
+    let mut lost: Vec<(usize, usize)> = vec![];
     for _ in 0..=runner.spec.retries {
         if left.is_empty() || stopped() {
             break;
@@ -249,7 +251,13 @@ fn array(runner: &Runner, tasks: &[Task], left: &[usize], progress: &Progress, s
             progress.count(&format!("job {job}: {n} of {all} tasks{}", because(waits)));
         };
         slurm::wait(&job, stopped, &mut look)?;
-        left.retain(|k| runner.record(&tasks[*k].id).is_none());
+        let without = |(place, k): (usize, &usize)| runner.record(&tasks[*k].id).is_none().then_some((*k, place % elements));
+        lost = left.iter().enumerate().filter_map(without).collect();
+        left = lost.iter().map(|(k, _)| *k).collect();
+    }
+    for (k, element) in lost.into_iter().filter(|_| !stopped()) {
+        let (id, reason) = (tasks[k].id.clone(), slurm::last_words(runner.folder, element));
+        runner.keep(&Record { id, reason: Some(reason), attempts: runner.spec.retries + 1, wall_s: 0.0, result: Value::Null })?;
     }
     Ok(())
 }

@@ -139,6 +139,42 @@ fn through_a_scheduler_the_table_is_the_same_and_a_lost_element_is_queued_again(
     assert!(result["error"]["message"].as_str().unwrap().contains("Invalid partition"), "{result}");
 }
 
+/// One node has no program, another a full disk: their tasks fail with what was said there, the rest is done, and on sound nodes the campaign goes on.
+#[test]
+#[cfg(unix)]
+fn tasks_of_a_bad_node_fail_with_what_it_said() {
+    let (dir, file) = bench();
+    let (local, array, bin) = (dir.path().join("local"), dir.path().join("array"), dir.path().join("bin"));
+    std::fs::create_dir(&bin).unwrap();
+    run(&file, &local, &[]);
+    let home = bin.display();
+    let sbatch = |bad: &str| {
+        let text = format!(
+            "for a in \"$@\"; do case \"$a\" in --array=0-*) last=${{a#--array=0-}};; --output=*) log=${{a#--output=}};; esac; script=\"$a\"; done\n\
+             k=0; while [ $k -le $last ]; do export SLURM_ARRAY_TASK_ID=$k\n\
+             case $k in {bad} *) sh -c \"$script\";; esac >> \"$(echo \"$log\" | sed \"s/%a/$k/\")\" 2>&1; k=$((k+1)); done; echo 1\n"
+        );
+        script(&bin, "sbatch", &text);
+    };
+    for (name, text) in [("squeue", "exit 0\n"), ("scancel", "exit 0\n"), ("sinfo", "exit 1\n")] {
+        script(&bin, name, text);
+    }
+    let path = format!("{home}:{}", std::env::var("PATH").unwrap());
+    let through = |more: &[&str]| -> Value {
+        let run = command(&file, &array, &[&["--on", "slurm"], more].concat()).env("PATH", &path).output().unwrap();
+        serde_json::from_slice(&run.stdout).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&run.stderr)))
+    };
+    sbatch("0) sh -c 'exec /nowhere/misfit campaign';; 1) (trap '' XFSZ; ulimit -f 20; sh -c \"$script\");;");
+    let result = through(&[]);
+    assert_eq!((&result["done"], result["failed"].as_array().unwrap().len()), (&Value::from(6), 3), "{result}");
+    let reason = |k: usize| result["failed"][k]["reason"].as_str().unwrap();
+    assert!(reason(0).contains("ended without a result") && reason(0).contains("/nowhere/misfit"), "{result}");
+    assert!(reason(1).contains("File too large"), "{result}");
+    sbatch("");
+    assert_eq!(through(&["--resume"])["done"], 8);
+    assert_eq!(table(&array), table(&local));
+}
+
 /// What a run draws may be divided among tasks: the table is that of the undivided run, to the byte.
 #[test]
 fn divided_into_shares_the_table_is_that_of_the_whole_run() {
