@@ -14,7 +14,7 @@ const MOVES: usize = 60;
 #[test]
 #[ignore = "measures"]
 fn numbers_of_the_page() {
-    for (study, test) in [("03-friction-damper", 0), ("01-hidden-effect", 0), ("06-virtual-tensioner", 1)] {
+    for (study, test) in [("08-two-effects", 0), ("01-hidden-effect", 0), ("06-virtual-tensioner", 1)] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("studies").join(study);
         let began = Instant::now();
         let served = Served::start(&path, &["--json"]);
