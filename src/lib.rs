@@ -36,6 +36,7 @@ pub mod evidence;
 pub mod diagnose;
 pub mod tolerance;
 pub mod study;
+pub mod simulate;
 pub mod predict;
 pub mod trial;
 pub mod report;

@@ -97,8 +97,8 @@ fn each(n: usize, work: &(dyn Fn(usize) + Sync)) {
     (1..rayon::current_num_threads().min(n)).for_each(|_| stay_awake());
 }
 
-/// How long a thread of the pool stays awake for the next call from outside [s]. A program that drives the model, SciPy say, comes back after 10 to
-/// 500 us, and a thread that has been put to sleep meanwhile wakes too late for its share of a short evaluation. OpenMP's threads wait so, for longer.
+/// How long a thread of the pool stays awake for the next call from outside [s]. A program that drives the model, SciPy say, soon comes back, and a thread
+/// that has been put to sleep meanwhile wakes too late for its share of a short evaluation. OpenMP's threads wait so, for longer.
 const LINGER: Duration = Duration::from_micros(500);
 
 /// Threads that stay awake.

@@ -230,10 +230,10 @@ class Study:
         self._model = None
         return done
 
-    def ladder(self, **common: Any) -> results.Ladder:
+    def ladder(self, resume: PathLike | None = None, **common: Any) -> results.Ladder:
         """Diagnoses, adds, refits and prunes until no effect earns its place. The study stays as it is; `resolved()` of the result is the
-        study with what was found."""
-        return self._verb(results.Ladder, "ladder", [], common)
+        study with what was found. `resume` is the folder of a ladder that was stopped or killed."""
+        return self._verb(results.Ladder, "ladder", _option("--resume", resume), common)
 
     def predict(self, bootstrap: int | None = None, resume: PathLike | None = None, **common: Any) -> results.Predict:
         """Fits, then computes the predictions that the study asks for, with standard deviations."""

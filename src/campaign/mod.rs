@@ -21,6 +21,8 @@
 //! | `[[variant]]` | one task beside the grid: `name`, `study`, `seed`, `set = { key = value }`, `arguments` |
 
 mod error;
+mod execute;
+mod folder;
 mod list;
 mod page;
 mod spec;
@@ -31,6 +33,7 @@ pub mod task;
 mod variant;
 
 pub use error::CampaignError;
+pub use execute::{Done, How, On, Say, Stopped, element, run};
 pub use page::page;
 pub use share::{Share, shares};
 pub use spec::{Spec, VERBS};

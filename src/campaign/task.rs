@@ -206,10 +206,22 @@ impl<'a> Runner<'a> {
         whole(&file, text.as_bytes())
     }
 
+    /// Removes a record.
+    pub fn forget(&self, id: &str) -> Result<(), CampaignError> {
+        let file = self.file(id);
+        match std::fs::remove_file(&file) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(CampaignError::file(&file, e)),
+            _ => Ok(()),
+        }
+    }
+
     /// One attempt: what was printed, or why it failed; none where it was interrupted.
     #[allow(clippy::type_complexity)]
     fn once(&self, task: &Task) -> Result<Option<Result<Value, (String, Value)>>, CampaignError> {
-        let work = tempfile::Builder::new().prefix("work-").tempdir_in(self.folder).map_err(|e| CampaignError::file(self.folder, e))?;
+        let work = tempfile::Builder::new()
+            .prefix(super::folder::WORK)
+            .tempdir_in(self.folder)
+            .map_err(|e| CampaignError::file(self.folder, e))?;
         let run = work.path().join("run");
         let mut words = self.program.iter();
         let mut command = Command::new(words.next().map_or(OsStr::new(""), OsString::as_os_str));

@@ -6,6 +6,7 @@ use serde_json::json;
 
 use crate::diagnose;
 use crate::diagnose::results::EffectAt;
+use crate::diagnose::results::SplitName;
 use crate::work::{self, Failure, Wish};
 
 use super::session::{Common, Session};
@@ -44,7 +45,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let study = session.study()?;
     let case = session.case(&study)?;
     session.progress.say("fit before");
-    let (case, before_fit, before) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
+    let (case, before_fit, before) = diagnose::fit(&case, &SplitName::ALL, &session.monitor())?;
     let wish = Wish {
         effect: args.effect.clone(),
         at: args.at.clone(),
@@ -53,7 +54,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         condition: args.condition.clone(),
         reference: args.reference.clone(),
     };
-    let done = work::refit(&study, &case, &before_fit.system, &wish, &fit::ALL, &session.monitor(), &|step| session.progress.say(step));
+    let done =
+        work::refit(&study, &case, &before_fit.system, &wish, &SplitName::ALL, &session.monitor(), &|step| session.progress.say(step));
     session.progress.end();
     let Some(done) = done? else {
         return Err(Failure::new("identify", "", "interrupted before the refit was done; study.toml is as it was", "more time"));

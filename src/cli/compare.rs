@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use crate::diagnose;
+use crate::diagnose::results::SplitName;
 use crate::work::{Failure, as_it_stands};
 
 use super::session::{Common, Session};
@@ -21,7 +22,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     session.progress.say("computing every test");
     let (case, tests) = session.watched(|| {
         let case = case.refined(&case.system).unwrap_or(case);
-        diagnose::compare(&case, &case.system, &fit::ALL, &session.monitor().watch()).map(|tests| (case, tests))
+        diagnose::compare(&case, &case.system, &SplitName::ALL, &session.monitor().watch()).map(|tests| (case, tests))
     })?;
     session.progress.end();
     let folder = session.folder(&study, "compare")?;

@@ -4,6 +4,7 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use crate::diagnose;
+use crate::diagnose::results::SplitName;
 use crate::export::stand_alone;
 use crate::work::{Failure, Stand, export};
 
@@ -53,7 +54,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let at = Stand::of(&study, args.test.as_deref())?;
     let case = session.case(&study)?;
     session.progress.say("fit");
-    let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
+    let (_, fitted, result) = diagnose::fit(&case, &SplitName::ALL, &session.monitor())?;
     session.progress.end();
     let folder = session.folder(&study, "export")?;
     let formats: Vec<&str> = args.to.iter().filter_map(|f| f.word()).collect();

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::diagnose::results::FitResult;
+use crate::diagnose::results::{FitResult, SplitName};
 use crate::diagnose::{self, Case, Fitted};
 use crate::identify::Monitor;
 use crate::study::run::RunFolder;
@@ -29,9 +29,9 @@ pub(super) struct Args {
     shared: Shared,
 }
 
-use crate::work::{profiles, take_over};
+use crate::work::{profiles, replicates, take_over};
 
-pub(super) use crate::work::{ALL, at_values, json, keep, plain};
+pub(super) use crate::work::{at_values, json, keep, plain};
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         value["profiles"] = plain(&all)?;
     }
     if let Some(n) = args.bootstrap {
-        let all = scatter::replicates(&session, &case, &fitted, &folder, (n as usize, share))?;
+        let all = replicates(&case, &fitted, &folder, (n as usize, share), &session.monitor(), &|step: &str| session.progress.say(step))?;
         let (told, table) = scatter::told(&fitted, &all, n as usize);
         text += &format!("\n{table}");
         value["bootstrap"] = told;
@@ -93,7 +93,7 @@ pub(super) fn fitted(
     }
     session.progress.say("fit");
     let monitor: Monitor = session.monitor().checkpoint(folder.checkpoint(), resume.is_some());
-    let result = diagnose::fit(case, &ALL, &monitor);
+    let result = diagnose::fit(case, &SplitName::ALL, &monitor);
     session.progress.end();
     let (finer, fitted, mut result) = result?;
     // Of several starts the best may have converged before the others were stopped: the search as a whole was not done.

@@ -1,35 +1,38 @@
 //! `misfit ladder`: diagnose, add, refit, prune until nothing earns its place.
 
-use crate::diagnose;
+use std::path::PathBuf;
+
 use crate::diagnose::results::{LadderResult, Rung, SplitName, Verdict};
 
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
-use super::{INTERRUPTED, Outcome, fit, report, text};
-use crate::work::Failure;
+use super::{INTERRUPTED, Outcome, fit, text};
+use crate::work::{self, Failure};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
     pub common: Common,
+    /// Go on from the last rung of a ladder that was stopped or killed, kept in the folder of its run
+    #[arg(long, value_name = "RUNDIR")]
+    resume: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let study = session.study()?;
     let case = session.case(&study)?;
+    let case = match &args.resume {
+        Some(run) => work::gone_on(&study, &case, run)?,
+        None => case,
+    };
     let folder = session.folder(&study, "ladder")?;
-    session.progress.say("first fit");
-    let done = diagnose::ladder(&case, &session.monitor(), &|step: &str| session.progress.say(step));
+    let done = work::ladder(&study, &case, &folder, &session.monitor(), &|step: &str| session.progress.say(step));
     session.progress.end();
-    let (mut result, system) = done.inspect_err(|_| folder.discard())?;
-    folder.study(&study, &system)?;
-    result.result_study = Some(folder.path.display().to_string());
+    let (result, _) = done.inspect_err(|_| folder.discard())?;
     if let Some(last) = result.rungs.last() {
-        folder.residuals(&last.tests)?;
         session.show(&last.tests);
     }
-    report::write(&folder, &study, &system, None, None, Some(&result))?;
     let value = fit::json(&result, &folder)?;
     folder.result(&value)?;
     let text = told(&result) + &format!("The study with these effects and values: {}\n", folder.path.display());
@@ -55,6 +58,10 @@ fn told(result: &LadderResult) -> String {
     let rows: Vec<Vec<String>> = result.rungs.iter().enumerate().map(row).collect();
     let header = ["rung", "added", "removed", "cost", "fit error", "/floor", "select error", "/floor", "held-out error", "/floor"];
     let mut text = format!("{}\n\n{}\n", result.study, table(&header, &rows));
+    if !result.began_with.is_empty() {
+        let had: Vec<String> = result.began_with.iter().map(|e| format!("{} at {}", e.effect, e.at)).collect();
+        text += &format!("It went on from a model that had {} already.\n\n", had.join(", "));
+    }
     if let Some(last) = result.rungs.last() {
         text += &text::parameters(&last.parameters);
         text += "\n";

@@ -2,32 +2,26 @@
 
 use std::path::PathBuf;
 
-use crate::parallel;
-use nalgebra::DMatrix;
 use polars::prelude::{Column, DataFrame, ParquetWriter};
 use serde_json::{Value, json};
 
-use crate::diagnose::{self, Case, Fitted};
+use crate::diagnose::Fitted;
 use crate::identify::Replicate;
-use crate::predict::{self, Calibrated, Prediction, Sweep};
+use crate::predict::{self, Prediction, Shift, Sweep, over_none};
 use crate::report::{ReportInput, html_with};
+use crate::study::Study;
 use crate::study::run::{RunError, RunFolder};
-use crate::study::{Predicted, PredictionSpec, Study, ToleranceSpec};
 use crate::units::Dimension;
 
 use super::session::{Common, Session};
 use super::share::Shared;
 use super::table::{percent, significant, table};
-use super::{INTERRUPTED, Outcome, fit, report, scatter, text};
-use crate::work::Failure;
-use shifts::{Shift, over_none};
+use super::{INTERRUPTED, Outcome, fit, report, text};
+use crate::work::{Failure, replicates};
 
 mod shifts;
 mod told;
-pub(super) mod tolerance;
-
-/// Relative change of the cost at which the fit of a rung that the program wrote may end.
-pub(super) const WRITTEN: f64 = 1e-6;
+mod tolerance;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -58,15 +52,16 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             "[[prediction]] with case, quantity, ..., or [tolerance]",
         ));
     }
-    // A rung that the program wrote stands at its optimum: its fit need only see that it does.
-    let near = |case: Case| Case { f_tol: (!way.is_empty()).then_some(WRITTEN), ..case };
-    let case = near(session.case(study)?);
+    let case = predict::case(study, !way.is_empty(), session.common.seed)?;
     let folder = session.folder(&asked, "predict")?;
     args.shared.join(&folder)?;
     let done = fit::fitted(&session, &case, &folder, args.resume.as_deref());
     let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
     let replicates = match args.bootstrap {
-        Some(n) => scatter::replicates(&session, &case, &fitted, &folder, (n as usize, args.shared.share))?,
+        Some(n) => {
+            let say = |step: &str| session.progress.say(step);
+            replicates(&case, &fitted, &folder, (n as usize, args.shared.share), &session.monitor(), &say)?
+        }
         None => vec![],
     };
     let stopped = session.interrupted() && args.bootstrap.is_some_and(|n| replicates.len() < args.shared.share.of(n as usize).count());
@@ -74,7 +69,11 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let listed = listed(study, &fitted, &replicates)?;
     let mut text = format!("{}\n\n", asked.title);
     let outcome = match &study.tolerance {
-        Some(spec) => Some(cases(&session, spec, &way, study, &fitted, &fitted.uncertainty()?.covariance)?),
+        Some(spec) => {
+            let answer = (study, &fitted, &fitted.uncertainty()?.covariance);
+            let say = |step: &str| session.progress.say(step);
+            Some(predict::tolerance(spec, &way, answer, session.common.seed, &session.monitor(), &say)?)
+        }
         None => None,
     };
     session.progress.end();
@@ -112,56 +111,6 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(Outcome { json: value, text, code: if stopped { INTERRUPTED } else { fit::code(&result.termination) } })
 }
 
-/// The tolerance cases by every rung.
-fn cases(
-    session: &Session,
-    spec: &ToleranceSpec,
-    way: &[Study],
-    study: &Study,
-    fitted: &Fitted,
-    covariance: &DMatrix<f64>,
-) -> Result<crate::tolerance::Outcome, Failure> {
-    let earlier = way.len().saturating_sub(1);
-    let added = |k: usize, now: &Study| k.checked_sub(1).map_or(vec![], |k| tolerance::added(&way[k].system, &now.system));
-    let mut rungs = Vec::new();
-    for (k, before) in way[..earlier].iter().enumerate() {
-        session.progress.say(&format!("fit of rung {k}"));
-        let case = Case { f_tol: Some(WRITTEN), ..session.case(before)? };
-        let (_, fitted, _) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
-        let spread = fitted.uncertainty()?;
-        let added = added(k, before);
-        let own = before.tolerance.as_ref().unwrap_or(spec);
-        rungs.push(predict::rung(own, &calibrated(before, &fitted, &spread.covariance), title(k, &added), added)?);
-    }
-    session.progress.say("tolerance cases");
-    let added = added(earlier, study);
-    let answer = calibrated(study, fitted, covariance);
-    rungs.push(predict::rung(spec, &answer, title(earlier, &added), added)?);
-    tolerance::outcome(spec, &answer, rungs, session.common.seed)
-}
-
-/// What a rung is called: as it stands, or what was added.
-fn title(k: usize, added: &[String]) -> String {
-    match (k, added) {
-        (0, _) => "as it stands".into(),
-        (k, []) => format!("rung {k}"),
-        (k, [only]) => format!("rung {k}, with {only}"),
-        (k, [first, more @ ..]) => format!("rung {k}, with {first} and {} more", more.len()),
-    }
-}
-
-/// A fitted study as the predictions see it.
-pub(super) fn calibrated<'a>(study: &'a Study, fitted: &'a Fitted, covariance: &'a DMatrix<f64>) -> Calibrated<'a> {
-    Calibrated {
-        study,
-        system: &fitted.system,
-        free: &fitted.free,
-        covariance,
-        p: &fitted.outcome.p,
-        variance: fitted.outcome.whitened_rms().powi(2),
-    }
-}
-
 /// What `[[prediction]]` asks for.
 struct Listed {
     json: Vec<Value>,
@@ -173,19 +122,18 @@ struct Listed {
 fn listed(study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Result<Listed, Failure> {
     let mut rows = Vec::new();
     let mut all = Listed { json: vec![], shifts: vec![], text: String::new(), sweeps: vec![] };
-    for Prediction { spec, found, std, sweep } in predict::predictions(study, fitted)? {
+    for prediction in predict::predictions(study, fitted)? {
+        all.shifts.extend(Shift::of(&prediction));
+        let Prediction { spec, found, std, sweep } = prediction;
         all.sweeps.extend(sweep);
-        let scattered = scattered(spec, study, fitted, replicates);
+        let scattered = predict::scattered(spec, study, fitted, replicates);
         let reference = spec.reference.as_ref().map(|q| q.value);
         let relative = reference.filter(|r| *r != 0.0).map(|r| found.value / r - 1.0);
         let unit = si(spec.dimension());
         // The table is in the unit of the reference where there is one, the JSON in SI.
         let (symbol, factor) = spec.reference.as_ref().map_or((unit.clone(), 1.0), |q| (q.unit.symbol.clone(), q.unit.factor));
         let shown = |v: f64| significant(v / factor, 4);
-        if let (Predicted::Shift { test, mode, .. }, Some(r)) = (&spec.quantity, reference) {
-            all.shifts.push(Shift { test: test.clone(), mode: *mode, measured: r, computed: found.value });
-        }
-        let beyond = beyond(study, spec);
+        let beyond = predict::beyond(study, spec);
         rows.push(vec![
             spec.case.clone(),
             spec.quantity.word().to_string(),
@@ -232,30 +180,6 @@ fn write_sweeps(sweeps: &[Sweep], folder: &RunFolder) -> Result<(), Failure> {
         Column::new("displacement".into(), all(&|s| s.displacement.clone())),
     ];
     write_columns("sweeps.parquet", columns, folder)
-}
-
-/// A prediction over the replicates; none without them.
-fn scattered(spec: &PredictionSpec, study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Option<scatter::Spread> {
-    let at = |r: &Replicate| -> Option<f64> {
-        let mut system = fitted.system.clone();
-        for (f, v) in fitted.free.iter().zip(r.p.as_ref()?) {
-            system.instances[f.instance].params[f.param].value = if f.log { v.exp() } else { *v };
-        }
-        predict::evaluate(spec, study, &system, &[]).ok().map(|found| found.value).filter(|v| v.is_finite())
-    };
-    scatter::spread(parallel::map(replicates, at).into_iter().flatten().collect())
-}
-
-/// In words, where a condition that a law of the model depends on lies outside those of the tests.
-fn beyond(study: &Study, spec: &PredictionSpec) -> Option<String> {
-    let targets = study.system.instances.iter().filter_map(|i| i.target.as_ref());
-    let of_laws = |name: &String| targets.clone().any(|t| t.condition == *name);
-    spec.conditions.iter().filter(|(name, _)| of_laws(name)).find_map(|(name, c)| {
-        let tested = study.dataset.tests.iter().filter_map(|t| t.conditions.get(name)).map(|c| c.value);
-        let (low, high) = tested.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        let outside = c.value < low || c.value > high;
-        outside.then(|| format!("extrapolated: {name} is {}, the tests have {} to {}", c.quantity(), c.unit.print(low), c.unit.print(high)))
-    })
 }
 
 /// The SI unit as it is printed: an energy in J.

@@ -1,5 +1,7 @@
 //! Tables of text with aligned columns.
 
+pub(super) use crate::units::significant;
+
 /// Most characters of a cell. The name of a parameter holds every place it stands at, and thousands of them are no name to read.
 const CELL: usize = 300;
 
@@ -45,22 +47,6 @@ pub(super) fn percent(fraction: f64) -> String {
     if fraction.is_finite() { format!("{} %", significant(100.0 * fraction, 3)) } else { "-".into() }
 }
 
-/// A number with so many significant digits, as an exponent where it is very large or small.
-pub(super) fn significant(x: f64, digits: usize) -> String {
-    if !x.is_finite() {
-        return "-".into();
-    }
-    if x == 0.0 {
-        return "0".into();
-    }
-    let exponent = x.abs().log10().floor() as i32;
-    if !(-4..=6).contains(&exponent) {
-        return format!("{x:.*e}", digits.saturating_sub(1));
-    }
-    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
-    format!("{x:.decimals$}")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -70,10 +56,6 @@ mod tests {
         let rows = vec![vec!["a".into(), "1.5 %".into()], vec!["long name".into(), "12.5 %".into()]];
         let text = table(&["test", "error"], &rows);
         assert_eq!(text, "  test        error\n  ---------  ------\n  a           1.5 %\n  long name  12.5 %\n");
-        assert_eq!(
-            (significant(1234.5678, 4), significant(0.00123, 2), significant(1e9, 3)),
-            ("1235".into(), "0.0012".into(), "1.00e9".into())
-        );
         // A parameter at 22 000 places: a width beyond 65 535 is more than a format takes.
         let name = (1..22_000).map(|k| format!("c{k}.x,")).collect::<String>() + "c22000.x.viscous.c";
         let text = table(&["parameter", "value"], &[vec![name, "1".into()]]);

@@ -91,7 +91,7 @@ const MISSES: f64 = 1.2;
 pub(super) fn verdict(tests: &[TestResult], study: &str) -> String {
     let mut text = String::new();
     let mut misses = false;
-    for which in [SplitName::Fit, SplitName::Select, SplitName::HeldOut] {
+    for which in SplitName::ALL {
         let Some((error, floor)) = pooled(tests, which) else { continue };
         let ratio = error / floor;
         misses |= ratio > MISSES;

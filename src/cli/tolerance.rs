@@ -5,14 +5,13 @@ use std::time::Instant;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::diagnose::{self, Case};
-use crate::predict;
+use crate::diagnose;
+use crate::diagnose::results::SplitName;
 use crate::predict::population::{self, Asked, Population};
+use crate::predict::{self, Calibrated};
 use crate::study::{Banded, Study, ToleranceSpec};
-use crate::tolerance::Quantity;
 use crate::units::Unit;
 
-use super::predict::{WRITTEN, calibrated, tolerance::law};
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
 use super::{Outcome, fit};
@@ -196,14 +195,15 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             "[tolerance] with [[tolerance.parts]]: name = a column of the cases, distribution = \"normal\", ...",
         ));
     };
-    let case = Case { f_tol: last.is_some().then_some(WRITTEN), ..session.case(study)? };
+    let case = predict::case(study, last.is_some(), session.common.seed)?;
     session.progress.say("fit");
-    let (_, fitted, result) = diagnose::fit(&case, &fit::ALL, &session.monitor())?;
+    let (_, fitted, result) = diagnose::fit(&case, &SplitName::ALL, &session.monitor())?;
     let spread = fitted.uncertainty()?;
-    let model = calibrated(study, &fitted, &spread.covariance);
+    let model = Calibrated::of(study, &fitted, &spread.covariance);
     // The law of the strengths stands in the study of the answer.
     let own = study.tolerance.as_ref().filter(|t| !t.libraries.is_empty()).unwrap_or(&spec);
-    let factors = factors(&session, own, spec.scale, &model)?;
+    session.progress.say("law of the strengths");
+    let factors = predict::factors(own, spec.scale, &model, session.common.seed)?;
     session.progress.say("assemblies");
     let how = Asked { draws: args.draws as usize, exact: args.exact as usize, seed: session.common.seed };
     let (Some(parts), Some(cases)) = (&spec.parts, spec.tables.first()) else {
@@ -221,23 +221,6 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     folder.result(&value)?;
     let text = format!("{}\n\n{}Run: {}\n", asked.title, told(&spec, &found, how), folder.path.display());
     Ok(Outcome { json: value, text, code: fit::code(&result.termination) })
-}
-
-/// Of each case, W_D by the law of the strengths over `scale` times that of the model as it stands; 1 where the study asks for no law.
-fn factors(session: &Session, spec: &ToleranceSpec, scale: f64, model: &predict::Calibrated) -> Result<Vec<f64>, Failure> {
-    let n = spec.tables[0].cases.cases.len();
-    if spec.libraries.is_empty() {
-        return Ok(vec![1.0; n]);
-    }
-    session.progress.say("law of the strengths");
-    let rung = predict::rung(spec, model, "as it stands".into(), vec![])?;
-    let of = |list: &[crate::tolerance::Prediction]| -> Vec<f64> {
-        list.iter().filter(|p| p.quantity == Quantity::Dissipated).map(|p| p.value).collect()
-    };
-    let plain = rung.cycles.first().map_or(vec![], |c| of(&c.predictions));
-    let reference = crate::tolerance::energies::find(&spec.tables[0].cases, &spec.reference)?;
-    let law = of(&law(spec, model, &[rung], reference, session.common.seed)?.predictions);
-    Ok(law.iter().zip(&plain).map(|(l, p)| l / p * spec.scale / scale).collect())
 }
 
 /// SI unit of a quantity.

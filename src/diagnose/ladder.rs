@@ -365,6 +365,7 @@ impl Climb<'_> {
         let left = word.map_or(grounds.model_error, |w| w.left.1);
         let result = LadderResult {
             study: self.case.name.clone(),
+            began_with: vec![],
             findings: all_findings(&self.case, system)?,
             rungs,
             verdict,

@@ -25,6 +25,11 @@ pub enum SplitName {
     HeldOut,
 }
 
+impl SplitName {
+    /// Every split.
+    pub const ALL: [SplitName; 3] = [SplitName::Fit, SplitName::Select, SplitName::HeldOut];
+}
+
 /// The point of a test that lies farthest from the model in units of sigma.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Worst {
@@ -399,6 +404,8 @@ pub struct HeldOut {
 pub struct LadderResult {
     /// Name of the study.
     pub study: String,
+    /// Effects beyond the study with which the first rung began: those of a model, or of an earlier ladder that was gone on with.
+    pub began_with: Vec<EffectAt>,
     /// Rungs.
     pub rungs: Vec<Rung>,
     /// Verdict.

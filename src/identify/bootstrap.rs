@@ -112,6 +112,29 @@ fn resampled(residuals: &DVector<f64>, tests: &[Range<usize>], rng: &mut ChaCha8
     drawn
 }
 
+/// How a value scatters over replicates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Standard deviation about their mean.
+    pub std: f64,
+    /// Quantiles 2.5 % and 97.5 %.
+    pub interval: (f64, f64),
+}
+
+impl Spread {
+    /// Of fewer than two values there is none.
+    pub fn of(mut values: Vec<f64>) -> Option<Spread> {
+        let n = values.len();
+        if n < 2 {
+            return None;
+        }
+        values.sort_by(f64::total_cmp);
+        let mean = values.iter().sum::<f64>() / n as f64;
+        let std = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1) as f64).sqrt();
+        Some(Spread { std, interval: (quantile(&values, 0.025), quantile(&values, 0.975)) })
+    }
+}
+
 /// Quantile of sorted values, linear between them.
 pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     let at = share * sorted.len().saturating_sub(1) as f64;

@@ -30,7 +30,7 @@ mod step;
 mod tests;
 mod uncertainty;
 
-pub use bootstrap::{Replicate, bootstrap, quantile};
+pub use bootstrap::{Replicate, Spread, bootstrap, quantile};
 pub use constraints::{Constraints, LinearRow, Order};
 pub use ending::{Convergence, Event, LogEntry, Termination, Tolerances};
 pub use error::{EvalError, IdentifyError};

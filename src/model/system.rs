@@ -214,6 +214,21 @@ impl System {
         Ok(self)
     }
 
+    /// What acts in this system and not in `before`, by effect, place and, of a coefficient, condition: each once.
+    pub fn beyond(&self, before: &System) -> Vec<&Instance> {
+        fn name(i: &Instance) -> (&str, &str, Option<&str>) {
+            (i.name(), &i.at, i.target.as_ref().map(|t| t.condition.as_str()))
+        }
+        let count = |all: &System, i: &Instance| all.instances.iter().filter(|o| name(o) == name(i)).count();
+        let mut list: Vec<&Instance> = Vec::new();
+        for i in &self.instances {
+            if count(before, i) < count(self, i) && !list.iter().any(|o| name(o) == name(i)) {
+                list.push(i);
+            }
+        }
+        list
+    }
+
     /// The system without its `k`-th instance; none where another acts on it.
     pub fn without(&self, k: usize) -> Option<System> {
         let acts = |i: &Instance| i.target.as_ref().is_some_and(|t| t.instances.contains(&k));

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::data::{Condition, Conditions, EnergyRow, EnergyTable, Record, StoredEnergy, TableValue, Test};
+use crate::diagnose::Fitted;
 use crate::model::{FreeParam, System};
 use crate::response::Plan;
 use crate::study::{Predicted, Study, ToleranceSpec, ToleranceTable};
@@ -28,6 +29,20 @@ pub struct Calibrated<'a> {
     pub p: &'a [f64],
     /// Mean square of the whitened residuals: the covariance is multiplied by it where it is above one.
     pub variance: f64,
+}
+
+impl<'a> Calibrated<'a> {
+    /// A fitted study with the covariance of its parameters ([`Fitted::uncertainty`]).
+    pub fn of(study: &'a Study, fitted: &'a Fitted, covariance: &'a DMatrix<f64>) -> Calibrated<'a> {
+        Calibrated {
+            study,
+            system: &fitted.system,
+            free: &fitted.free,
+            covariance,
+            p: &fitted.outcome.p,
+            variance: fitted.outcome.whitened_rms().powi(2),
+        }
+    }
 }
 
 /// The energies of one case.

@@ -1,5 +1,6 @@
 //! What can go wrong in a prediction.
 
+use crate::diagnose::DiagnoseError;
 use crate::explain::Explain;
 use crate::identify::IdentifyError;
 use crate::response::ResponseError;
@@ -11,6 +12,9 @@ pub enum PredictError {
     /// The model of a cycle.
     #[error("{0}")]
     Response(#[from] ResponseError),
+    /// The fit of a rung.
+    #[error("{0}")]
+    Fit(#[from] DiagnoseError),
     /// The uncertainty of the fit.
     #[error("{0}")]
     Identify(#[from] IdentifyError),
@@ -31,29 +35,27 @@ pub enum PredictError {
     },
 }
 
+impl PredictError {
+    /// The error of an earlier stage, or place and accepted of this one.
+    fn inner(&self) -> Result<&dyn Explain, (&str, &str)> {
+        match self {
+            PredictError::Response(e) => Ok(e),
+            PredictError::Fit(e) => Ok(e),
+            PredictError::Identify(e) => Ok(e),
+            PredictError::Tolerance(e) => Ok(e),
+            PredictError::Case { accepted, place, .. } => Err((place, accepted)),
+        }
+    }
+}
+
 impl Explain for PredictError {
     fn stage(&self) -> &'static str {
-        match self {
-            PredictError::Response(e) => e.stage(),
-            PredictError::Identify(e) => e.stage(),
-            PredictError::Tolerance(e) => e.stage(),
-            PredictError::Case { .. } => "predict",
-        }
+        self.inner().map_or("predict", |e| e.stage())
     }
     fn place(&self) -> String {
-        match self {
-            PredictError::Response(e) => e.place(),
-            PredictError::Identify(e) => e.place(),
-            PredictError::Tolerance(e) => e.place(),
-            PredictError::Case { place, .. } => place.clone(),
-        }
+        self.inner().map_or_else(|own| own.0.into(), |e| e.place())
     }
     fn accepted(&self) -> String {
-        match self {
-            PredictError::Response(e) => e.accepted(),
-            PredictError::Identify(e) => e.accepted(),
-            PredictError::Tolerance(e) => e.accepted(),
-            PredictError::Case { accepted, .. } => accepted.clone(),
-        }
+        self.inner().map_or_else(|own| own.1.into(), |e| e.accepted())
     }
 }

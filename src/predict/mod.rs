@@ -1,18 +1,24 @@
 //! Predictions of a calibrated model that are more than one number of one test: the energies of tolerance cases with their intervals, and the model's own
 //! error of energies, seen on the loops that were measured.
 
+mod answer;
 mod cases;
 mod error;
 mod link;
 mod loops;
+mod scatter;
+mod shifts;
 mod sweep;
 mod value;
 pub mod population;
 
+pub use answer::{case, factors, tolerance};
 pub use cases::{Answer, Calibrated, rung};
 pub use error::PredictError;
 pub use link::link;
 pub use loops::model_error;
+pub use scatter::{beyond, scattered};
+pub use shifts::{Shift, over_none};
 pub use sweep::Sweep;
 pub use value::{Prediction, evaluate, predictions};
 

@@ -370,7 +370,7 @@ fn overall_chart(stages: &[Stage], charts: &mut Charts) -> String {
     let positive = |v: f64| if v > 0.0 { 100.0 * v } else { f64::NAN };
     if stages.len() == 1 {
         let ids: Vec<String> = last.tests.iter().map(|t| label(&t.id)).collect();
-        for split in [SplitName::Fit, SplitName::Select, SplitName::HeldOut] {
+        for split in SplitName::ALL {
             let of: Vec<&TestResult> = of_split(last, split);
             if of.is_empty() {
                 continue;

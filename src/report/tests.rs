@@ -59,9 +59,8 @@ fn study(folder: &Path) -> Study {
 
 /// Noise without a generator: the fractional part of a steep sine.
 fn noise(i: usize, seed: f64) -> f64 {
-    let u = ((i as f64 * 12.9898 + seed * 78.233).sin() * 43758.5453).fract().abs();
-    let v = ((i as f64 * 39.3468 + seed * 11.135).sin() * 24634.6345).fract().abs();
-    (-2.0 * (u.max(1e-9)).ln()).sqrt() * (TAU * v).cos()
+    let part = |a: f64, b: f64, c: f64| ((i as f64 * a + seed * b).sin() * c).fract().abs();
+    (-2.0 * part(12.9898, 78.233, 43758.5453).max(1e-9).ln()).sqrt() * (TAU * part(39.3468, 11.135, 24634.6345)).cos()
 }
 
 /// A loop of stiffness and friction, computed with the friction `known`.
@@ -271,6 +270,7 @@ fn ladder(n: usize) -> LadderResult {
         whitened_rms: Some(1.0),
         would_have_been_seen: vec![],
         study: "rod".into(),
+        began_with: vec![],
         rungs: vec![rung(None, tests(n, 0.0, 0.1, true), 81234.0, vec![]), second, third],
         verdict: Verdict::Missing,
         missing: vec![Missing {

@@ -233,32 +233,13 @@ fn candidate(system: &System, dataset: &crate::data::Dataset, (m, scored): (&Mar
 
 fn ladder(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {
     let study = &loaded.study;
-    // A ladder that was killed has left the model of its last rung.
-    let left = order.resume.as_ref().map(|r| loaded.runs().join(r).join("study.toml")).filter(|f| f.is_file());
-    let case = left.map(|f| loaded.read(&f)).transpose()?.map_or(case.clone(), |system| case_of(case, &system));
-    let began = case.system.instances.iter().skip(study.system.instances.len());
-    let began: Vec<Value> = began.map(|i| json!({ "effect": i.name(), "at": i.at })).collect();
+    // A ladder that was killed before its first rung has left nothing, and is begun anew.
+    let left = order.resume.as_ref().map(|r| RunFolder { path: loaded.runs().join(r) }).filter(|f| f.left().is_some());
+    let case = left.map_or_else(|| Ok(case.clone()), |old| work::gone_on(study, case, &old.path))?;
     let folder = begin(loaded, job, order)?;
-    job.say("first fit");
-    let monitor = job.monitor(case.system.clone());
-    let keep_rung = |system: &System| {
-        if let Err(e) = folder.study(study, system) {
-            job.say(&format!("the model of this rung cannot be kept: {e}"));
-        }
-    };
-    if !began.is_empty() {
-        keep_rung(&case.system);
-    }
-    let done = diagnose::ladder_keeping(&case, &monitor, &|step: &str| job.say(step), &keep_rung);
-    let (mut result, system) = done.inspect_err(|_| discard(&folder))?;
-    folder.study(study, &system)?;
-    result.result_study = Some(folder.path.display().to_string());
-    if let Some(last) = result.rungs.last() {
-        folder.residuals(&last.tests)?;
-    }
-    work::report(&folder, study, &system, None, None, Some(&result))?;
-    let mut value = work::json(&result, &folder)?;
-    value["began_with"] = began.into();
+    let done = work::ladder(study, &case, &folder, &job.monitor(case.system.clone()), &|step: &str| job.say(step));
+    let (result, system) = done.inspect_err(|_| discard(&folder))?;
+    let value = work::json(&result, &folder)?;
     // A ladder reads the held-out tests at its end.
     let opens = read(study, &result).then(|| json!({ "by": "ladder", "model": order.model, "when": now() }));
     let value = finish(loaded, job, order, &folder, value, opens)?;
@@ -299,7 +280,7 @@ pub fn open(loaded: &Loaded, model_id: &str) -> Result<Value, Failure> {
         return Ok(json!({ "held_out_opened": loaded.opened() }));
     }
     let model = loaded.model(model_id)?;
-    let tests = diagnose::compare(&model.case, &model.system, &work::ALL, &crate::parallel::Watch::default())?;
+    let tests = diagnose::compare(&model.case, &model.system, &SplitName::ALL, &crate::parallel::Watch::default())?;
     let folder = RunFolder::create(&loaded.study, "compare", None)?;
     folder.study(&loaded.study, &model.system)?;
     folder.residuals(&tests)?;

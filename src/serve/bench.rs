@@ -9,12 +9,12 @@ use std::time::SystemTime;
 use serde_json::{Value, json};
 use tokio::sync::broadcast;
 
-use crate::data::toml_strict::TomlFile;
 use crate::diagnose::results::SplitName;
 use crate::diagnose::{Case, Fitted};
 use crate::model::System;
 use crate::study::Study;
-use crate::work::Failure;
+use crate::study::run::RunFolder;
+use crate::work::{self, Failure};
 
 use super::curves::pooled;
 use super::job::{Events, Job};
@@ -201,7 +201,8 @@ impl Loaded {
                 None => {
                     let order = crate::limits::bytes(&folder.join(ORDER), ORDER_BYTES).ok();
                     let order: Option<Order> = order.and_then(|b| serde_json::from_slice(&b).ok());
-                    let goes_on = order.is_some() || folder.join("checkpoint.json").is_file();
+                    let folder = RunFolder { path: folder };
+                    let goes_on = order.is_some() || folder.checkpoint().is_file() || folder.left().is_some();
                     open.push(Unfinished { id: name.clone(), verb, goes_on, resumes: order.and_then(|o| o.resume) });
                 }
                 Some(result) => found.push((name.clone(), verb, result)),
@@ -227,17 +228,11 @@ impl Loaded {
         if let Some(model) = node.model {
             return Ok(model);
         }
-        let system = self.read(&self.runs().join(id).join("study.toml"))?;
+        let system = work::model(&self.study, &self.runs().join(id).join("study.toml"))?;
         let case = Case { system: system.clone(), ..self.case.clone() };
         let model = Arc::new(Model { system, case, fitted: None, marks: None });
         self.keep(id, model.clone());
         Ok(model)
-    }
-
-    /// The model of a study.toml over the dataset of this study.
-    pub fn read(&self, file: &Path) -> Result<System, Failure> {
-        let file = TomlFile::read(file, "study").map_err(crate::study::StudyError::from)?;
-        Ok(Study::from_toml(&file, self.study.dataset.clone())?.system)
     }
 
     /// Runs without a result.

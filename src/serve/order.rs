@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::study::run::RunFolder;
+
 use super::bench::{Bench, ROOT};
 
 /// What is to be done.
@@ -78,8 +80,15 @@ pub fn command(bench: &Bench, order: &Order) -> String {
     if order.verb == "export" {
         line += &format!(" --to {}", order.to.join(","));
     }
-    if let (Some(resume), "fit") = (&order.resume, order.verb.as_str()) {
-        line += &format!(" --resume {}", run(resume));
+    if let Some(resume) = &order.resume {
+        let old = RunFolder { path: folder.join("runs").join(resume) };
+        // A run that has kept nothing is begun anew.
+        let kept = match order.verb.as_str() {
+            "fit" => old.checkpoint().is_file(),
+            "ladder" => old.left().is_some(),
+            _ => false,
+        };
+        line += &if kept { format!(" --resume {}", run(resume)) } else { String::new() };
     }
     if bench.seed != 1 {
         line += &format!(" --seed {}", bench.seed);

@@ -25,7 +25,7 @@ pub fn goes_on(loaded: &Loaded, run: &str) -> Result<Order, Failure> {
         return Ok(Order { resume: Some(run.into()), ..order });
     }
     match open.verb.as_str() {
-        "fit" if open.goes_on => Ok(of("fit", ROOT)),
+        "fit" | "ladder" if open.goes_on => Ok(of(&open.verb, ROOT)),
         _ => Err(refused("nothing of it was kept")),
     }
 }

@@ -174,7 +174,7 @@ impl RunFolder {
     pub fn create(study: &Study, verb: &str, out: Option<&Path>) -> Result<RunFolder, RunError> {
         let fail = |path: &Path, e: std::io::Error| RunError::Write { path: path.to_path_buf(), reason: e.to_string() };
         if let Some(out) = out {
-            let known = [RESULT, CHECKPOINT].iter().any(|f| out.join(f).exists());
+            let known = [RESULT, CHECKPOINT, RUNG].iter().any(|f| out.join(f).exists());
             if out.join("study.toml").exists() && !known {
                 return Err(RunError::Occupied { path: out.to_path_buf() });
             }
@@ -214,12 +214,25 @@ impl RunFolder {
 
     /// `result.json`.
     pub fn result(&self, json: &serde_json::Value) -> Result<PathBuf, RunError> {
-        self.write(RESULT, format!("{json:#}\n").as_bytes())
+        let path = self.write(RESULT, format!("{json:#}\n").as_bytes())?;
+        // What a ladder kept on its way has its place in the result; where it cannot be removed nobody looks for it any more.
+        let _ = std::fs::remove_file(self.path.join(RUNG));
+        Ok(path)
     }
 
     /// `study.toml`: the study with the values and effects of `system`.
     pub fn study(&self, study: &Study, system: &System) -> Result<PathBuf, RunError> {
         Ok(study.save(system, &self.path)?)
+    }
+
+    /// `rung.toml`: the study with the model of the last rung of a ladder that is still climbing. The result takes its place.
+    pub fn rung(&self, study: &Study, system: &System) -> Result<PathBuf, RunError> {
+        Ok(study.save_as(system, &self.path, RUNG)?)
+    }
+
+    /// The model that a ladder has left here: that of its end, or of its last rung where it was killed.
+    pub fn left(&self) -> Option<PathBuf> {
+        ["study.toml", RUNG].map(|name| self.path.join(name)).into_iter().find(|file| file.is_file())
     }
 
     /// `residuals.parquet`: every measured value with its computed one.
@@ -240,6 +253,7 @@ impl RunFolder {
 }
 
 const CHECKPOINT: &str = "checkpoint.json";
+const RUNG: &str = "rung.toml";
 
 /// Every measured value with its computed one, as a table.
 ///

@@ -14,8 +14,6 @@ use crate::study::run::RunFolder;
 use super::Failure;
 use super::lines::{BOOTSTRAP, PROFILES};
 
-/// Every split.
-pub const ALL: [SplitName; 3] = [SplitName::Fit, SplitName::Select, SplitName::HeldOut];
 /// File of the report in a run.
 pub const REPORT: &str = "report.html";
 

@@ -98,43 +98,65 @@ fn script(folder: &Path, name: &str, text: &str) {
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
 }
 
-/// What is handed to `sbatch` runs as an array, the queue is asked, and the table is that of the local run. A stand-in takes Slurm's place: it runs the
-/// elements in the background, and loses the first.
+/// A stand-in for Slurm in a folder of its own. It runs the elements of an array in the background, one after the other, each with a log of its own.
+struct Cluster {
+    bin: PathBuf,
+}
+
+impl Cluster {
+    /// `bad`: arms of a shell `case` over the number of the element `$k`, for nodes that do not do what they are told.
+    fn new(folder: &Path, bad: &str) -> Cluster {
+        let bin = folder.join("bin");
+        std::fs::create_dir(&bin).unwrap();
+        let cluster = Cluster { bin };
+        cluster.nodes(bad);
+        script(&cluster.bin, "squeue", &format!("[ -e {}/ended-$3 ] || echo RUNNING\n", cluster.bin.display()));
+        script(&cluster.bin, "scancel", "exit 0\n");
+        script(&cluster.bin, "sinfo", "exit 1\n");
+        cluster
+    }
+
+    /// Jobs from now on run on these nodes.
+    fn nodes(&self, bad: &str) {
+        let text = format!(
+            "for a in \"$@\"; do case \"$a\" in --array=0-*) last=${{a#--array=0-}};; --output=*) log=${{a#--output=}};; esac; script=\"$a\"; done\n\
+             echo job >> {home}/jobs; job=$(wc -l < {home}/jobs)\n\
+             ( k=0; while [ $k -le $last ]; do export SLURM_ARRAY_TASK_ID=$k\n\
+             case $k in {bad} *) sh -c \"$script\";; esac >> \"$(echo \"$log\" | sed \"s/%a/$k/\")\" 2>&1; k=$((k+1)); done; touch {home}/ended-$job \
+             ) > /dev/null 2>&1 &\n\
+             echo $job\n",
+            home = self.bin.display()
+        );
+        script(&self.bin, "sbatch", &text);
+    }
+
+    /// Jobs that were submitted.
+    fn jobs(&self) -> usize {
+        std::fs::read_to_string(self.bin.join("jobs")).unwrap().lines().count()
+    }
+
+    /// The result of a campaign on it.
+    fn run(&self, file: &Path, out: &Path, more: &[&str]) -> Value {
+        let path = format!("{}:{}", self.bin.display(), std::env::var("PATH").unwrap());
+        let run = command(file, out, &[&["--on", "slurm"], more].concat()).env("PATH", path).output().unwrap();
+        serde_json::from_slice(&run.stdout).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&run.stderr)))
+    }
+}
+
+/// What is handed to `sbatch` runs as an array, the queue is asked, and the table is that of the local run, though the first element was lost once.
 #[test]
+#[cfg(unix)]
 fn through_a_scheduler_the_table_is_the_same_and_a_lost_element_is_queued_again() {
     let (dir, file) = bench();
-    let (local, array, bin) = (dir.path().join("local"), dir.path().join("array"), dir.path().join("bin"));
-    std::fs::create_dir(&bin).unwrap();
+    let (local, array) = (dir.path().join("local"), dir.path().join("array"));
     run(&file, &local, &[]);
-    let home = bin.display();
-    script(
-        &bin,
-        "sbatch",
-        &format!(
-            "for a in \"$@\"; do case \"$a\" in --array=0-*) last=${{a#--array=0-}};; esac; script=\"$a\"; done\n\
-             echo job >> {home}/jobs\n\
-             ( k=0; while [ $k -le $last ]; do\n\
-             if [ $k -gt 0 ] || [ $(wc -l < {home}/jobs) -gt 1 ]; then SLURM_ARRAY_TASK_ID=$k sh -c \"$script\"; fi; k=$((k+1)); done; touch {home}/ended-$(wc -l < {home}/jobs) \
-             ) >> {home}/log 2>&1 &\n\
-             echo \"$(wc -l < {home}/jobs)\"\n"
-        ),
-    );
-    script(&bin, "squeue", &format!("[ -e {home}/ended-$3 ] || echo RUNNING\n"));
-    script(&bin, "scancel", "exit 0\n");
-    script(&bin, "sinfo", "exit 1\n");
-    let path = format!("{home}:{}", std::env::var("PATH").unwrap());
-    let run = command(&file, &array, &["--on", "slurm"]).env("PATH", path).output().unwrap();
-    let log = std::fs::read_to_string(bin.join("log")).unwrap_or_default();
-    assert!(run.status.success(), "{} {log}", String::from_utf8_lossy(&run.stdout));
-    let result: Value = serde_json::from_slice(&run.stdout).unwrap();
-    assert_eq!(result["done"], 8, "{result} {log}");
-    assert_eq!(std::fs::read_to_string(bin.join("jobs")).unwrap().lines().count(), 2, "{log}");
+    let cluster = Cluster::new(dir.path(), "0) [ $job -eq 1 ] || sh -c \"$script\";;");
+    let result = cluster.run(&file, &array, &[]);
+    assert_eq!((&result["done"], cluster.jobs()), (&Value::from(8), 2), "{result}");
     assert_eq!(table(&array), table(&local));
     // A scheduler that refuses is said.
-    script(&bin, "sbatch", "echo 'Batch job submission failed: Invalid partition' >&2; exit 1\n");
-    let path = format!("{home}:{}", std::env::var("PATH").unwrap());
-    let run = command(&file, &dir.path().join("refused"), &["--on", "slurm"]).env("PATH", path).output().unwrap();
-    let result: Value = serde_json::from_slice(&run.stdout).unwrap();
+    script(&cluster.bin, "sbatch", "echo 'Batch job submission failed: Invalid partition' >&2; exit 1\n");
+    let result = cluster.run(&file, &dir.path().join("refused"), &[]);
     assert_eq!(result["error"]["stage"], "campaign", "{result}");
     assert!(result["error"]["message"].as_str().unwrap().contains("Invalid partition"), "{result}");
 }
@@ -144,34 +166,23 @@ fn through_a_scheduler_the_table_is_the_same_and_a_lost_element_is_queued_again(
 #[cfg(unix)]
 fn tasks_of_a_bad_node_fail_with_what_it_said() {
     let (dir, file) = bench();
-    let (local, array, bin) = (dir.path().join("local"), dir.path().join("array"), dir.path().join("bin"));
-    std::fs::create_dir(&bin).unwrap();
+    let (local, array) = (dir.path().join("local"), dir.path().join("array"));
     run(&file, &local, &[]);
-    let home = bin.display();
-    let sbatch = |bad: &str| {
-        let text = format!(
-            "for a in \"$@\"; do case \"$a\" in --array=0-*) last=${{a#--array=0-}};; --output=*) log=${{a#--output=}};; esac; script=\"$a\"; done\n\
-             k=0; while [ $k -le $last ]; do export SLURM_ARRAY_TASK_ID=$k\n\
-             case $k in {bad} *) sh -c \"$script\";; esac >> \"$(echo \"$log\" | sed \"s/%a/$k/\")\" 2>&1; k=$((k+1)); done; echo 1\n"
-        );
-        script(&bin, "sbatch", &text);
-    };
-    for (name, text) in [("squeue", "exit 0\n"), ("scancel", "exit 0\n"), ("sinfo", "exit 1\n")] {
-        script(&bin, name, text);
-    }
-    let path = format!("{home}:{}", std::env::var("PATH").unwrap());
-    let through = |more: &[&str]| -> Value {
-        let run = command(&file, &array, &[&["--on", "slurm"], more].concat()).env("PATH", &path).output().unwrap();
-        serde_json::from_slice(&run.stdout).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&run.stderr)))
-    };
-    sbatch("0) sh -c 'exec /nowhere/misfit campaign';; 1) (trap '' XFSZ; ulimit -f 20; sh -c \"$script\");;");
-    let result = through(&[]);
+    let cluster =
+        Cluster::new(dir.path(), "0) sh -c 'exec /nowhere/misfit campaign';; 1) (trap '' XFSZ; ulimit -f 20; sh -c \"$script\");;");
+    let reason = |result: &Value, k: usize| result["failed"][k]["reason"].as_str().unwrap().to_string();
+    let result = cluster.run(&file, &array, &[]);
     assert_eq!((&result["done"], result["failed"].as_array().unwrap().len()), (&Value::from(6), 3), "{result}");
-    let reason = |k: usize| result["failed"][k]["reason"].as_str().unwrap();
-    assert!(reason(0).contains("ended without a result") && reason(0).contains("/nowhere/misfit"), "{result}");
-    assert!(reason(1).contains("File too large"), "{result}");
-    sbatch("");
-    assert_eq!(through(&["--resume"])["done"], 8);
+    assert!(reason(&result, 0).contains("ended without a result") && reason(&result, 0).contains("/nowhere/misfit"), "{result}");
+    assert!(reason(&result, 1).contains("File too large"), "{result}");
+    // A task that failed and is then lost as well is queued again as one that never ran, and fails for what was said last.
+    let before = cluster.jobs();
+    cluster.nodes("*) sh -c 'exec /elsewhere/misfit campaign';;");
+    let result = cluster.run(&file, &array, &["--resume"]);
+    assert_eq!((result["failed"].as_array().unwrap().len(), cluster.jobs() - before), (3, 2), "{result}");
+    assert!((0..3).all(|k| reason(&result, k).contains("/elsewhere/misfit")), "{result}");
+    cluster.nodes("");
+    assert_eq!(cluster.run(&file, &array, &["--resume"])["done"], 8);
     assert_eq!(table(&array), table(&local));
 }
 

@@ -1,25 +1,7 @@
-//! Shifts of natural frequencies between tests, mode by mode, over what "no shift" would be off.
+//! Shifts of natural frequencies between tests, mode by mode.
 
 use crate::cli::table::{significant, table};
-
-/// One shift that was measured as well.
-#[derive(Clone, Debug)]
-pub(super) struct Shift {
-    /// Test whose modes have shifted.
-    pub test: String,
-    /// Mode of the table.
-    pub mode: u32,
-    /// Measured [1].
-    pub measured: f64,
-    /// Computed [1].
-    pub computed: f64,
-}
-
-/// Root mean square error over that of no shift; none where nothing shifts.
-pub(super) fn over_none<'a>(shifts: impl Iterator<Item = &'a Shift>) -> Option<f64> {
-    let (off, sum) = shifts.fold((0.0, 0.0), |(off, sum), s| (off + (s.computed - s.measured).powi(2), sum + s.measured * s.measured));
-    (sum > 0.0).then(|| f64::sqrt(off / sum))
-}
+use crate::predict::{Shift, over_none};
 
 /// Distinct values in the order in which they come.
 fn distinct<T: PartialEq + Clone>(values: impl Iterator<Item = T>) -> Vec<T> {

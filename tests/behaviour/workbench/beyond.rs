@@ -1,11 +1,13 @@
 //! Two candidates beside each other, modes, profiles, and runs that are gone on with.
 
+use std::process::Stdio;
+
 use serde_json::{Value, json};
 
 use super::browser::{click, press};
 use super::client::Served;
 use super::devtools::Browser;
-use crate::rig::{K, Rig};
+use crate::rig::{K, Rig, program};
 
 fn hiding() -> Rig {
     Rig::hiding(|_, v| 1.5 * v.signum())
@@ -173,6 +175,55 @@ fn a_fit_that_was_killed_goes_on_from_its_best_state() {
     assert!((result(run)["cost"].as_f64().unwrap() / whole["cost"].as_f64().unwrap() - 1.0).abs() < 1e-6);
 }
 
+/// A ladder of the command line that was killed after its first rung; its run.
+#[cfg(unix)]
+fn killed_ladder(rig: &Rig) -> std::path::PathBuf {
+    // On a busy machine the ladder may come to its end before it is seen.
+    for _ in 0..5 {
+        let mut ladder = program().args(["ladder", &rig.folder().display().to_string(), "--json"]).stdout(Stdio::null()).spawn().unwrap();
+        while ladder.try_wait().unwrap().is_none() {
+            let left = rig.runs().into_iter().find(|r| r.join("rung.toml").is_file());
+            if let Some(run) = left {
+                ladder.kill().unwrap();
+                ladder.wait().unwrap();
+                if !run.join("result.json").exists() {
+                    return run;
+                }
+            }
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+    }
+    panic!("no ladder was killed between its first rung and its end");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_ladder_killed_on_the_command_line_goes_on_there_and_on_the_page() {
+    let rig = hiding();
+    let killed = killed_ladder(&rig);
+    let name = killed.file_name().unwrap().to_str().unwrap().to_string();
+    let had = |result: &Value| (result["began_with"].clone(), result["missing"].as_array().unwrap().len(), result["verdict"].clone());
+    let wanted = (json!([{ "effect": "coulomb", "at": "c1.x" }]), 0, json!("nothing_missing"));
+    let run = killed.display().to_string();
+    let second = rig.path("second");
+    let of_verb = rig.json("ladder", &["--resume", &run, "--out", &second.display().to_string()]);
+    assert_eq!(had(&of_verb), wanted);
+    assert!(second.join("study.toml").is_file() && !second.join("rung.toml").exists(), "the result takes the place of the rung");
+    let served = Served::start(rig.folder(), &["--json"]);
+    assert_eq!(unfinished(&served), std::slice::from_ref(&name));
+    let begun = served.post("run", &json!({ "verb": "resume", "model": "study", "resume": name })).json();
+    assert!(begun["command"].as_str().unwrap().ends_with(&format!("--resume {run}")), "{begun}");
+    let ended = served.wait(&begun["job"]);
+    let model = ended["result"]["model"].as_str().unwrap_or_else(|| panic!("{ended}"));
+    let of_page: Value = serde_json::from_str(&rig.read(&format!("runs/{model}/result.json"))).unwrap();
+    assert_eq!(had(&of_page), wanted);
+    assert!(unfinished(&served).is_empty());
+    // The folder of a killed ladder is a run, and may be written over where it is named; one without a rung cannot be gone on with.
+    assert_eq!(rig.json("ladder", &["--out", &run])["missing"][0]["effect"], "coulomb");
+    let ran = rig.run("ladder", &["--json", "--resume", &rig.path("data").display().to_string()]);
+    assert!(ran.error()[2].contains("no rung"), "{}", ran.stdout);
+}
+
 #[cfg(unix)]
 #[test]
 fn a_ladder_that_was_killed_goes_on_from_its_last_rung() {
@@ -189,7 +240,7 @@ fn a_ladder_that_was_killed_goes_on_from_its_last_rung() {
     served.signal("-KILL");
     let Some(killed) = order() else { panic!("the ladder had come to its end") };
     // It had reached a rung: with the friction.
-    std::fs::copy(with, killed.join("study.toml")).unwrap();
+    std::fs::copy(with, killed.join("rung.toml")).unwrap();
     let served = Served::start(rig.folder(), &["--json"]);
     let name = killed.file_name().unwrap().to_str().unwrap().to_string();
     assert_eq!(unfinished(&served), std::slice::from_ref(&name));

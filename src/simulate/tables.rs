@@ -3,9 +3,11 @@
 use std::fmt::Write;
 
 use crate::data::{Control, EnergyTable, ModalTable, ModeRow, StoredEnergy};
+use crate::model::Axis;
 use crate::response::Plan;
 
 use super::noise::Noise;
+use super::quoted;
 
 type Values<'a> = std::iter::Copied<std::slice::Iter<'a, f64>>;
 
@@ -43,7 +45,7 @@ pub(super) fn modal(toml: &mut String, table: &ModalTable, plan: &Plan, computed
             entry(&mut cells, "damping", d, "", noise);
         }
         for (key, text) in [("family", &row.family), ("description", &row.description)] {
-            cells.extend(text.as_ref().map(|t| format!("{key} = {}", toml::Value::from(t.as_str()))));
+            cells.extend(text.as_ref().map(|t| format!("{key} = {}", quoted(t))));
         }
         let _ = writeln!(toml, "  {{ {} }},", cells.join(", "));
     }
@@ -55,7 +57,7 @@ pub(super) fn energy(toml: &mut String, table: &EnergyTable, plan: &Plan, comput
     let force = table.control == Control::Force;
     let _ = writeln!(toml, "at = \"{}\"\ncontrol = \"{}\"", table.at, table.control.role().word());
     if let Some((low, high)) = table.limits {
-        let rotational = table.at.rsplit_once('.').and_then(|(_, a)| crate::model::Axis::parse(a).ok()).is_some_and(|a| a.rotational());
+        let rotational = table.at.rsplit_once('.').and_then(|(_, a)| Axis::parse(a).ok()).is_some_and(|a| a.rotational());
         let (name, unit) = match (force, rotational) {
             (true, false) => ("force", "N"),
             (true, true) => ("force", "N m"),
@@ -72,7 +74,7 @@ pub(super) fn energy(toml: &mut String, table: &EnergyTable, plan: &Plan, comput
     for row in &table.rows {
         let mut cells = Vec::new();
         if let Some(case) = &row.case {
-            cells.push(format!("case = {}", toml::Value::from(case.as_str())));
+            cells.push(format!("case = {}", quoted(case)));
         }
         if let Some(f) = row.frequency {
             cells.push(format!("frequency = \"{f:e} Hz\""));
