@@ -6,7 +6,7 @@ use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::{DMatrix, DVector};
 
-use super::record::{Alike, Part};
+use super::record::{Alike, Part, Varied};
 use super::{Counts, Evidence, Record, Seen, Variances, beside};
 
 /// A test with its columns `A = [X, B]`, `X = [r, J / ||J||]`. What varies alike has the same weight `w` under all variances, and of such a lot `w A'A` needs no row:
@@ -47,13 +47,13 @@ impl Gram {
     }
 
     /// Squares and level of its coefficients under the variances that each of them has by itself.
-    fn weighed(&self, record: &Record, v: (f64, &[f64]), z: &DVector<f64>) -> Squares {
+    fn weighed(&self, channels: &[Varied], errors: &[f64]) -> Squares {
         let n = self.columns.0 + self.columns.1;
         let (mut squares, mut rows, mut ld) = (DMatrix::zeros(n, n), self.rows.clone(), 0.0);
         for (alike, lot) in self.alike.iter().zip(&self.lots) {
-            let (part, z) = (record.part(alike.channel, alike.members[0], v.0, v.1[alike.channel]), z[alike.members[0]]);
-            let w = 1.0 / part.variance(z);
-            ld += alike.members.len() as f64 * part.level(z);
+            let part = alike.part(channels, errors[alike.channel]);
+            let w = 1.0 / part.variance(alike.z);
+            ld += alike.level(&part, channels);
             match lot {
                 Lot::Squares(own) => (0..n).for_each(|k| {
                     squares.view_mut((k, k), (n - k, 1)).zip_apply(&own.view((k, k), (n - k, 1)), |sum, own| *sum += w * own)
@@ -88,8 +88,8 @@ pub(super) struct Squares {
 
 impl Squares {
     /// Those of all tests.
-    pub fn of(e: &Evidence, grams: &[Gram], counts: &Counts, v: &Variances) -> Vec<Squares> {
-        let of = |(t, gram): (usize, &Gram)| gram.weighed(&e.records[t], (v.kappa, &v.own_errors(t, &e.records[t])), &counts.z[t]);
+    pub fn of(e: &Evidence, grams: &[Gram], v: &Variances) -> Vec<Squares> {
+        let of = |(t, gram): (usize, &Gram)| gram.weighed(&e.records[t].varied(v.kappa), &v.own_errors(t, &e.records[t]));
         grams.iter().enumerate().map(of).collect()
     }
 

@@ -37,9 +37,9 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// True variance of noise over that seen.
-    pub fn scale(&self, kappa: f64) -> f64 {
-        if self.kind == BlockKind::Frf { 1.0 } else { (2.0 * kappa).exp() }
+    /// Logarithm of the true variance of noise over that seen.
+    fn log_scale(&self, kappa: f64) -> f64 {
+        if self.kind == BlockKind::Frf { 0.0 } else { 2.0 * kappa }
     }
 }
 
@@ -54,8 +54,15 @@ pub struct Part {
     pub free: f64,
     /// See [`Channel::colour`].
     pub colour: f64,
-    /// See [`Channel::scale`].
+    /// True variance of noise over that seen.
     pub scale: f64,
+}
+
+/// Logarithms of the noise and of the scale of a [`Part`], where whoever asks for its level knows them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Logs {
+    noise: f64,
+    scale: f64,
 }
 
 impl Part {
@@ -79,10 +86,16 @@ impl Part {
         if z == 0.0 || !self.noise.is_finite() {
             return 0.0;
         }
+        self.level_by(z, Logs { noise: self.noise.ln(), scale: self.scale.ln() })
+    }
+
+    /// The same of a coefficient that is compared. The variances of a model are estimated from some hundred levels of every coefficient, and logarithms
+    /// were half of their cost.
+    fn level_by(&self, z: f64, logs: Logs) -> f64 {
         let whole = self.whole();
         let known = (1.0 - self.free * self.colour).max(0.0) * (1.0 - self.noise / whole);
-        let rough = if self.free < 1.0 { (1.0 - self.free) * self.noise.ln() + known } else { 0.0 };
-        z * (self.free * whole.ln() + rough) + (1.0 - z) * (self.scale.ln() + 1.0 / self.scale)
+        let rough = if self.free < 1.0 { (1.0 - self.free) * logs.noise + known } else { 0.0 };
+        z * (self.free * whole.ln() + rough) + (1.0 - z) * (logs.scale + 1.0 / self.scale)
     }
 
     /// Fisher information of the logarithm of the model's error in a coefficient.
@@ -106,6 +119,35 @@ impl Part {
 pub(super) struct Alike {
     pub channel: usize,
     pub members: Vec<usize>,
+    /// How often each of them counts.
+    pub z: f64,
+    /// Variance by noise as seen, its logarithm, and variance by a relative error of 1 of the model.
+    noise: f64,
+    log_noise: f64,
+    size: f64,
+}
+
+impl Alike {
+    /// What one of them varies by, where the model errs by `tau`.
+    pub fn part(&self, channels: &[Varied], tau: f64) -> Part {
+        let Varied { free, colour, scale, .. } = channels[self.channel];
+        Part { noise: scale * self.noise, error: tau * tau * self.size, free, colour, scale }
+    }
+
+    /// What all of them add to `-2 ln L` beside their squares, see [`Part::level`].
+    pub fn level(&self, part: &Part, channels: &[Varied]) -> f64 {
+        let scale = channels[self.channel].log_scale;
+        self.members.len() as f64 * part.level_by(self.z, Logs { noise: self.log_noise + scale, scale })
+    }
+}
+
+/// What the coefficients of a channel have in common under a noise of scale `e^kappa`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Varied {
+    free: f64,
+    colour: f64,
+    scale: f64,
+    log_scale: f64,
 }
 
 /// A test.
@@ -154,10 +196,19 @@ impl Record {
     }
 
     /// What a coefficient of a channel varies by, where the model errs by `tau`.
-    pub(super) fn part(&self, channel: usize, i: usize, kappa: f64, tau: f64) -> Part {
+    fn part(&self, channel: usize, i: usize, kappa: f64, tau: f64) -> Part {
         let channel = &self.channels[channel];
-        let scale = channel.scale(kappa);
+        let scale = channel.log_scale(kappa).exp();
         Part { noise: scale * self.noise[i], error: tau * tau * self.size[i], free: channel.free, colour: channel.colour, scale }
+    }
+
+    /// Its channels under a noise of scale `e^kappa`.
+    pub(super) fn varied(&self, kappa: f64) -> Vec<Varied> {
+        let one = |c: &Channel| {
+            let log_scale = c.log_scale(kappa);
+            Varied { free: c.free, colour: c.colour, scale: log_scale.exp(), log_scale }
+        };
+        self.channels.iter().map(one).collect()
     }
 
     /// Coefficients that are compared, in lots that vary by the same under any variances, and count as the same.
@@ -166,9 +217,10 @@ impl Record {
         for (channel, c) in self.channels.iter().enumerate() {
             let mut known: HashMap<[u64; 3], usize> = HashMap::new();
             for i in c.range.clone().filter(|i| self.noise[*i].is_finite() && z[*i] > 0.0) {
-                let lot = *known.entry([self.noise[i], self.size[i], z[i]].map(f64::to_bits)).or_insert(lots.len());
+                let (noise, size, z) = (self.noise[i], self.size[i], z[i]);
+                let lot = *known.entry([noise, size, z].map(f64::to_bits)).or_insert(lots.len());
                 if lot == lots.len() {
-                    lots.push(Alike { channel, members: vec![] });
+                    lots.push(Alike { channel, members: vec![], z, noise, log_noise: noise.ln(), size });
                 }
                 lots[lot].members.push(i);
             }

@@ -267,7 +267,7 @@ fn coefficients_that_vary_alike_say_together_what_each_says_by_itself() {
     assert_eq!(lots.records[0].alike(&counts.z[0]).len(), 1);
     assert_eq!(each.records[0].alike(&counts.z[0]).len(), 81);
     let of = |e: &Evidence| {
-        let squares = super::likelihood::Squares::of(e, &e.grams(&seen, &counts), &counts, &v);
+        let squares = super::likelihood::Squares::of(e, &e.grams(&seen, &counts), &v);
         super::likelihood::restricted(e, &squares, &seen, &v).unwrap()
     };
     approx::assert_relative_eq!(of(&lots), of(&each), max_relative = 1e-10);

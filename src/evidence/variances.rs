@@ -139,7 +139,7 @@ impl Evidence {
     /// noise an own error of every channel fits the scatter of that noise's power, and an estimate that fitted them for nothing made a quarter of pure
     /// noise a model's error.
     pub fn prior(&self, counts: &Counts, v: &Variances) -> f64 {
-        self.prior_of(counts, v, &self.alike(counts))
+        self.prior_of(v, &self.alike(counts))
     }
 
     /// Coefficients of every test that vary alike under these counts.
@@ -147,13 +147,12 @@ impl Evidence {
         self.records.iter().zip(&counts.z).map(|(r, z)| r.alike(z)).collect()
     }
 
-    fn prior_of(&self, counts: &Counts, v: &Variances, alike: &[Vec<Alike>]) -> f64 {
+    fn prior_of(&self, v: &Variances, alike: &[Vec<Alike>]) -> f64 {
         let s = &self.settings;
         let of = |(t, record): (usize, &Record)| {
-            let (errors, mut known) = (v.own_errors(t, record), vec![0.0; record.channels.len()]);
+            let (errors, channels, mut known) = (v.own_errors(t, record), record.varied(v.kappa), vec![0.0; record.channels.len()]);
             for lot in &alike[t] {
-                let part = record.part(lot.channel, lot.members[0], v.kappa, errors[lot.channel]);
-                known[lot.channel] += lot.members.len() as f64 * part.known(counts.z[t][lot.members[0]]);
+                known[lot.channel] += lot.members.len() as f64 * lot.part(&channels, errors[lot.channel]).known(lot.z);
             }
             let open = (0..known.len()).filter(|b| (v.tau + v.own[t][*b]).exp() > record.channels[*b].least);
             open.map(|b| 0.5 * (1.0 + s.model_error_spread.powi(2) * known[b]).ln()).sum::<f64>()
@@ -167,9 +166,9 @@ impl Evidence {
         let start = Variances { omega: start.omega.max(self.settings.scatter_from), ..start.clone() };
         let (grams, alike) = (self.grams(seen, counts), self.alike(counts));
         let mut best = self.own_errors(seen, counts, start.bounded(&self.settings), &alike);
-        let squares = |v: &Variances| Squares::of(self, &grams, counts, v);
+        let squares = |v: &Variances| Squares::of(self, &grams, v);
         let value = |v: &Variances, squares: &[Squares]| {
-            restricted(self, squares, seen, v).map_or(f64::NEG_INFINITY, |l| l + self.prior_of(counts, v, &alike))
+            restricted(self, squares, seen, v).map_or(f64::NEG_INFINITY, |l| l + self.prior_of(v, &alike))
         };
         let mut at_best = squares(&best);
         let mut here = value(&best, &at_best);
@@ -216,19 +215,18 @@ impl Evidence {
         for (t, record) in self.records.iter().enumerate() {
             let parts = record.parts(v.kappa, &v.own_errors(t, record));
             let left = super::likelihood::cleaned(record, &seen[t], &parts, &counts.z[t], v.scatter(record));
-            // A lot of coefficients, the sum of their squares, and what they count as.
-            let of = |lot: &Alike| {
-                (lot.channel, lot.members[0], lot.members.len() as f64, lot.members.iter().map(|i| left[*i] * left[*i]).sum())
-            };
-            let lots: Vec<(usize, usize, f64, f64)> = alike[t].iter().map(of).collect();
+            let channels = record.varied(v.kappa);
+            // A lot of coefficients, and the sum of their squares.
+            let of = |lot| -> (&Alike, f64) { (lot, lot.members.iter().map(|i| left[*i] * left[*i]).sum()) };
+            let lots: Vec<(&Alike, f64)> = alike[t].iter().map(of).collect();
             for (b, channel) in record.channels.iter().enumerate() {
                 let cost = |g: f64| {
                     let tau = (v.tau + g).exp().max(channel.least);
-                    let of = |(_, i, count, squares): &(usize, usize, f64, f64)| {
-                        let (z, part) = (counts.z[t][*i], record.part(b, *i, v.kappa, tau));
-                        0.5 * (count * part.level(z) + squares / part.variance(z))
+                    let of = |(lot, squares): &(&Alike, f64)| {
+                        let part = lot.part(&channels, tau);
+                        0.5 * (lot.level(&part, &channels) + squares / part.variance(lot.z))
                     };
-                    lots.iter().filter(|lot| lot.0 == b).map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
+                    lots.iter().filter(|(lot, _)| lot.channel == b).map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
                 };
                 let grid = (0..s.own_points).map(|k| s.own_reach * (2.0 * k as f64 / (s.own_points - 1) as f64 - 1.0));
                 let costs: Vec<(f64, f64)> = grid.map(|g| (g, cost(g))).collect();

@@ -1,5 +1,7 @@
 //! Newton's method on the balance at the nonlinear places, and what follows from its solution.
 
+use std::sync::Arc;
+
 use faer::linalg::solvers::{PartialPivLu, Solve};
 use faer::{MatMut, MatRef};
 use nalgebra::{DMatrix, DVector, Dyn, SVD};
@@ -10,7 +12,8 @@ use crate::parallel;
 
 use super::super::EngineError;
 use super::Settings;
-use super::aft::{Aft, Basis, PERIODIC};
+use super::aft::{Aft, PERIODIC};
+use super::basis::Basis;
 use super::structure::{Drive, Flexibility, Structure};
 
 /// What is accepted where rounding in a stiff law ends the descent earlier.
@@ -28,7 +31,7 @@ const REUSED: f64 = 0.2;
 /// Harmonic balance of one structure under one drive.
 pub(super) struct Balance<'a> {
     pub(super) structure: Structure<'a>,
-    pub(super) basis: Basis,
+    pub(super) basis: Arc<Basis>,
     pub(super) harmonics: usize,
     pub(super) drive: Drive,
     pub(super) outputs: Vec<usize>,
@@ -56,7 +59,7 @@ pub(super) struct Balance<'a> {
 impl<'a> Balance<'a> {
     pub fn new(model: &Model, bound: &'a Bound, drive: Drive, outputs: &[usize], settings: Settings) -> Result<Self, EngineError> {
         let structure = Structure::new(model, bound, &drive)?;
-        let basis = Basis::new(settings.harmonics, settings.samples);
+        let basis = Basis::of(settings.harmonics, settings.samples);
         let size = structure.nonlinear.len() * basis.width;
         Ok(Balance {
             aft: structure.nonlinear.iter().map(|_| Aft::default()).collect(),

@@ -14,8 +14,8 @@ use super::super::EngineError;
 use super::super::march::{Loads, Probe};
 use super::super::periodic::Cycle;
 use super::Settings;
-use super::aft::Basis;
 use super::balance::Balance;
+use super::basis::Basis;
 use super::sensitivity::Source;
 use super::structure::{Drive, Part};
 
@@ -138,7 +138,7 @@ fn sampled(read: &[DMatrix<f64>], steps: usize, columns: usize) -> Cycle {
     let basis = Basis::waves((width - 1) / 2, steps);
     let (mut values, mut slopes) = (Vec::new(), Vec::new());
     for coefficients in read {
-        let over = coefficients * &basis;
+        let over = coefficients * &*basis;
         // Entry k is the end of step k + 1; the start of the cycle is that of its last step.
         let from = |k: usize| (k + 1) % steps;
         values.push((0..steps).map(|k| over[(0, from(k))]).collect());

@@ -19,10 +19,12 @@
 
 mod aft;
 mod balance;
+mod basis;
 mod continuation;
 mod cycle;
 mod fixed_point;
 mod sensitivity;
+mod shelf;
 mod structure;
 
 pub use cycle::balanced;
