@@ -282,3 +282,33 @@ fn with_slack(
         Err(_) => (case.clone(), fitted.clone(), Slack::default()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Sign;
+    use crate::model::{Axis, Body, Model, ParamValue};
+
+    /// One spring between the ground and a mass, `k` as it is declared.
+    fn spring(k: ParamValue) -> System {
+        let model = Model::joined(vec![Body::fixed("ground"), Body::new("m", 1.0, &[Axis::X])], &[("c1", "ground", "m")]);
+        let mut system = System::new(model.unwrap()).and("linear_stiffness", "c1.x", &[]).unwrap();
+        system.instances[0].params[0] = k;
+        system
+    }
+
+    #[test]
+    fn a_coefficient_without_a_bound_stays_within_reach_of_start_and_plain_fit() {
+        let settings = Settings::default();
+        let bounds = |start: ParamValue, fitted: f64| {
+            let (a, b) = bounded(spring(start.clone()), spring(ParamValue { value: fitted, ..start }), &settings);
+            (a.instances[0].params[0].max, b.instances[0].params[0].max)
+        };
+        let free = ParamValue::free(2e4, Sign::Positive);
+        assert_eq!(bounds(free.clone(), 3e5), (3e5 * settings.fitting.known, 3e5 * settings.fitting.known));
+        assert_eq!(bounds(free.clone(), 1e3).0, 2e4 * settings.fitting.known);
+        // A bound of the study's own stays, and what is fixed has none.
+        assert_eq!(bounds(ParamValue { max: 5e4, ..free }, 3e4), (5e4, 5e4));
+        assert!(bounds(ParamValue::fixed(2e4), 2e4).0.is_infinite());
+    }
+}

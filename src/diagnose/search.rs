@@ -274,7 +274,7 @@ impl<'a> Price<'a> {
     fn slopes_are_off(&self, best: &[Score], trials: &[Trial]) -> f64 {
         let stands = |s: &&Score| self.against.stands == Some(&self.names[trials[s.trial].candidate]);
         let bound = best.iter().find(stands).map(|s| (trials[s.trial].candidate, self.bound(trials[s.trial].candidate, s.drop)));
-        bound.map_or(1.0, |(own, bound)| (self.price(own) / bound.max(f64::MIN_POSITIVE)).max(1.0))
+        bound.map_or(1.0, |(own, bound)| off(self.price(own), bound))
     }
 
     pub fn left_out(&self, candidate: usize, drop: f64) -> Reason {
@@ -283,6 +283,11 @@ impl<'a> Price<'a> {
         }
         Reason::Hopeless { bound: self.bound(candidate, drop), price: self.price(candidate) }
     }
+}
+
+/// By how much more a law gained than its slope promised; 1 where it gained no more.
+fn off(gained: f64, promised: f64) -> f64 {
+    (gained / promised.max(f64::MIN_POSITIVE)).max(1.0)
 }
 
 /// Nats that the fall of a sum of squares `q` by this part is worth at most.
@@ -447,6 +452,13 @@ mod tests {
         let (left, trials) = once((names, vec![]), &[&name("elastic_slip", "c1.x")]);
         assert_eq!(left, [name("coulomb", "c1.x"), name("bouc_wen", "c2.x")]);
         assert!(trials.is_empty());
+    }
+
+    #[test]
+    fn slopes_are_off_by_what_was_gained_beyond_them() {
+        assert_eq!((off(137.0, 33.0), off(20.0, 33.0)), (137.0 / 33.0, 1.0));
+        // A slope of zero promises nothing: whatever stands opposite is looked at.
+        assert!(off(137.0, 0.0) > 1e100);
     }
 
     #[test]

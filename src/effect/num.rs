@@ -71,7 +71,9 @@ pub fn phi1<T: Num>(u: T) -> T {
 pub fn saturating_tanh<T: Num>(u: T) -> T {
     let side = if u.re() < 0.0 { -1.0 } else { 1.0 };
     if u.re().abs() < 20.0 {
-        let t = (u * (-2.0 * side)).exp_m1();
+        let w = u * (-2.0 * side);
+        // Away from 0 the exponential alone keeps all digits, and takes a third of the time.
+        let t = if w.re() < -0.5 { w.exp() - 1.0 } else { w.exp_m1() };
         -t / (t + 2.0) * side
     } else {
         T::from(side)

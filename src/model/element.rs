@@ -71,6 +71,8 @@ pub struct ElementScratch {
     params: Vec<f64>,
     slopes: Vec<f64>,
     recurrences: Recurrences,
+    /// Where the opening of the next step may be, where the engine knows better than the two before it; whatever it says, the opening is the same.
+    pub opening: Option<f64>,
 }
 
 impl Element {
@@ -148,6 +150,10 @@ impl Element {
         self.series.push(SeriesPiece { law, p, follower });
     }
 
+    /// Whether an effect in series opens here; its opening is the first state then.
+    pub fn opens(&self) -> bool {
+        self.opening
+    }
     /// Number of states.
     pub fn n_states(&self) -> usize {
         self.n_states
@@ -361,7 +367,7 @@ impl Element {
         let (e1, e2) = (s[0], s[1]);
         let (mut lo, mut hi) = (f64::NEG_INFINITY, f64::INFINITY);
         // The line through the last two.
-        let mut e = 2.0 * e1 - e2;
+        let mut e = scratch.opening.take().unwrap_or(2.0 * e1 - e2);
         let mut reach = 0.0;
         for _ in 0..200 {
             let inner = inside(u, dt, e, e1, e2);

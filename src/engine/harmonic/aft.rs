@@ -63,6 +63,8 @@ pub(super) struct Aft {
     fixed: FixedPoint,
     sensed: Sensed,
     scratch: ElementScratch,
+    /// Opening of an effect in series at each sample.
+    openings: Vec<f64>,
 }
 
 /// Change of the states over a cycle, relative to their largest value, at which they count as periodic.
@@ -103,8 +105,7 @@ impl Aft {
             self.rest(element);
             if ns > 0 {
                 for k in 0..=n {
-                    let u = self.inputs(k, n);
-                    element.value(&u, dt, &mut self.s, &mut self.scratch);
+                    self.value(element, k, n, dt);
                 }
             }
             self.start.clone_from(&self.s);
@@ -242,9 +243,8 @@ impl Aft {
             (0..ns).for_each(|i| self.slopes[i * ns + i] = 1.0);
         }
         for k in 1..=n {
-            let u = self.inputs(k, n);
             self.force_at[k % n] = if monodromy {
-                element.tangent(&u, dt, &mut self.s, &mut self.fs, Depth::States, &mut self.sensed, &mut self.scratch);
+                self.tangent(element, k, n, dt, Depth::States);
                 sized(&mut self.next, ns * ns);
                 for r in 0..ns {
                     let out = &mut self.next[r * ns..(r + 1) * ns];
@@ -255,11 +255,42 @@ impl Aft {
                 std::mem::swap(&mut self.slopes, &mut self.next);
                 self.sensed.f
             } else {
-                element.value(&u, dt, &mut self.s, &mut self.scratch)
+                self.value(element, k, n, dt)
             };
             for (scale, s) in self.state_scale.iter_mut().zip(&self.s) {
                 *scale = scale.max(s.abs());
             }
+        }
+    }
+
+    /// One step of the law.
+    fn value(&mut self, element: &Element, k: usize, n: usize, dt: f64) -> f64 {
+        let u = self.inputs(k, n);
+        self.begin(element, k, n);
+        let force = element.value(&u, dt, &mut self.s, &mut self.scratch);
+        self.end(element, k, n);
+        force
+    }
+
+    /// The same with the derivatives asked for, in `sensed`.
+    fn tangent(&mut self, element: &Element, k: usize, n: usize, dt: f64, depth: Depth) {
+        let u = self.inputs(k, n);
+        self.begin(element, k, n);
+        element.tangent(&u, dt, &mut self.s, &mut self.fs, depth, &mut self.sensed, &mut self.scratch);
+        self.end(element, k, n);
+    }
+
+    /// An opening is looked for where it was at this sample the last time: from cycle to cycle and in Newton's method on the balance it moves little.
+    fn begin(&mut self, element: &Element, k: usize, n: usize) {
+        if element.opens() {
+            self.openings.resize(n, f64::NAN);
+            self.scratch.opening = Some(self.openings[k % n]).filter(|e| e.is_finite());
+        }
+    }
+
+    fn end(&mut self, element: &Element, k: usize, n: usize) {
+        if element.opens() {
+            self.openings[k % n] = self.s[0];
         }
     }
 
@@ -292,8 +323,7 @@ impl Aft {
     /// One step: a row of `rows` becomes the derivative of the force, `slopes` those of the states.
     fn advance(&mut self, element: &Element, basis: &Basis, omega: f64, k: usize, columns: usize, full: bool) {
         let (n, w, ns) = (basis.samples, basis.width, element.n_states());
-        let (u, depth) = (self.inputs(k, n), if full { Depth::Params } else { Depth::States });
-        element.tangent(&u, TAU / omega / n as f64, &mut self.s, &mut self.fs, depth, &mut self.sensed, &mut self.scratch);
+        self.tangent(element, k, n, TAU / omega / n as f64, if full { Depth::Params } else { Depth::States });
         let i = k % n;
         let (value, rate) = (basis.row(&basis.value, i), basis.row(&basis.rate, i));
         let step = if k == 0 { value } else { basis.row(&basis.step, i) };
