@@ -328,7 +328,10 @@ impl Climb<'_> {
         if !self.added.is_empty() {
             self.refresh(&mut rungs)?;
         }
-        let (before, after) = (self.held_out(&self.first)?, self.held_out(&self.now));
+        // Whoever stops it before anything was added has nothing to hold against them, and they stay unseen.
+        let unseen = self.monitor.cancelled() && self.added.is_empty();
+        let read = |w: &Weighed| if unseen { Ok(vec![]) } else { self.held_out(w) };
+        let (before, after) = (read(&self.first)?, read(&self.now));
         let mut ended = end.describe(self);
         let mut after = after.unwrap_or_else(|why| {
             ended += &format!("; the held-out tests cannot be computed: {why}");

@@ -190,6 +190,8 @@ impl Bench<'_> {
             let (name, result) = (&self.names[candidate], fitted.and_then(|f| proof(self.case, f)));
             match &result {
                 Ok(p) => watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, p.fitted.outcome.cost)),
+                // What was stopped has not failed.
+                Err(_) if self.monitor.stops() => {}
                 Err(e) => watch(&format!("  refit {} at {} failed: {e}", name.effect, name.at)),
             }
             Refit { candidate, score: *score, result }

@@ -140,9 +140,14 @@ impl<'a> Monitor<'a> {
         self.stop().is_some()
     }
 
+    /// Whether somebody has stopped it, and not the time.
+    pub fn cancelled(&self) -> bool {
+        self.cancel.as_ref().is_some_and(|f| f.load(Ordering::Relaxed))
+    }
+
     /// Why to stop now, if at all.
     pub(crate) fn stop(&self) -> Option<&'static str> {
-        if self.cancel.as_ref().is_some_and(|f| f.load(Ordering::Relaxed)) {
+        if self.cancelled() {
             return Some("interrupted");
         }
         self.deadline.filter(|d| Instant::now() >= *d).map(|_| "the time allowed is used up")

@@ -26,6 +26,11 @@ pub fn with_values(system: &System, values: &BTreeMap<String, f64>) -> Result<Sy
         let Some(param) = param else {
             return Err(Failure::new("serve", key, "there is no such parameter", "`instance.parameter`, such as 0.0"));
         };
+        if !(param.min..=param.max).contains(value) {
+            let shown = |v: f64| printed(v, &param.unit);
+            let accepted = format!("{} to {}", shown(param.min), shown(param.max));
+            return Err(Failure::new("serve", key, format!("{} lies outside the bounds of the parameter", shown(*value)), accepted));
+        }
         param.value = *value;
     }
     system.check()?;
@@ -39,7 +44,7 @@ pub fn act(bench: &Bench, loaded: &Loaded, job: &Job, order: &Order) -> Result<V
     let case = Case { system: system.clone(), ..model.case.clone() };
     let done = match order.verb.as_str() {
         "fit" => fit(loaded, job, &case, order),
-        "add" => add(loaded, job, &case, order),
+        "add" => add(loaded, job, (&model, &case), order),
         "score" => score(loaded, job, &model, order),
         "ladder" => ladder(loaded, job, &case, order),
         "export" => export(loaded, job, &case, order),
@@ -90,7 +95,7 @@ fn fit(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, 
     let folder = begin(loaded, job, order)?;
     let (case, fitted, result) = fit_into(loaded, job, case, order, &folder).inspect_err(|_| discard(&folder))?;
     let value = finish(loaded, job, order, &folder, work::json(&result, &folder)?, None)?;
-    Ok(entered(loaded, &folder, "fit", value, case, fitted, &order.model))
+    Ok(entered(loaded, &folder, "fit", value, (case, fitted, result), &order.model))
 }
 
 /// A fit into the folder of a run.
@@ -130,8 +135,16 @@ fn profile(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Val
     Ok(json!({ "profiles": profiles, "parent": order.model }))
 }
 
-fn entered(loaded: &Loaded, folder: &RunFolder, verb: &str, value: Value, case: Case, fitted: Fitted, parent: &str) -> Value {
-    let model = Model { system: fitted.system.clone(), case: case_of(&case, &fitted.system), fitted: Some(fitted), marks: None };
+fn entered(
+    loaded: &Loaded,
+    folder: &RunFolder,
+    verb: &str,
+    value: Value,
+    (case, fitted, result): (Case, Fitted, FitResult),
+    parent: &str,
+) -> Value {
+    let (system, result) = (fitted.system.clone(), Some(Arc::new(result)));
+    let model = Model { case: case_of(&case, &system), system, fitted: Some(fitted), result, marks: None };
     let id = loaded.enter(&folder.path, verb, value, model);
     json!({ "model": id, "parent": parent })
 }
@@ -141,9 +154,14 @@ fn case_of(case: &Case, system: &System) -> Case {
 }
 
 /// Adds an effect; another one is added to the same model and becomes a branch beside it.
-fn add(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {
-    job.say("fit before");
-    let before = diagnose::fit(case, &loaded.splits(), &job.monitor(case.system.clone()))?;
+fn add(loaded: &Loaded, job: &Job, (model, case): (&Model, &Case), order: &Order) -> Result<Value, Failure> {
+    let before = match standing(loaded, model).filter(|_| order.values.is_empty()) {
+        Some(known) => known,
+        None => {
+            job.say("fit before");
+            diagnose::fit(case, &loaded.splits(), &job.monitor(case.system.clone()))?
+        }
+    };
     let mut done = add_to(loaded, job, &before, order)?;
     let Some(other) = &order.other else { return Ok(done) };
     let other = Order { verb: order.verb.clone(), model: order.model.clone(), ..(**other).clone() };
@@ -153,6 +171,14 @@ fn add(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, 
         Err(why) => done["beside_failed"] = why.json()["error"].clone(),
     }
     Ok(done)
+}
+
+/// The fit of a model, where it is known for every test that may be seen.
+fn standing(loaded: &Loaded, model: &Model) -> Option<(Case, Fitted, FitResult)> {
+    let (fitted, result) = (model.fitted.as_ref()?, model.result.as_ref()?);
+    let splits = loaded.splits();
+    let seen = model.case.plans.iter().filter(|(_, split)| splits.contains(split)).count();
+    (result.tests.len() == seen).then(|| (model.case.clone(), fitted.clone(), (**result).clone()))
 }
 
 fn add_to(loaded: &Loaded, job: &Job, before: &(Case, Fitted, FitResult), order: &Order) -> Result<Value, Failure> {
@@ -179,7 +205,7 @@ fn add_to(loaded: &Loaded, job: &Job, before: &(Case, Fitted, FitResult), order:
     let added = EffectAt { effect: done.instance.name().into(), at: done.instance.at.clone() };
     let value = work::json(&json!({ "before": plain(before)?, "after": plain(&done.result)?, "added": plain(&added)? }), &folder)?;
     let value = finish(loaded, job, order, &folder, value, None)?;
-    Ok(entered(loaded, &folder, "add", value, done.case, done.fitted, &order.model))
+    Ok(entered(loaded, &folder, "add", value, (done.case, done.fitted, done.result), &order.model))
 }
 
 /// The fit of a model, made where it is not known: from its own values it takes a few iterations.
@@ -188,8 +214,8 @@ fn fitted(loaded: &Loaded, job: &Job, model: &Model, id: &str) -> Result<Arc<Mod
         return Ok(Arc::new(model.clone()));
     }
     job.say("fit");
-    let (case, fitted, _) = diagnose::fit(&model.case, &[SplitName::Fit, SplitName::Select], &job.monitor(model.system.clone()))?;
-    let known = Arc::new(Model { case, fitted: Some(fitted), ..model.clone() });
+    let (case, fitted, result) = diagnose::fit(&model.case, &loaded.splits(), &job.monitor(model.system.clone()))?;
+    let known = Arc::new(Model { case, fitted: Some(fitted), result: Some(Arc::new(result)), ..model.clone() });
     loaded.keep(id, known.clone());
     Ok(known)
 }
@@ -243,7 +269,7 @@ fn ladder(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Valu
     // A ladder reads the held-out tests at its end.
     let opens = read(study, &result).then(|| json!({ "by": "ladder", "model": order.model, "when": now() }));
     let value = finish(loaded, job, order, &folder, value, opens)?;
-    let model = Model { case: case_of(&loaded.case, &system), system, fitted: None, marks: None };
+    let model = Model { case: case_of(&loaded.case, &system), system, fitted: None, result: None, marks: None };
     let id = loaded.enter(&folder.path, "ladder", value, model);
     Ok(json!({ "model": id, "parent": order.model, "verdict": plain(&result.verdict)?, "missing": plain(&result.missing)? }))
 }
@@ -303,9 +329,11 @@ pub fn save(loaded: &Loaded, model_id: &str, name: &str) -> Result<Value, Failur
         return Err(Failure::new("serve", model_id, message, "the study.toml of its run, which holds it whole"));
     }
     let added = &instances[own.len()..];
-    let file = loaded.study.save_beside(added, name)?;
+    let (file, kept) = loaded.study.save_beside(instances, name)?;
+    let same = |(a, b): (&crate::model::Instance, &crate::model::Instance)| a.params.iter().zip(&b.params).all(|(a, b)| a.value == b.value);
+    let moved = !own.iter().zip(instances).all(same);
     let effects: Vec<Value> = added.iter().map(|i| json!({ "effect": i.name(), "at": i.at })).collect();
     Ok(
-        json!({ "file": file.display().to_string(), "added": effects, "command": format!("misfit fit {}", quoted(&file.display().to_string())) }),
+        json!({ "file": file.display().to_string(), "added": effects, "moved": moved, "kept": kept, "command": format!("misfit fit {}", quoted(&file.display().to_string())) }),
     )
 }

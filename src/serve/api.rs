@@ -15,7 +15,7 @@
 //! | `POST /api/look` | `{basket, corrections}`: what is found in the files |
 //! | `POST /api/new` | `{basket, corrections, name}`: a study in the folder that is served |
 //! | `POST /api/studies/S/modes` | `{model, values, test}`: natural modes |
-//! | `POST /api/studies/S/compare` | `{model, values, tests, whole}`: curves |
+//! | `POST /api/studies/S/compare` | `{model, values, tests, whole, before}`: curves |
 //! | `POST /api/studies/S/run` | [`Order`]: a job |
 //! | `POST /api/studies/S/stop` | `{job}` |
 //! | `POST /api/studies/S/save` | `{model, name}`: a study beside study.toml |
@@ -46,7 +46,7 @@ use crate::work::{Failure, curves_json, demonstrate, effect_json};
 use super::act;
 use super::bench::{Bench, is_run};
 use super::curves::{Asked, compare};
-use super::order::{Order, VERBS, command};
+use super::order::{Order, VERBS, command, options};
 use super::{App, arrive, assets, motion, picture, resume};
 
 /// Bytes of a request's body at most: an order has a few hundred, the values of a thousand sliders 30 kB.
@@ -193,7 +193,7 @@ fn state(bench: &Bench) -> Result<Value, Refused> {
     let mut value = loaded.tree();
     value["study"] = json!({
         "id": bench.id, "title": study.title, "file": study.file.display().to_string(), "folder": study.folder.display().to_string(),
-        "tests": tests, "notes": loaded.case.notes(), "assumptions": study.assumptions,
+        "options": options(bench), "tests": tests, "notes": loaded.case.notes(), "assumptions": study.assumptions,
     });
     // A run under way has no result either.
     if let (Some(run), Some(open)) = (bench.running().and_then(|j| j.run()), value["unfinished"].as_array_mut()) {
@@ -285,6 +285,9 @@ struct Compared {
     tests: Option<Vec<String>>,
     #[serde(default)]
     whole: bool,
+    /// The model before the effect of this one was added, as it was fitted.
+    #[serde(default)]
+    before: bool,
 }
 
 #[derive(Deserialize)]
@@ -385,9 +388,8 @@ fn compared(bench: &Bench, asked: &Compared) -> Result<Value, Refused> {
     let (case, system) = match trial {
         Some(trial) => (loaded.case.clone(), trial),
         None => {
-            let model = loaded.model(&asked.model)?;
-            let system = act::with_values(&model.system, &asked.values)?;
-            (model.case.clone(), system)
+            let (model, system) = if asked.before { loaded.before(&asked.model)? } else { loaded.own(&asked.model)? };
+            (model.case.clone(), act::with_values(&system, &asked.values)?)
         }
     };
     let tests = compare(&loaded.study, &case, &system, &of).map_err(Failure::from)?;

@@ -9,7 +9,7 @@ use std::time::SystemTime;
 use serde_json::{Value, json};
 use tokio::sync::broadcast;
 
-use crate::diagnose::results::SplitName;
+use crate::diagnose::results::{FitResult, SplitName};
 use crate::diagnose::{Case, Fitted};
 use crate::model::System;
 use crate::study::Study;
@@ -99,6 +99,8 @@ pub struct Model {
     pub case: Case,
     /// Its fit.
     pub fitted: Option<Fitted>,
+    /// What that fit came to, for the splits that could be seen then.
+    pub result: Option<Arc<FitResult>>,
     /// Its score map.
     pub marks: Option<Arc<Value>>,
 }
@@ -130,7 +132,7 @@ impl Bench {
         let study = Study::load(&self.path, self.data.as_deref())?;
         let case = Case::from_study(&study, self.seed)?;
         let case = case.refined(&case.system).unwrap_or(case);
-        let root = Model { system: case.system.clone(), case: case.clone(), fitted: None, marks: None };
+        let root = Model { system: case.system.clone(), case: case.clone(), fitted: None, result: None, marks: None };
         let effects: Vec<Value> = case.system.instances.iter().map(|i| json!({ "effect": i.name(), "at": i.at })).collect();
         let result = Arc::new(json!({ "effects": effects }));
         let root = Node { parent: None, verb: ROOT.into(), result, model: Some(Arc::new(root)) };
@@ -230,9 +232,32 @@ impl Loaded {
         }
         let system = work::model(&self.study, &self.runs().join(id).join("study.toml"))?;
         let case = Case { system: system.clone(), ..self.case.clone() };
-        let model = Arc::new(Model { system, case, fitted: None, marks: None });
+        let model = Arc::new(Model { system, case, fitted: None, result: None, marks: None });
         self.keep(id, model.clone());
         Ok(model)
+    }
+
+    /// A model and its system.
+    pub fn own(&self, id: &str) -> Result<(Arc<Model>, System), Failure> {
+        let model = self.model(id)?;
+        let system = model.system.clone();
+        Ok((model, system))
+    }
+
+    /// The model that this one was made from, at the values that were fitted to it before an effect was added, where its run has them.
+    pub fn before(&self, id: &str) -> Result<(Arc<Model>, System), Failure> {
+        let (parent, values) = {
+            let tree = lock(&self.tree);
+            let node = tree.nodes.get(id);
+            let parent = node.and_then(|n| n.parent.clone()).unwrap_or(ROOT.into());
+            (parent, node.map_or(Value::Null, |n| n.result["before"]["parameters"].clone()))
+        };
+        let (model, mut system) = self.own(&parent)?;
+        for f in system.free() {
+            let fitted = values.as_array().and_then(|all| all.iter().find(|p| p["name"] == f.name)).and_then(|p| p["value"].as_f64());
+            system.instances[f.instance].params[f.param].value = fitted.unwrap_or(system.instances[f.instance].params[f.param].value);
+        }
+        Ok((model, system))
     }
 
     /// Runs without a result.

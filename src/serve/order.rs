@@ -90,15 +90,18 @@ pub fn command(bench: &Bench, order: &Order) -> String {
         };
         line += &if kept { format!(" --resume {}", run(resume)) } else { String::new() };
     }
-    if bench.seed != 1 {
-        line += &format!(" --seed {}", bench.seed);
-    }
-    line += &bench.data.as_ref().map_or(String::new(), |d| format!(" --data {}", quoted(&d.display().to_string())));
+    line += &options(bench);
     let other = order
         .other
         .as_ref()
         .map(|o| command(bench, &Order { verb: order.verb.clone(), model: order.model.clone(), other: None, ..(**o).clone() }));
     other.map_or(line.clone(), |o| format!("{line} && {o}"))
+}
+
+/// What every command line on the study ends with: the seed and the folder of the raw files, where the server was given them.
+pub fn options(bench: &Bench) -> String {
+    let seed = if bench.seed == 1 { String::new() } else { format!(" --seed {}", bench.seed) };
+    seed + &bench.data.as_ref().map_or(String::new(), |d| format!(" --data {}", quoted(&d.display().to_string())))
 }
 
 /// A word as a shell takes it.

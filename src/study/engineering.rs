@@ -72,10 +72,25 @@ pub fn unit_of(system: &System, dataset: &Dataset, instance: &Instance, param: u
     if let Some(unit) = written.and_then(|symbol| parse_unit(symbol, dimension).ok()) {
         return unit;
     }
+    // As other effects and the channels have it: an engineer who writes kip and inches reads them.
+    let others = system.instances.iter().flat_map(|i| &i.params).map(|p| p.unit.0.as_str()).filter(|symbol| !symbol.is_empty());
+    let written = others.filter_map(|symbol| parse_unit(symbol, dimension).ok()).find(|u| u.dimension == dimension);
+    if let Some(unit) = written.or_else(|| channel(dataset, dimension)) {
+        return unit;
+    }
     let per_condition = instance.target.as_ref().map(Target::per_unit).filter(|u| u.dimension == dimension);
     per_condition
         .or_else(|| UNITS.iter().filter_map(|u| parse_unit(u, dimension).ok()).find(|u| u.dimension == dimension))
         .unwrap_or_else(|| Unit::si(dimension))
+}
+
+/// The unit of the first channel of this dimension.
+fn channel(dataset: &Dataset, dimension: Dimension) -> Option<Unit> {
+    let of = |t: &crate::data::Test| match &t.record {
+        crate::data::Record::Cycle(r) | crate::data::Record::Transient(r) => r.channels.iter().map(|c| c.unit.clone()).collect(),
+        _ => vec![],
+    };
+    dataset.tests.iter().flat_map(of).find(|u: &Unit| u.dimension == dimension)
 }
 
 /// The unit a condition is first stated in.

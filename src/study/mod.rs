@@ -56,6 +56,7 @@ pub mod run;
 pub mod schema;
 mod settings;
 mod site;
+mod starts;
 mod space;
 mod text;
 mod tolerance;

@@ -6,21 +6,23 @@ use std::path::{Path, PathBuf};
 use crate::data::toml_strict::{TomlFile, TomlProblem};
 use crate::model::{Instance, System};
 
-use super::{Study, StudyError, load, text};
+use super::{Study, StudyError, load, starts, text};
 
 impl Study {
     /// Appends `instance` as an `[[effect]]` to the file of the study, leaving the rest as it is byte for byte, and returns the study
     /// with it. The new text is read as a study before it takes the place of the old; on any error the file is as it was.
     pub fn write_effect(&self, instance: &Instance) -> Result<Study, StudyError> {
         let file = self.file.canonicalize().map_err(|e| fail(&self.file, &e))?;
-        let (whole, study) = self.appended(&file, std::slice::from_ref(instance))?;
+        let whole = crate::limits::text(&file).map_err(|e| fail(&file, &e))?;
+        let (whole, study) = self.appended(&file, whole, std::slice::from_ref(instance))?;
         replace(&file, &whole)?;
         Ok(study)
     }
 
-    /// Writes the file of this study with `instances` appended, as [`Study::write_effect`] appends one, under another name beside it, so that
-    /// its comments stay. Never writes over a file.
-    pub fn save_beside(&self, instances: &[Instance], name: &str) -> Result<PathBuf, StudyError> {
+    /// Writes the file of this study under another name beside it, its comments as they are: the starts of its effects at the values of `instances`, which begin
+    /// with those of the study, and the others appended, as [`Study::write_effect`] appends one. Returns the file and the names of the
+    /// parameters whose values stand nowhere in it. Never writes over a file.
+    pub fn save_beside(&self, instances: &[Instance], name: &str) -> Result<(PathBuf, Vec<String>), StudyError> {
         let refuse = |reason: &str| StudyError::Write {
             file: self.folder.join(name),
             reason: reason.into(),
@@ -28,22 +30,28 @@ impl Study {
         };
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
-            return Err(refuse("it is no name of a file that is written here"));
+            return Err(refuse(if name.is_empty() {
+                "a name is needed, such as with-friction"
+            } else {
+                "it is no name of a file that is written here"
+            }));
         }
         let own = self.file.canonicalize().map_err(|e| fail(&self.file, &e))?;
         let file = self.folder.join(format!("{name}.toml"));
         if std::fs::symlink_metadata(&file).is_ok() {
             return Err(refuse("a file of this name is there"));
         }
-        let (whole, _) = self.appended(&own, instances)?;
+        // The file as it is now, not as it was loaded: the engineer may have edited it meanwhile.
+        let whole = crate::limits::text(&own).map_err(|e| fail(&own, &e))?;
+        let (of_study, added) = instances.split_at(self.system.instances.len().min(instances.len()));
+        let (whole, kept) = starts::moved(&whole, &self.system, &self.dataset, of_study);
+        let (whole, _) = self.appended(&own, whole, added)?;
         replace(&file, &whole)?;
-        Ok(file)
+        Ok((file, kept))
     }
 
     /// The text of `file`, this study's, with the effects at its end, and the study that it then is.
-    fn appended(&self, file: &Path, instances: &[Instance]) -> Result<(String, Study), StudyError> {
-        // The file as it is now, not as it was loaded: the engineer may have edited it meanwhile.
-        let mut whole = crate::limits::text(file).map_err(|e| fail(file, &e))?;
+    fn appended(&self, file: &Path, mut whole: String, instances: &[Instance]) -> Result<(String, Study), StudyError> {
         let before = whole.clone();
         let newline = if whole.contains("\r\n") { "\r\n" } else { "\n" };
         if !whole.ends_with('\n') && !whole.is_empty() {

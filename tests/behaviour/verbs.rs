@@ -317,3 +317,20 @@ fn check_names_what_moves_nothing() {
     assert!(moves("c1.x.linear_stiffness.k") && !moves("c2.x.linear_stiffness.k"), "{json}");
     assert!(json["problems"].to_string().contains("c2.x.linear_stiffness.k"));
 }
+
+/// An effect that is added speaks the units of the study's own effects and channels.
+#[test]
+fn an_added_effect_is_written_in_the_units_of_the_data() {
+    let rig = Rig::hiding(|_, v| 1.5 * v.signum());
+    for (file, unit) in
+        [("data/dataset.toml", "unit=\"N\""), ("data/dataset.toml", "0.05 N"), ("study.toml", "15 N/"), ("study.toml", "0.3 N ")]
+    {
+        rig.write(file, &rig.read(file).replace(unit, &unit.replace('N', "kN")));
+    }
+    rig.write("study.toml", &rig.read("study.toml").replace("\"0 N", "\"0 kN"));
+    let ran = rig.run("add", &["coulomb", "--at", "c1.x", "--json"]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let text = rig.read("study.toml");
+    let strength = text.lines().find(|l| l.starts_with("f = ")).unwrap_or_else(|| panic!("{text}"));
+    assert!(strength.contains(" kN\""), "{strength}");
+}

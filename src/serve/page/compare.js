@@ -12,7 +12,7 @@ export async function load() {
   const parent = state.about.models.find(m => m.id === model)?.parent;
   let before = null;
   if (parent) {
-    const old = await api(of("compare"), { model: parent });
+    const old = await api(of("compare"), { model, before: true });
     before = new Map(old.tests.map(t => [t.id, (t.curves || []).map(c => c.computed)]));
   }
   // The model beside it, where one was chosen and is still there.
@@ -39,6 +39,12 @@ export async function move(model, values, shown, begun = performance.now()) {
   });
   asking = false;
   if (again) { const next = again; again = null; move(...next); }
+}
+
+/** The curves of the model that is shown, in place of those of a fit that came to no model. */
+export function restore() {
+  if (Object.keys(state.values).length) return move(state.model, state.values, visibleTests().map(t => t.id));
+  for (const t of visibleTests()) emit("moved", t);
 }
 
 export const visibleTests = () => state.tests.filter(t => !t.sealed);
@@ -84,7 +90,7 @@ function draw() {
   const opened = state.about.held_out_opened.length && state.about.study.tests.some(t => t.split === "held_out")
     ? el("p", { class: "note" }, `The held-out tests were opened (${state.about.held_out_opened.map(o => o.by === "ladder" ? "by a ladder" : "by the reader").join(", ")}); that stands in the results from then on.`) : null;
   const legend = el("p", { class: "legend" }, el("span", { class: "key measured" }, "measured"), el("span", { class: "key computed" }, "computed"),
-    state.before ? el("span", { class: "key old" }, "before") : null, el("span", { class: "soft" }, "error: rms(measured − computed) / rms(measured − mean); floor: the noise alone would give this"));
+    state.before ? el("span", { class: "key old" }, "before") : null, el("span", { class: "soft" }, "error: rms(measured − computed) / rms(measured − mean); floor: the noise alone would give this; bar: from the floor to a hundred times the floor, logarithmic"));
   view.replaceChildren(legend, chooser(), ...[open, opened].filter(Boolean), large, grid);
   enlarge(state.detail, false);
 }
@@ -155,6 +161,7 @@ export function answer() {
   const words = ["fit", "select", "held_out"].map(s => [s, pooled(s)]).filter(p => p[1]);
   const worst = Math.max(...words.map(([, p]) => p.error / p.floor));
   const verdict = worst < 1.3 ? "The model agrees with the tests to within the noise." : worst < 3 ? "The model is close, and more than the noise is left." : "The model fails: the error is many times the noise.";
-  say(`${verdict} Error ${words.map(([s, p]) => `${percent(p.error)} on the ${splitWords[s]} tests (floor ${percent(p.floor)})`).join(", ")}.`);
+  const unfitted = state.model === "study" ? " These are its starting values, not a fit." : "";
+  say(`${verdict}${unfitted} Error ${words.map(([s, p]) => `${percent(p.error)} on the ${splitWords[s]} tests (floor ${percent(p.floor)})`).join(", ")}.`);
 }
 on("tests", answer);

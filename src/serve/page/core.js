@@ -78,6 +78,9 @@ export function say(text, bad = false) {
   line.classList.toggle("bad", bad);
 }
 
+/** What failed stays in the line that answers until the reader does something else. */
+for (const gesture of ["click", "input"]) document.addEventListener(gesture, () => { if (document.getElementById("answer").classList.contains("bad")) say(""); }, true);
+
 /** Runs an action of the reader; its failure is said. */
 export async function attempt(action) {
   try { return await action(); } catch (e) { say(e.message, true); if (!(e instanceof Failure)) console.error(e); return null; }
@@ -114,9 +117,11 @@ export function modelName(m) {
   if (!m) return "";
   if (m.id === "study") return "the study as it stands";
   if (m.verb === "add" && m.added) return `+ ${m.added.effect} at ${m.added.at}`;
-  if (m.verb === "ladder") return `ladder${m.stopped ? ", stopped" : ""}: ` + ((m.missing || []).map(e => `${e.effect} at ${e.at}`).join(", ") || (m.verdict || "").replaceAll("_", " "));
+  if (m.verb === "ladder") return `ladder${m.stopped ? ", stopped" : ""}: ` + found(m);
   return m.verb;
 }
+/** What a ladder has found; one that was stopped with nothing has not said that nothing is missing. */
+export const found = m => (m.missing || []).map(e => `${e.effect} at ${e.at}`).join(", ") || (m.stopped || m.interrupted ? "nothing added yet" : (m.verdict || "").replaceAll("_", " "));
 export const runTime = id => /^\d{8}-\d{6}/.test(id) ? `${id.slice(0, 4)}-${id.slice(4, 6)}-${id.slice(6, 8)} ${id.slice(9, 11)}:${id.slice(11, 13)}` : "";
 
 /** A model as it was chosen keeps its place in the address, so that a page that is reloaded shows it again. */

@@ -1,5 +1,5 @@
 // The page: studies, views, the model that is shown, events of the server.
-import { state, el, api, of, on, emit, attempt, say, command, node, modelName, percent, remember } from "./core.js";
+import { state, el, api, of, on, emit, attempt, say, command, node, modelName, percent, digits, remember } from "./core.js";
 import { load } from "./compare.js";
 import "./structure.js";
 import "./parameters.js";
@@ -38,7 +38,7 @@ tabs.forEach((tab, k) => {
 function suggest() {
   if (!state.about || state.view === "new" || (state.job && !state.job.ended)) return;
   const folder = state.about.study.folder, path = state.model === "study" ? folder : `${folder}/runs/${state.model}`;
-  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${/^[\w\-./]+$/.test(path) ? path : `'${path}'`}`);
+  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${/^[\w\-./]+$/.test(path) ? path : `'${path}'`}${state.about.study.options}`);
 }
 
 let source = null;
@@ -112,7 +112,7 @@ on("go", async ({ model, from, verb }) => {
   const now = node();
   if (verb === "add" && from && now?.errors?.fit) {
     const before = now.before || from.errors?.fit;
-    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (floor ${percent(now.errors.fit.floor)})${now.errors.select ? `, on the select tests it is ${percent(now.errors.select.error)}` : ""}. Undo goes back.`);
+    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (${digits(now.errors.fit.error / now.errors.fit.floor, 3)} × floor)${now.errors.select ? `, on the select tests it is ${percent(now.errors.select.error)} (${digits(now.errors.select.error / now.errors.select.floor, 3)} × floor)` : ""}. ${now.errors.fit.error > 1.3 * now.errors.fit.floor ? "More than the noise is left. " : ""}Undo goes back.`);
   }
 });
 

@@ -1,6 +1,6 @@
 // Models: the tree, work under way, the ladder, saving.
-import { state, el, svg, of, api, on, emit, attempt, percent, digits, say, command, node, modelName, runTime, failureText, splitWords } from "./core.js";
-import { move, visibleTests } from "./compare.js";
+import { state, el, svg, of, api, on, emit, attempt, percent, digits, say, command, node, modelName, found, runTime, failureText, splitWords } from "./core.js";
+import { move, restore, visibleTests } from "./compare.js";
 import { thumb } from "./plots.js";
 
 const tree = document.getElementById("tree"), jobBox = document.getElementById("job");
@@ -17,7 +17,15 @@ export async function run(order) {
   });
 }
 
-export const stop = () => state.job && attempt(() => api(of("stop"), { job: state.job.id }));
+/** It ends within a step of the model, which may take seconds: until then the page says so. */
+export const stop = () => {
+  if (!state.job) return;
+  state.job.stopping = true;
+  drawJob();
+  if (state.view === "ladder") drawLadder();
+  attempt(() => api(of("stop"), { job: state.job.id }));
+};
+const stopButton = words => el("button", { type: "button", disabled: !!state.job.stopping, onclick: stop }, state.job.stopping ? "Stopping after this step …" : words);
 
 let drawing = false, picture = null;
 /** The worst test, followed while a fit runs. */
@@ -42,6 +50,7 @@ export function event(e) {
 
 async function ended(job) {
   const end = job.ended;
+  if (job.model === state.model && !["add", "fit", "ladder"].includes(job.verb) || end.status === "failed") restore();
   if (end.status === "failed") { say(`${job.verb}: ${end.error.message}${end.error.accepted ? "; accepted: " + end.error.accepted : ""}`, true); return; }
   if (job.verb === "score") { if (end.result?.candidates && state.described && job.model === state.model) { state.described.scored = end.result.candidates; emit("described"); emit("view", "structure"); } return; }
   if (job.verb === "profile" && end.result) { emit("reload-model"); return; }
@@ -53,6 +62,8 @@ async function ended(job) {
 
 function drawJob() {
   const job = state.job;
+  // One work at a time on a study.
+  for (const id of ["do-fit", "do-score"]) document.getElementById(id).disabled = !!job && !job.ended;
   if (!job) { jobBox.replaceChildren(); return; }
   const running = !job.ended;
   const last = job.lines[job.lines.length - 1] || "begins";
@@ -69,7 +80,7 @@ function drawJob() {
   jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status}`),
     el("p", { class: "line", "aria-live": "polite" }, last), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
     test ? el("div", { class: "panel" }, picture.node, el("span", { class: "soft" }, test.id)) : null,
-    running ? el("button", { type: "button", onclick: stop }, "Stop") : null, job.ended?.status === "stopped" && job.ended.result?.model ? goOn(job.ended.result.model) : null));
+    running ? stopButton("Stop") : null, job.ended?.status === "stopped" && job.ended.result?.model ? goOn(job.ended.result.model) : null));
 }
 on("moved", t => { if (picture?.id === t.id) picture.update(t.curves[0].computed); });
 
@@ -94,16 +105,16 @@ function drawModels() {
   const row = m => el("tr", { class: m.id === state.model ? "chosen" : null },
     el("th", { scope: "row" }, el("button", { type: "button", class: "link", onclick: () => emit("go", { model: m.id }) }, modelName(m)), el("div", { class: "soft" }, m.id)),
     ...["fit", "select", "held_out"].map(s => el("td", {}, ratio(m.errors?.[s]))),
-    el("td", {}, m.termination || "", m.verb === "ladder" && m.verdict ? ` ${m.verdict.replaceAll("_", " ")}` : "", m.stopped ? [" ", goOn(m.id)] : ""),
+    el("td", {}, m.id === "study" ? "not fitted" : m.termination || "", m.verb === "ladder" && m.verdict && !m.stopped ? ` ${m.verdict.replaceAll("_", " ")}` : "", m.stopped ? [" ", goOn(m.id)] : ""),
     el("td", {}, m.id === "study" ? "" : ["report.html", "study.toml", "result.json", "residuals.parquet"].flatMap(f => [el("a", { href: `/api/${of("runs")}/${m.id}/${f}`, target: "_blank", rel: "noopener" }, f), " "])));
-  const name = el("input", { type: "text", id: "save-name", pattern: "[A-Za-z0-9_\\-]{1,64}", maxlength: 64, placeholder: "with-friction", "aria-label": "Name of the study" });
+  const name = el("input", { type: "text", id: "save-name", pattern: "[A-Za-z0-9_\\-]{1,64}", maxlength: 64, required: true, title: "letters, digits, - and _, at most 64", placeholder: "with-friction", "aria-label": "Name of the study" });
   const save = async e => {
     e.preventDefault();
-    await attempt(async () => { const done = await api(of("save"), { model: state.model, name: name.value }); command(done.command); say(`Saved as ${done.file}: your study.toml with its comments, and ${done.added.map(a => `${a.effect} at ${a.at}`).join(", ") || "nothing added"}.`); });
+    await attempt(async () => { const done = await api(of("save"), { model: state.model, name: name.value }); command(done.command); say(`Saved as ${done.file}: your study.toml with its comments, ${done.moved ? "the values of this model" : "its own values"}, and ${done.added.map(a => `${a.effect} at ${a.at}`).join(", ") || "nothing added"}.${done.kept.length ? ` Not written in that file, and therefore as they were: ${done.kept.join(", ")}.` : ""}`); });
   };
   const file = state.about.study.file;
   models.replaceChildren(el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Model", "Fit", "Select", "Held out", "Ended", "Files of its run"].map(h => el("th", { scope: "col" }, h)))), el("tbody", {}, ...[...state.about.models].sort((a, b) => (a.parent ? 1 : 0) - (b.parent ? 1 : 0) || (a.id < b.id ? 1 : -1)).map(row)))),
-    el("form", { class: "save", onsubmit: save }, el("h2", {}, "Save this model as a study"), el("p", { class: "soft" }, `A copy of ${file} with its comments and the effects that were added, beside it, under this name.`),
+    el("form", { class: "save", onsubmit: save }, el("h2", {}, "Save this model as a study"), el("p", { class: "soft" }, `A copy of ${file} with its comments, with the values of this model and the effects that were added, beside it, under this name.`),
       el("label", {}, "Name ", name), " ", el("button", { type: "submit" }, "Save")),
     el("h2", {}, "Export this model"), el("p", { class: "buttons" }, ...["json", "csv", "parquet", "adams", "exudyn"].map(f => el("label", {}, el("input", { type: "checkbox", class: "format", value: f, checked: f === "json" || f === "csv" }), " " + f)),
       el("button", { type: "button", onclick: () => { const to = [...models.querySelectorAll("input.format:checked")].map(i => i.value); to.length ? run({ verb: "export", to }) : say("Choose a format.", true); } }, "Export")),
@@ -125,9 +136,9 @@ function drawLadder() {
   const shown = done.find(m => m.id === state.model) || done[done.length - 1];
   const held = state.about.study.tests.some(t => t.split === "held_out");
   const parts = [el("p", {}, "The ladder fits the model, scores all effects at all places, refits the best, weighs them, adds what gains most, and takes out what has become superfluous, until nothing gains more than it costs.",
-    held ? " At its end it reads the held-out tests: from then on they count as opened." : ""),
-    el("p", { class: "buttons" }, el("button", { type: "button", class: "main", disabled: job && !job.ended, onclick: () => run({ verb: "ladder" }) }, "Run the ladder from this model"),
-      job && !job.ended ? el("button", { type: "button", onclick: stop }, "Stop and keep what it has") : null)];
+    held ? " At its end it reads the held-out tests: from then on they count as opened. Stopped before it has added anything, it does not read them." : ""),
+    el("p", { class: "buttons" }, el("button", { type: "button", class: "main", disabled: !!state.job && !state.job.ended, onclick: () => run({ verb: "ladder" }) }, "Run the ladder from this model"),
+      job && !job.ended ? stopButton("Stop and keep what it has") : null)];
   if (job) {
     const added = job.lines.filter(l => /added .* at .*: .* nats/.test(l));
     parts.push(el("h2", {}, job.ended ? "Last ladder" : "Under way"), added.length ? el("ol", {}, ...added.map(l => el("li", {}, l))) : "", el("pre", { class: "log", tabindex: 0, "aria-label": "Progress" }, job.lines.slice(-40).join("\n")));
@@ -135,7 +146,7 @@ function drawLadder() {
   if (shown?.rungs) {
     const words = e => e ? `${e.effect} at ${e.at}` : "-";
     const h = shown.held_out;
-    parts.push(el("h2", {}, `${shown.interrupted ? "So far" : "Found"}: ${(shown.missing || []).map(words).join(", ") || (shown.verdict || "").replaceAll("_", " ")}`),
+    parts.push(el("h2", {}, `${shown.interrupted ? "So far" : "Found"}: ${found(shown)}`),
       el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Rung", "Added", "Removed", "Cost", "Fit", "Select", "Held out"].map(t => el("th", { scope: "col" }, t)))),
         el("tbody", {}, ...shown.rungs.map((r, k) => el("tr", {}, el("td", {}, String(k)), el("td", {}, words(r.added)), el("td", {}, (r.removed || []).map(words).join(", ") || "-"), el("td", { class: "n" }, digits(r.cost, 4)), ...["fit", "select", "held_out"].map(s => el("td", {}, ratio(r.errors?.[s])))))))),
       shown.began_with?.length ? el("p", {}, `It went on from a model that had ${shown.began_with.map(words).join(", ")} already.`) : "",

@@ -55,11 +55,11 @@ function profile(p) {
 function row(p) {
   const s = scale(p), k = p.factor || 1, now = state.values[p.key] ?? p.value;
   const inUnit = v => digits(v / k, 5);
-  const slider = el("input", { type: "range", min: 0, max: 1000, step: 1, value: Math.round(s.from(now)), "aria-label": `${p.name}, slider` });
+  const slider = el("input", { type: "range", min: 0, max: 1000, step: 0.05, value: s.from(now), "aria-label": `${p.name}, slider` });
   const number = el("input", { type: "text", inputmode: "decimal", size: 9, value: inUnit(now), "aria-label": `${p.name} in ${p.unit || "its unit"}` });
   const set = v => { state.values = { ...state.values, [p.key]: v }; slider.closest("tr").classList.add("moved"); send(); };
   slider.addEventListener("input", () => { const v = s.to(+slider.value); number.value = inUnit(v); slider.setAttribute("aria-valuetext", `${inUnit(v)} ${p.unit}`); set(v); });
-  number.addEventListener("change", () => { const v = parseFloat(number.value.replace(",", ".")) * k; if (Number.isFinite(v)) { slider.value = Math.round(s.from(v)); set(v); } });
+  number.addEventListener("change", () => { const v = parseFloat(number.value.replace(",", ".")) * k; if (Number.isFinite(v)) { slider.value = s.from(v); set(v); } });
   const [a, b] = p.interval || [];
   const interval = p.at_bound ? "-" : p.identifiable ? `${inUnit(a)} to ${inUnit(b)}` : p.identifiable === false ? "the data do not say" : "-";
   const range = el("span", { class: "interval" });

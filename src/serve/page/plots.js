@@ -138,7 +138,7 @@ export function large(curve, computed, before) {
     add(caption, 260, [points(values, r, "residual", blue, { showlegend: false })], { xaxis: axis("linear", title), yaxis: axis("linear", "residual / σ") });
   against(curve.abscissa, curve.kind === "loop" ? "phase in the cycle [deg]" : over, curve.kind === "loop" ? "residual against phase" : "residual against " + over);
   against(curve.v, curve.x_unit === "SI" ? "velocity [SI]" : `velocity [${curve.x_unit}/s]`, "residual against velocity");
-  if (loop) against(curve.x, over, "residual against displacement");
+  if (loop) against(curve.x, over, "residual against the drive");
   return figures;
 }
 

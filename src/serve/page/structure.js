@@ -128,10 +128,10 @@ function list() {
 function row(m) {
   const key = `${m.effect} ${m.at} ${m.of || ""}`;
   const is = open === key;
-  const head = el("button", { type: "button", class: "candidate" + (m.promises ? "" : " weak"), "aria-expanded": is, onclick: () => { open = is ? null : key; draw(); } },
+  const head = el("button", { type: "button", class: "candidate" + (m.promises ? "" : " weak"), "aria-expanded": is, "data-key": key, onclick: () => { open = is ? null : key; draw(); [...view.querySelectorAll(".candidate")].find(b => b.dataset.key === key)?.focus(); } },
     el("b", {}, m.effect.replaceAll("_", " ")), el("span", {}, m.at + (m.of ? ` (${m.of})` : "")), bar(m.predicted_drop),
     el("span", { class: "n" }, percent(m.predicted_drop)), el("span", { class: "n soft" }, m.p_value < 0.001 ? "p < 0.001" : `p = ${digits(m.p_value, 2)}`),
-    el("span", { class: "soft" }, m.promises ? "may gain more than its price" : "too little"));
+    el("span", { class: "soft" }, m.promises ? "worth a refit" : "too little"));
   if (!is) return head;
   const pictures = el("div", { class: "pictures" });
   demonstrate(m.effect, pictures);

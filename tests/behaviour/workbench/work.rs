@@ -51,14 +51,26 @@ fn the_missing_effect_is_seen_added_undone_and_saved() {
     assert_eq!(node(&with)["added"], json!({ "effect": "coulomb", "at": "c1.x" }));
     assert!((error(&served.compare(&fitted, &json!({})), "loop-1Hz") - error(&tests, "loop-1Hz")).abs() < 1e-9);
 
+    // From the study as it stands an effect is held against the fit, not against the starting values.
+    let direct = served.run(&json!({ "verb": "add", "model": "study", "effect": "coulomb", "at": "c1.x" }));
+    let direct = direct["result"]["model"].as_str().unwrap_or_else(|| panic!("{direct}")).to_string();
+    let was = served.post("compare", &json!({ "model": direct, "before": true })).json();
+    let was = was["tests"].as_array().unwrap();
+    assert!((error(was, "loop-1Hz") / error(&tests, "loop-1Hz") - 1.0).abs() < 1e-6 && error(was, "loop-1Hz") < error(&before, "loop-1Hz"));
+
     let saved = served.post("save", &json!({ "model": with, "name": "with-friction" }));
     assert_eq!(saved.status, 200, "{}", String::from_utf8_lossy(&saved.body));
     let text = rig.read("with-friction.toml");
-    assert!(text.starts_with(&own) && text.contains("# my own words") && text.contains("coulomb"), "{text}");
-    let ran = misfit(&["fit", &rig.path("with-friction.toml").display().to_string(), "--json"]);
+    let lines = own.lines().count();
+    let other: Vec<&str> = own.lines().zip(text.lines()).filter(|(a, b)| a != b).map(|(_, b)| b).collect();
+    assert!(other.len() == 2 && other[0].starts_with("k = { start = ") && other[1].starts_with("c = { start = "), "{other:?}");
+    assert!(other.iter().all(|l| l.contains(", min = \"0 N")), "the rest of the line stays: {other:?}");
+    assert!(text.lines().skip(lines).any(|l| l.contains("coulomb")) && text.starts_with("# my own words"), "{text}");
+    assert_eq!((&saved.json()["moved"], &saved.json()["kept"]), (&json!(true), &json!([])));
+    let ran = misfit(&["compare", &rig.path("with-friction.toml").display().to_string(), "--json"]);
     assert_eq!(ran.code, 0, "{}", ran.stderr);
-    let fit_error = ran.json()["tests"][0]["error"].as_f64().unwrap();
-    assert!((fit_error - error(&after, "loop-1Hz")).abs() < 1e-3, "the verb comes to the same");
+    let its_error = ran.json()["tests"][0]["error"].as_f64().unwrap();
+    assert!((its_error / error(&after, "loop-1Hz") - 1.0).abs() < 1e-6, "it stands where the model stood: {its_error}");
     let again = served.post("save", &json!({ "model": with, "name": "with-friction" }));
     assert_eq!((again.status, rig.read("with-friction.toml")), (400, text), "nothing is written over");
     let exported = served.run(&json!({ "verb": "export", "model": with, "to": ["json", "csv"] }));
@@ -154,6 +166,22 @@ fn ctrl_c_ends_it_and_a_job_keeps_what_it_has() {
     assert!(code == Some(130) || code == Some(0), "{code:?}");
     let results: Vec<_> = rig.runs().into_iter().filter(|r| r.join("result.json").is_file()).collect();
     assert_eq!(results.len(), 1, "the ladder wrote its result");
+}
+
+/// Who stops a ladder that has added nothing has not looked at the held-out tests, and has not been told that nothing is missing.
+#[test]
+fn a_ladder_stopped_with_nothing_added_leaves_the_held_out_tests_sealed() {
+    let rig = hiding();
+    let served = Served::start(rig.folder(), &["--json"]);
+    let begun = served.post("run", &json!({ "verb": "ladder", "model": "study" })).json();
+    assert_eq!(served.post("stop", &json!({ "job": begun["job"] })).status, 200);
+    let ended = served.wait(&begun["job"]);
+    assert_eq!((&ended["status"], &ended["result"]["missing"]), (&json!("stopped"), &json!([])), "{ended}");
+    let state = served.state();
+    assert_eq!(state["held_out_opened"], json!([]), "{}", state["held_out_opened"]);
+    let run: Value = serde_json::from_str(&rig.read(&format!("runs/{}/result.json", ended["result"]["model"].as_str().unwrap()))).unwrap();
+    assert!(run["held_out"]["after"].is_null() && run["interrupted"] == true, "{}", run["held_out"]);
+    assert!(!state["jobs"][0]["lines"].to_string().contains("failed"), "what was stopped has not failed: {}", state["jobs"][0]["lines"]);
 }
 
 #[test]
