@@ -98,7 +98,7 @@ impl Study {
     }
 
     /// Reads a text as the study it would be in `file`, with the dataset at hand.
-    fn reread(&self, file: &Path, whole: String) -> Result<Study, StudyError> {
+    pub(super) fn reread(&self, file: &Path, whole: String) -> Result<Study, StudyError> {
         let toml = TomlFile::parse(file, whole, "study")?;
         let mut study = Study::from_toml(&toml, self.dataset.clone())?;
         study.data = self.data.clone();

@@ -3,10 +3,13 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Tables that were used last, by two sizes; all but the last few are forgotten.
-pub(super) struct Shelf<T>(Mutex<Vec<((usize, usize), Arc<T>)>>);
+pub(super) struct Shelf<T>(Mutex<Vec<Kept<T>>>);
+
+/// The sizes of a table, and the table.
+type Kept<T> = ((usize, usize), Arc<T>);
 
 /// Tables kept: the tests of a study ask for a handful of sizes.
-const KEPT: usize = 12;
+const MOST: usize = 12;
 
 impl<T> Shelf<T> {
     pub const fn new() -> Self {
@@ -22,7 +25,7 @@ impl<T> Shelf<T> {
         // Made outside the lock: two threads may make the same, and either serves.
         let table = Arc::new(make());
         let mut kept = kept();
-        if kept.len() >= KEPT {
+        if kept.len() >= MOST {
             kept.remove(0);
         }
         kept.push((sizes, table.clone()));
@@ -39,7 +42,7 @@ mod tests {
         let shelf = Shelf::new();
         let made = |n: usize| *shelf.of((n, 0), || 10 * n);
         assert_eq!((made(1), *shelf.of((1, 0), || 7)), (10, 10));
-        (2..2 + KEPT).for_each(|n| assert_eq!(made(n), 10 * n));
-        assert_eq!((*shelf.of((1, 0), || 7), *shelf.of((1 + KEPT, 0), || 7)), (7, 10 * (1 + KEPT)));
+        (2..2 + MOST).for_each(|n| assert_eq!(made(n), 10 * n));
+        assert_eq!((*shelf.of((1, 0), || 7), *shelf.of((1 + MOST, 0), || 7)), (7, 10 * (1 + MOST)));
     }
 }

@@ -38,7 +38,7 @@ tabs.forEach((tab, k) => {
 function suggest() {
   if (!state.about || state.view === "new" || (state.job && !state.job.ended)) return;
   const folder = state.about.study.folder, path = state.model === "study" ? folder : `${folder}/runs/${state.model}`;
-  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${/^[\w\-./]+$/.test(path) ? path : `'${path}'`}${state.about.study.options}`);
+  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${/^[\w\-./]+$/.test(path) ? path : `'${path}'`}${state.view === "structure" ? " --scores" : ""}${state.about.study.options}`);
 }
 
 let source = null;
