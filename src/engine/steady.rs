@@ -8,7 +8,7 @@ use super::harmonic::balanced;
 use super::march::{Loads, Probe};
 use super::periodic::{Cycle, periodic};
 
-/// By harmonic balance where that finds it ([`balanced`]), else by the march ([`periodic`]), very many candidates of a spatial model by receptances ([`followed`]). `loads` holds one cycle: its first and last sample are equal.
+/// By harmonic balance where that finds it ([`balanced`]), else by the march ([`periodic`]), very many candidates of a spatial model by receptances (`followed`). `loads` holds one cycle: its first and last sample are equal.
 ///
 /// # Errors
 /// Those of [`periodic`].
