@@ -71,7 +71,8 @@ pub struct ElementScratch {
     params: Vec<f64>,
     slopes: Vec<f64>,
     recurrences: Recurrences,
-    /// Where the opening of the next step may be, where the engine knows better than the two before it; whatever it says, the opening is the same.
+    /// Where the opening of the next step may be, where the engine knows better than the two before it. The root is unique: from wherever it is looked for,
+    /// the opening is the same to the accuracy of its Newton steps.
     pub opening: Option<f64>,
 }
 

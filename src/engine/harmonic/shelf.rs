@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Tables that were used last, by two sizes; all but the last few are forgotten.
+/// Tables by two sizes. Of more than a few, the one that was made first is forgotten.
 pub(super) struct Shelf<T>(Mutex<Vec<Kept<T>>>);
 
 /// The sizes of a table, and the table.
