@@ -47,15 +47,22 @@ fn tables<'a, 'b>(root: &'a DeTable<'b>, key: &str) -> Vec<&'a DeTable<'b>> {
     list.map_or(vec![], |all| all.iter().filter_map(|v| v.get_ref().as_table()).collect())
 }
 
-/// The block each instance was read from; none of those that a block made several of, and of what no block states.
+/// Where a block acts, as an instance says it.
+fn at_of(block: &DeTable) -> Option<String> {
+    let at = block.get("at")?.get_ref();
+    let list = at.as_array().map(|all| all.iter().filter_map(|v| v.get_ref().as_str()).collect::<Vec<_>>().join(","));
+    list.or_else(|| at.as_str().map(String::from)).map(|at| at.replace(' ', ""))
+}
+
+/// The block each instance was read from; none of those that a block made several of, of what no block states, and of what stands elsewhere by now: the file
+/// may have been edited since it was read.
 fn blocks_of<'a, 'b>(blocks: &[&'a DeTable<'b>], instances: &[Instance]) -> Vec<Option<&'a DeTable<'b>>> {
     let mut of = Vec::new();
     for block in blocks {
-        let name = block.get("effect").and_then(|v| v.get_ref().as_str());
+        let (name, at) = (block.get("effect").and_then(|v| v.get_ref().as_str()), at_of(block));
         let several = block.contains_key("per");
-        let at = instances.get(of.len()).map(|i| i.at.clone());
-        // Those of one block stand one after the other at the same place.
-        let is_next = |i: &&Instance| Some(i.name()) == name && (!several || Some(&i.at) == at.as_ref());
+        // Those of one block stand one after the other.
+        let is_next = |i: &&Instance| Some(i.name()) == name && Some(i.at.replace(' ', "")) == at;
         let own = instances.iter().skip(of.len()).take_while(is_next).take(if several { usize::MAX } else { 1 }).count();
         of.extend(std::iter::repeat_n((!several).then_some(*block), own));
     }
@@ -92,6 +99,11 @@ mod tests {
             let text = std::fs::read_to_string(&study.file).unwrap();
             let (whole, kept) = moved(&text, &study.system, &study.dataset, &to);
             assert_eq!(whole.lines().count(), text.lines().count());
+            assert!(kept.is_empty() || text.contains("per = "), "{}: {kept:?}", study.file.display());
+            // Of an effect that stands elsewhere by now the values stay.
+            let elsewhere = text.replace("at = \"c", "at = \"d");
+            let (other, stays) = moved(&elsewhere, &study.system, &study.dataset, &to);
+            assert!(other == elsewhere || stays.len() > kept.len() || !text.contains("at = \"c"), "{}", study.file.display());
             let again = study.reread(&study.file, whole).unwrap();
             for ((own, new), read) in study.system.instances.iter().zip(&to).zip(&again.system.instances) {
                 for (k, param) in own.effect.info().params.iter().enumerate() {
