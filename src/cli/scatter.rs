@@ -14,7 +14,7 @@ pub(super) fn told(fitted: &Fitted, all: &[Replicate], asked: usize) -> (Value, 
     let mut rows = Vec::new();
     let mut list = Vec::new();
     for (k, f) in fitted.free.iter().enumerate() {
-        let value = |v: f64| if f.log { v.exp() } else { v };
+        let value = |v: f64| f.value(v);
         let Some(s) = Spread::of(good.iter().map(|p| value(p[k])).collect()) else { continue };
         let unit = unit_of(&fitted.system, f);
         rows.push(vec![

@@ -1,7 +1,7 @@
 //! The candidates of the search: every effect of the library at every place it may act, over a grid of its shapes.
 
 use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Moves, Over, Role, SPLINE, Scales, Sign, find, own};
-use crate::model::{ChannelSite, Instance, ParamValue, Site, System, Target};
+use crate::model::{ChannelSite, Instance, Model, ParamValue, Site, System, Target};
 use crate::response::{BlockKind, Plan};
 use crate::units::{Dimension, Unit};
 
@@ -92,8 +92,10 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
         let info = effect.info();
         match info.role {
             Role::Force | Role::Series => {
+                let inertial = info.family == "inertial";
+                let own = if inertial { parts(system) } else { vec![] };
                 for (at, places) in
-                    sites(case, system).into_iter().chain(bodies(case, system, info.family == "inertial" || LINKS.contains(&info.name)))
+                    sites(case, system).into_iter().chain(bodies(case, system, inertial || LINKS.contains(&info.name))).chain(own)
                 {
                     if info.role == Role::Series && !forced(system, &places) {
                         continue;
@@ -202,10 +204,15 @@ fn outlines(system: &System, moves: Moves) -> Vec<String> {
         return space.stems.iter().map(|s| s.name.clone()).collect();
     }
     let still = |b: usize| model.bodies[b].free.is_empty();
-    let held = |b: usize| model.connectors.iter().any(|c| (c.from == b && still(c.to)) || (c.to == b && still(c.from)));
     let loaded = |b: usize| model.loads.iter().any(|l| model.dofs[l.dof].body == b);
-    let points = (0..model.bodies.len()).filter(|b| !still(*b) && (held(*b) || loaded(*b)));
+    let points = (0..model.bodies.len()).filter(|b| !still(*b) && (joined_to_ground(model, *b) || loaded(*b)));
     points.flat_map(|b| ["x", "y"].map(|axis| format!("{}.{axis}", model.bodies[b].name))).collect()
+}
+
+/// Whether a declared connector joins the body to one that is held.
+fn joined_to_ground(model: &Model, body: usize) -> bool {
+    let still = |b: usize| model.bodies[b].free.is_empty();
+    model.connectors[..model.declared].iter().any(|c| (c.from == body && still(c.to)) || (c.to == body && still(c.from)))
 }
 
 /// Whether a force acts at all of these places, for an effect in series to be in series with.
@@ -235,6 +242,25 @@ fn bodies(case: &Case, system: &System, free: bool) -> Vec<(String, Vec<usize>)>
     let asked = |at: &str| case.search.places.as_ref().is_some_and(|list| list.iter().any(|p| p == at));
     let all = (0..model.places.len()).filter(|p| !model.on_connector(*p)).map(|p| (model.place_name(p), vec![p]));
     all.filter(|(at, p)| asked(at) || guided(p[0]) || (free && !joined(grounded(&model.places[p[0]])))).collect()
+}
+
+/// Parts of a spatial model that no connector joins to the ground, along all axes in which they move: where a mass sits that nobody drew.
+fn parts(system: &System) -> Vec<(String, Vec<usize>)> {
+    let model = &system.model;
+    let mut found: Vec<(usize, String, Vec<usize>)> = Vec::new();
+    let free = |p: &usize| !model.on_connector(*p) && !joined_to_ground(model, model.connectors[model.places[*p].connector].to);
+    let moves = |p: &usize| model.space.is_some() && free(p) && !model.places[*p].axis.rotational();
+    for place in (0..model.places.len()).filter(moves) {
+        let (connector, name) = (model.places[place].connector, model.place_name(place));
+        match found.last_mut().filter(|(c, ..)| *c == connector) {
+            Some((_, at, places)) => {
+                *at += &format!(",{name}");
+                places.push(place);
+            }
+            None => found.push((connector, name, vec![place])),
+        }
+    }
+    found.into_iter().map(|(_, at, places)| (at, places)).collect()
 }
 
 /// Whether two groups are the same places, in whatever order.

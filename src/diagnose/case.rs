@@ -11,7 +11,7 @@ use crate::identify::{
 };
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
 use crate::parallel;
-use crate::residual::{Memo, Problem, to_variable};
+use crate::residual::{Memo, Problem};
 use crate::response::Plan;
 use crate::units::Unit;
 
@@ -136,9 +136,13 @@ impl Case {
         self.in_other_steps(|p| p.refined(system))
     }
 
-    /// The case in fewer time steps ([`Plan::coarser`]), for a first look at what it may say; `None` where there are none to spare.
+    /// The case in fewer time steps and lines ([`Plan::coarser`], [`Plan::fewer_lines`]), for a first look at what it may say; `None` where there are none
+    /// to spare.
     pub fn coarser(&self) -> Option<Case> {
-        self.in_other_steps(Plan::coarser)
+        self.in_other_steps(|p| {
+            let coarser = p.coarser();
+            coarser.as_ref().unwrap_or(p).fewer_lines(self.search.settings.race.lines).or(coarser)
+        })
     }
 
     /// The case with the plans that have other steps; `None` where none has.
@@ -162,7 +166,7 @@ impl Case {
         let mut options = FitOptions::new(free.iter().map(|f| f.name.clone()));
         let bound = |f: &FreeParam, v: f64, side: f64| match (f.log, v) {
             // A positive shape is kept within six decades of its start, so that one without influence does not run away.
-            (true, v) if v.is_infinite() || v <= 0.0 => to_variable(f, param(f).value) + side * 1e6f64.ln(),
+            (true, v) if v.is_infinite() || v <= 0.0 => f.variable(param(f).value) + side * 1e6f64.ln(),
             (true, v) => v.ln(),
             (false, v) => v,
         };
@@ -394,7 +398,7 @@ pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>,
         .map(|(u, f)| {
             let p = &fitted.system.instances[f.instance].params[f.param];
             // From the fit's variable to the parameter: by the slope for the deviation, by the map for the interval.
-            let back = |v: Option<f64>| v.map(|v| if f.log { v.exp() } else { v });
+            let back = |v: Option<f64>| v.map(|v| f.value(v));
             let std = u.std.map(|s| if f.log { s * p.value } else { s });
             let (text, factor) = if p.unit.0.is_empty() { practical_unit(&fitted.system, f) } else { p.unit.clone() };
             let spread = std.map(|s| format!(" +- {}", digits(1.96 * s / factor, 2))).unwrap_or_else(|| " (not identified)".into());

@@ -45,6 +45,8 @@ pub struct Race {
     pub state_iterations: u64,
     /// ...and parts of the way from that model to what the states want of it at which a law over a condition is computed.
     pub state_parts: [f64; 3],
+    /// Lines of an FRF under a declared excitation that a first look balances at most: a dozen for each of three modes. Every line is a balance of its own.
+    pub lines: usize,
     /// Iterations after which those of a candidate's starts go on that are level with its best...
     pub tried: u64,
     /// ...by this part of what it has gained, or by the way they have come: a start in the right valley may begin above all the others...
@@ -107,6 +109,7 @@ impl Default for Race {
             state_reach: 5.0,
             state_iterations: 8,
             state_parts: [1.0, 0.5, 0.25],
+            lines: 40,
             tried: 2,
             level_with: 0.8,
             choice: 4,

@@ -128,6 +128,7 @@ impl Bench<'_> {
         let secants = parallel::map(picked, |best| look.secants(best, unexplained));
         let first = secants.iter().enumerate().flat_map(|(k, s)| s.iter().flatten().map(move |s| (k, &s.system)));
         let first: Vec<(usize, &System)> = first.collect();
+        watch(&format!("looking at {} from {} starts", picked.len(), first.len()));
         let begun = parallel::map(&first, |(k, system)| (*k, fit_some(look.case, system, self.race().tried, self.monitor)));
         let worth = |fits: &[(usize, Result<Fitted, String>)]| -> Vec<bool> {
             let mut least = vec![f64::INFINITY; picked.len()];

@@ -139,7 +139,8 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         }
         taken = better.yes.then(|| Move { names: vec![s.name.clone()], weighed: s.weighed.clone(), gain: s.gain });
     }
-    if taken.is_none() && a.need.is_none() {
+    // That none gains alone is not known of a race that was cut.
+    if taken.is_none() && a.need.is_none() && !cut {
         taken = in_pairs(a, &stood, &bench, price.physics, picks::pair(&hopeful, &scores.selected, &names, &trials, bench.race()));
         if let Some(pair) = &taken {
             let of = |r: &Refit| pair.names.contains(&names[r.candidate]);

@@ -18,7 +18,7 @@ use crate::effect::Effect;
 use crate::identify::Monitor;
 use crate::model::{Instance, ParamValue, System};
 use crate::parallel;
-use crate::residual::{Problem, to_variable};
+use crate::residual::Problem;
 use crate::response::{Computed, Plan};
 
 use super::candidates::Trial;
@@ -185,7 +185,7 @@ impl About {
         let place = |k: usize| free.iter().position(|p| (p.instance, p.param) == (own[k].instance, own[k].param));
         for (n, prior) in priors.iter().enumerate() {
             let p = &own[prior.index];
-            let value = to_variable(p, system.instances[p.instance].params[p.param].value);
+            let value = p.variable(system.instances[p.instance].params[p.param].value);
             let follows = followed.contains(&(p.instance, p.param)) && !p.log;
             j[(points + n, place(prior.index)?)] = if follows { value } else { 1.0 } / prior.sigma;
             r[points + n] = (value - prior.mean) / prior.sigma;

@@ -39,7 +39,20 @@ pub struct Mode {
     pub dlambda: Vec<Complex64>,
 }
 
+/// Damping ratio above which a pole is real to rounding.
+const REAL: f64 = 1.0 - 1e-9;
+
 impl Mode {
+    /// Whether it swings: neither a rigid-body mode nor a real pole, which no modal test shows as a mode.
+    pub fn oscillates(&self) -> bool {
+        self.frequency_hz > 0.0 && self.damping < REAL
+    }
+
+    /// Whether it is a real pole of a motion beyond its critical damping.
+    pub fn creeps(&self) -> bool {
+        self.frequency_hz > 0.0 && self.damping >= REAL
+    }
+
     /// Derivative of [`Mode::frequency_hz`] with respect to a free parameter.
     pub fn frequency_slope(&self, k: usize) -> f64 {
         self.size_slope(k) / TAU
@@ -90,10 +103,14 @@ pub fn modes(model: &Model, bound: &Bound, range: Range, sensitivities: bool) ->
     let mut found: Vec<Mode> = Vec::new();
     for start in starts {
         let mode = match problem.rigid(&start)? {
-            Some(mode) => mode,
-            None => problem.damped(&start, &found)?,
+            Some(mode) => Some(mode),
+            None => match problem.damped(&start, &found) {
+                // A motion beyond its critical damping has two real poles, to which other starts may lead as well.
+                Err(EngineError::NoMode { .. }) if found.iter().any(Mode::creeps) || problem.creeps(&start)? => None,
+                mode => Some(mode?),
+            },
         };
-        found.push(mode);
+        found.extend(mode);
     }
     found.retain(|m| m.frequency_hz >= low && m.frequency_hz <= high);
     found.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
@@ -334,6 +351,13 @@ impl<'a> Problem<'a> {
         }
         let shape: Vec<Complex64> = start.shape.iter().map(|x| Complex64::new(*x, 0.0)).collect();
         Ok(Some(Mode { frequency_hz: 0.0, damping: 0.0, lambda: Complex64::ZERO, shape, dlambda: vec![] }))
+    }
+
+    /// Whether the losses of a start's shape (`phi' M phi = 1`) at its frequency are those of critical damping or more.
+    fn creeps(&mut self, start: &Start) -> Result<bool, EngineError> {
+        let (shape, s): (Vec<Complex64>, _) = (start.shape.iter().map(|x| Complex64::from(*x)).collect(), Complex64::new(0.0, start.omega));
+        self.laws(s)?;
+        Ok(self.products(s, &shape, &shape).0.im >= 2.0 * start.omega * start.omega)
     }
 
     fn damped(&mut self, start: &Start, found: &[Mode]) -> Result<Mode, EngineError> {

@@ -12,6 +12,7 @@ use crate::model::{Bound, Model};
 use super::EngineError;
 use super::march::{Loads, March, Probe, State};
 
+mod fading;
 mod large;
 mod secants;
 mod shooting;

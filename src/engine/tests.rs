@@ -120,7 +120,8 @@ pub(super) fn mixed(followers: bool) -> System {
         instance(&model, "cubic_stiffness", "c0.x", &[2e8]),
         instance(&model, "backlash", "c1.x", &[2e-4, 0.5]),
         instance(&model, "support_compliance", "c2.x", &[4e-5]),
-        instance(&model, "structural_damping", "c1.x", &[150.0, 0.1, 100.0, 3.0]),
+        // A narrow band above the drive: the ends of a wide one move nothing that differences show.
+        instance(&model, "structural_damping", "c1.x", &[150.0, 5.0, 10.0, 12.0]),
         instance(&model, "coulomb", "c0.x", &[0.3, 5e-3]),
     ];
     if followers {
@@ -187,6 +188,35 @@ fn cycle_sensitivities_equal_central_differences() {
     check_cycle(&system, &force(2, 1.0, 4.0, 18.0, 160), &probes, 0, 1e-6);
     let probes = [Probe::Reaction(2), Probe::Dof(0), Probe::Force(0)];
     check_cycle(&system, &sine(2, 2e-3, 18.0, 160), &probes, 0, 1e-6);
+}
+
+/// Sixty masses, too many for a monodromy matrix, on dampers whose slow branches take hundreds of periods to fade: the steady cycle and its sensitivities are
+/// those of the receptance.
+#[test]
+fn what_fades_slowly_in_a_large_chain_stands_where_the_receptance_says() {
+    let (n, omega, steps) = (60, 30.0, 1600);
+    let model = chain(&vec![0.05; n]);
+    let system = System {
+        instances: vec![
+            instance(&model, "linear_stiffness", &format!("c0-{}.x", n - 1), &[4e5]),
+            instance(&model, "viscous", &format!("c0-{}.x", n - 1), &[40.0]),
+            instance(&model, "maxwell", "c10.x", &[2e5, 60.0]),
+            instance(&model, "structural_damping", "c30.x", &[3e4, 0.01, 1e3, 0.0]),
+        ],
+        model,
+    };
+    let free = system.free();
+    let cycle = periodic(&system.model, &bind(&system), &force(n - 1, 0.0, 1.0, omega, steps), &[Probe::Dof(n - 1)], true).unwrap();
+    let exact = super::frf::receptance(&system.model, &bind(&system), &[omega], &[n - 1], &[n - 1], true).unwrap();
+    // The force is a sine: -i on the real axis of the receptance.
+    let turned = |values: &[f64]| first_harmonic(values) * Complex64::I;
+    assert!((turned(&cycle.values[0]) - exact.h[0]).norm() < 2e-5 * exact.h[0].norm(), "{} {}", turned(&cycle.values[0]), exact.h[0]);
+    for (k, f) in free.iter().enumerate() {
+        let column: Vec<f64> = (0..steps).map(|i| cycle.slopes[0][i * free.len() + k]).collect();
+        let (found, want) = (turned(&column), exact.dh[k]);
+        assert!((found - want).norm() < 1e-4 * want.norm() + 1e-9 * exact.h[0].norm(), "{}: {found} {want}", f.name);
+    }
+    assert!(cycle.cycles <= 20, "{} cycles", cycle.cycles);
 }
 
 #[test]

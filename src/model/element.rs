@@ -16,10 +16,12 @@ use super::bound::Chain;
 use super::recurrence::{Recurrence, Recurrences};
 use super::sensed::{Depth, Sensed};
 
-mod history;
 mod followers;
+mod history;
 mod laws;
 mod stiffness;
+
+pub use history::Fading;
 
 #[derive(Clone)]
 struct ForcePiece {

@@ -178,12 +178,7 @@ impl Model {
         let mut places = Vec::new();
         let declared = connectors.len();
         let mut connectors = connectors;
-        if let Some(ground) = bodies.iter().position(|b| b.free.is_empty()) {
-            let taken: HashSet<&str> = connectors.iter().map(|c| c.name.as_str()).collect();
-            let bodies = bodies.iter().enumerate().filter(|(_, b)| !b.free.is_empty() && !taken.contains(b.name.as_str()));
-            let held: Vec<Connector> = bodies.map(|(to, b)| Connector { name: b.name.clone(), from: ground, to }).collect();
-            connectors.extend(held);
-        }
+        connectors.extend(held_to_ground(&bodies, &connectors));
         for (c, connector) in connectors.iter().enumerate() {
             if connector.from == connector.to {
                 return Err(ModelError::invalid(
@@ -285,6 +280,14 @@ impl Model {
             places: self.places.iter().enumerate().map(|(k, p)| ((p.connector, p.axis), k)).collect(),
         }
     }
+}
+
+/// A connector from the ground to every body that can move, named as the body, where no other has that name.
+pub(super) fn held_to_ground(bodies: &[Body], connectors: &[Connector]) -> Vec<Connector> {
+    let Some(ground) = bodies.iter().position(|b| b.free.is_empty()) else { return vec![] };
+    let taken: HashSet<&str> = connectors.iter().map(|c| c.name.as_str()).collect();
+    let moving = bodies.iter().enumerate().filter(|(_, b)| !b.free.is_empty() && !taken.contains(b.name.as_str()));
+    moving.map(|(to, b)| Connector { name: b.name.clone(), from: ground, to }).collect()
 }
 
 /// Places of a model by name.

@@ -78,7 +78,10 @@ fn connected(model: &Model, instances: &[Instance]) -> Result<(), (usize, ModelE
         .find(|b| moving(*b) && !held(piece[*b]) && (piece[*b] != first || (0..piece.len()).any(|o| moving(o) && piece[o] != first)));
     let Some(b) = loose else { return Ok(()) };
     let names: Vec<String> = (0..piece.len()).filter(|o| piece[*o] == piece[b]).map(|o| model.bodies[o].name.clone()).collect();
-    let silent = model.connectors.iter().zip(&acts).filter(|(c, acts)| !**acts && (piece[c.from] == piece[b]) != (piece[c.to] == piece[b]));
+    let silent = model.connectors[..model.declared]
+        .iter()
+        .zip(&acts)
+        .filter(|(c, acts)| !**acts && (piece[c.from] == piece[b]) != (piece[c.to] == piece[b]));
     let silent: Vec<String> = silent.map(|(c, _)| c.name.clone()).collect();
     let accepted = if silent.is_empty() {
         "a [[connector]] to the rest, or a [[joint]]".to_string()

@@ -15,7 +15,7 @@ mod sensed;
 mod system;
 
 pub use bound::{Acting, Bound, BoundLoad, ChannelPiece};
-pub use element::{Element, ElementScratch};
+pub use element::{Element, ElementScratch, Fading};
 pub use error::ModelError;
 pub use graph::{Axis, Body, Connector, Dof, Finder, Level, Load, Model, Place};
 pub use held::held;

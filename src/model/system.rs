@@ -180,6 +180,18 @@ pub struct FreeParam {
     pub log: bool,
 }
 
+impl FreeParam {
+    /// The fit's variable for a value of the parameter.
+    pub fn variable(&self, value: f64) -> f64 {
+        if self.log { value.ln() } else { value }
+    }
+
+    /// The value of the parameter at the fit's variable.
+    pub fn value(&self, variable: f64) -> f64 {
+        if self.log { variable.exp() } else { variable }
+    }
+}
+
 /// The graph with its effects.
 #[derive(Clone, Debug)]
 pub struct System {
@@ -253,6 +265,27 @@ impl System {
     fn renumbered(&mut self, to: impl Fn(usize) -> usize) {
         let targets = self.instances.iter_mut().filter_map(|i| i.target.as_mut());
         targets.flat_map(|t| t.instances.iter_mut()).for_each(|i| *i = to(*i));
+    }
+
+    /// The system at these of the fit's variables, one for each of its free parameters.
+    pub fn at_variables(&self, free: &[FreeParam], variables: &[f64]) -> System {
+        let mut system = self.clone();
+        for (f, v) in free.iter().zip(variables) {
+            let param = &mut system.instances[f.instance].params[f.param];
+            // A logarithm at its bound comes back beyond it by rounding.
+            param.value = if f.log { f.value(*v).max(param.min).min(param.max) } else { *v };
+        }
+        system
+    }
+
+    /// The system with other values of its free parameters: those that `of` has for their names.
+    pub fn with_values(&self, of: impl Fn(&str) -> Option<f64>) -> System {
+        let mut system = self.clone();
+        for f in self.free() {
+            let value = &mut system.instances[f.instance].params[f.param].value;
+            *value = of(&f.name).unwrap_or(*value);
+        }
+        system
     }
 
     /// The free parameters in order of instance and parameter.

@@ -10,10 +10,7 @@ use super::evaluate;
 /// How a prediction scatters over the replicates of its fit; none of fewer than two that it can be computed of.
 pub fn scattered(spec: &PredictionSpec, study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Option<Spread> {
     let at = |r: &Replicate| -> Option<f64> {
-        let mut system = fitted.system.clone();
-        for (f, v) in fitted.free.iter().zip(r.p.as_ref()?) {
-            system.instances[f.instance].params[f.param].value = if f.log { v.exp() } else { *v };
-        }
+        let system = fitted.system.at_variables(&fitted.free, r.p.as_ref()?);
         evaluate(spec, study, &system, &[]).ok().map(|found| found.value).filter(|v| v.is_finite())
     };
     Spread::of(parallel::map(replicates, at).into_iter().flatten().collect())

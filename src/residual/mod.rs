@@ -44,18 +44,12 @@ impl<'a> Problem<'a> {
 
     /// Variables at the system's present values.
     pub fn variables(&self) -> Vec<f64> {
-        self.free.iter().map(|f| to_variable(f, self.system.instances[f.instance].params[f.param].value)).collect()
+        self.free.iter().map(|f| f.variable(self.system.instances[f.instance].params[f.param].value)).collect()
     }
 
     /// The system at the given variables.
     pub fn system_at(&self, p: &[f64]) -> System {
-        let mut system = self.system.clone();
-        for (f, v) in self.free.iter().zip(p) {
-            let param = &mut system.instances[f.instance].params[f.param];
-            // A logarithm at its bound comes back beyond it by rounding.
-            param.value = if f.log { v.exp().max(param.min).min(param.max) } else { *v };
-        }
-        system
+        self.system.at_variables(&self.free, p)
     }
 
     /// Computed responses of every test at the given variables, tests in parallel.
@@ -95,11 +89,6 @@ impl<'a> Problem<'a> {
 /// A test that cannot be computed, as the fit sees it.
 fn failed(e: &ResponseError) -> EvalError {
     EvalError::at(e.place(), e.to_string(), e.accepted())
-}
-
-/// The fit's variable for a parameter value.
-pub fn to_variable(f: &FreeParam, value: f64) -> f64 {
-    if f.log { value.ln() } else { value }
 }
 
 impl LeastSquares for Problem<'_> {

@@ -186,6 +186,24 @@ impl Covariance {
         Covariance { coefficients, weight, u, shrink }
     }
 
+    /// The covariance of some rows of a test whose coefficients are its rows, each with the number of rows it stands for: their independent errors fall as
+    /// in a mean of so many, and what they share stays.
+    pub fn of_rows(&self, kept: &[(usize, f64)]) -> Covariance {
+        let rows: Vec<usize> = kept.iter().map(|k| k.0).collect();
+        let weight = |(row, count): &(usize, f64)| self.weight[*row] * count.sqrt();
+        let mut shared = self.u.select_rows(&rows);
+        for (mut column, shrink) in shared.column_iter_mut().zip(&self.shrink) {
+            column *= (1.0 / (1.0 + shrink).powi(2) - 1.0).max(0.0).sqrt();
+        }
+        let d: Vec<f64> = kept.iter().map(|k| weight(k).powi(-2)).collect();
+        // From parts of the standard deviations of the independent errors back to what was shared; rows that are not compared share nothing.
+        for (mut row, k) in shared.row_iter_mut().zip(&rows) {
+            row *= if self.weight[*k] > 0.0 { 1.0 / self.weight[*k] } else { 0.0 };
+        }
+        let all = 0..rows.len();
+        Covariance::new(Coefficients { blocks: vec![(all.clone(), all, None)], count: rows.len() }, &d, &shared)
+    }
+
     /// Whitens rows of the plan, one column or many: the whitened coefficients of a block stand in its first rows, zeros in the others.
     pub fn whiten(&self, mut rows: DMatrixViewMut<f64>) {
         let mut turned = self.coefficients.turned(&rows.clone_owned());
@@ -316,5 +334,23 @@ mod tests {
         let want = turned.column(0).dot(&full.lu().solve(&turned.column(0).into_owned()).unwrap());
         approx::assert_relative_eq!(w.column(0).norm_squared(), want, max_relative = 1e-10);
         approx::assert_relative_eq!(w.column(1).norm_squared(), 4.0 * want, max_relative = 1e-10);
+    }
+
+    #[test]
+    fn some_rows_have_their_part_of_the_covariance() {
+        let n = 12;
+        let d: Vec<f64> = (0..n).map(|i| if i == 4 { f64::INFINITY } else { 1.0 + (i as f64 * 0.3).sin().powi(2) }).collect();
+        let b = DMatrix::from_fn(n, 2, |i, k| ((i * (k + 2)) as f64 * 0.37).sin() * 3.0);
+        let whole = Covariance::new(Coefficients { blocks: vec![(0..n, 0..n, None)], count: n }, &d, &b);
+        let kept = [(0, 3.0), (3, 2.0), (4, 3.0), (7, 1.0), (11, 3.0)];
+        let part = whole.of_rows(&kept);
+        let mut r = DMatrix::from_fn(kept.len(), 1, |i, _| (i as f64 * 1.7).cos());
+        let seen: Vec<usize> = vec![0, 1, 3, 4];
+        let rows: Vec<usize> = seen.iter().map(|k| kept[*k].0).collect();
+        let (of_seen, b) = (r.select_rows(&seen), b.select_rows(&rows));
+        let full = DMatrix::from_diagonal(&DVector::from_iterator(4, seen.iter().map(|k| d[kept[*k].0] / kept[*k].1))) + &b * b.transpose();
+        part.whiten(r.as_view_mut());
+        let want = of_seen.column(0).dot(&full.lu().solve(&of_seen.column(0).into_owned()).unwrap());
+        approx::assert_relative_eq!(r.column(0).norm_squared(), want, max_relative = 1e-10);
     }
 }

@@ -81,7 +81,8 @@ fn add_part(model: &Model, space: &Space, k: usize, shape: &[Complex64], energy:
 
 /// Direction of the chain at a part: from its first connector to its last.
 fn tangent(model: &Model, space: &Space, k: usize) -> V3<f64> {
-    let mut points = model.connectors.iter().zip(&space.frames).filter(|(c, _)| c.from == k || c.to == k).map(|(_, f)| f.point);
+    let mut points =
+        model.connectors[..model.declared].iter().zip(&space.frames).filter(|(c, _)| c.from == k || c.to == k).map(|(_, f)| f.point);
     let first = points.next().unwrap_or(space.parts[k].origin);
     let last = points.next_back().unwrap_or(space.parts[k].origin);
     let d = sub(last, first);

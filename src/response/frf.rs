@@ -75,11 +75,22 @@ impl FrfPlan {
         Ok(FrfPlan { omega, input, output, quantity, excitation: frf.excitation, level: 0 })
     }
 
-    /// The given lines at other frequencies or under another excitation.
-    pub(super) fn varied(&self, by: &Variation, lines: &[usize]) -> Self {
-        let omega = lines.iter().map(|k| self.omega[*k] * by.frequency).collect();
+    /// The same at other frequencies or under another excitation.
+    pub(super) fn varied(&self, by: &Variation) -> Self {
+        let omega = self.omega.iter().map(|w| w * by.frequency).collect();
         FrfPlan { omega, excitation: by.excitation.or(self.excitation), ..self.clone() }
     }
+
+    /// The same at these of its lines.
+    pub(super) fn of_lines(&self, lines: &[usize]) -> Self {
+        FrfPlan { omega: lines.iter().map(|k| self.omega[*k]).collect(), ..self.clone() }
+    }
+
+    /// Number of lines.
+    pub(super) fn lines(&self) -> usize {
+        self.omega.len()
+    }
+
     /// Peak of the exciting force.
     pub(super) fn excitation(&self) -> Option<f64> {
         self.excitation

@@ -12,6 +12,7 @@ mod error;
 mod family;
 mod frf;
 mod geometry;
+mod lines;
 mod modal;
 mod settling;
 mod site;

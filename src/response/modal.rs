@@ -1,7 +1,7 @@
 //! A table of natural frequencies and damping ratios, compared by their logarithms.
 //!
 //! Where the rows state families, the first mode of a family in the table is the first of that family in the model, and so on; else the
-//! numbers of the rows count the modes of the model. Rigid-body modes are never in a table.
+//! numbers of the rows count the modes of the model. Rigid-body modes and overdamped ones, which do not swing, are never in a table.
 
 use std::collections::BTreeMap;
 
@@ -36,7 +36,7 @@ struct Against {
 /// The modes of a model against a table.
 #[derive(Clone, Debug)]
 pub struct TableModes {
-    /// Modes of the model, ascending; no rigid-body modes.
+    /// Modes of the model that swing, ascending.
     pub found: Vec<Mode>,
     /// What each of them is.
     pub families: Vec<Family>,
@@ -276,10 +276,13 @@ impl ModalRows {
     fn pair(&self, model: &Model, bound: &Bound, id: &str, sensitivities: bool) -> Result<Paired, ResponseError> {
         let named = |source: EngineError| ResponseError::Engine { test: id.into(), source };
         let mut count = self.0.iter().map(|r| r.order + 1).max().unwrap_or(0).max(self.0.len());
+        // Overdamped ones for which others were asked for.
+        let mut replaced = 0;
         loop {
             let mut found = modes(model, bound, Range::Lowest(count), sensitivities).map_err(named)?;
             let all = found.len() < count || count >= model.dofs.len();
-            found.retain(|m| m.frequency_hz > 0.0);
+            let creeping = found.iter().filter(|m| m.creeps()).count();
+            found.retain(Mode::oscillates);
             let families: Vec<Family> = found.iter().map(|m| Family::of(model, &m.shape)).collect();
             let of = |row: &Row| (0..found.len()).filter(|k| row.family.is_none_or(|f| families[*k] == f)).nth(row.order);
             let pairs: Vec<Option<usize>> = self.0.iter().map(of).collect();
@@ -293,10 +296,43 @@ impl ModalRows {
                 let message = format!("modes cannot be paired: the model has {there} {kind} modes");
                 return Err(ResponseError::invalid(id, message, format!("at least {}", row.order + 1)));
             }
-            count = (2 * count).min(model.dofs.len());
+            // Only as many more as are needed: beyond them lie modes that no test shows.
+            count = (if creeping > replaced { count + creeping - replaced } else { 2 * count }).min(model.dofs.len());
+            replaced = replaced.max(creeping);
         }
     }
 }
 
 /// Damping ratio below which none is told from none.
 const LEAST: f64 = 1e-9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Body;
+
+    #[test]
+    fn an_overdamped_pole_is_no_mode_of_a_table() {
+        // Two masses of 1 kg on springs of 1 kN/m; the second drags through 10 kN s/m and stands still beside the first, which swings on both springs.
+        let body = |name: &str, free: bool| Body {
+            name: name.into(),
+            mass: f64::from(u8::from(free)),
+            inertia: 0.0,
+            free: if free { vec![crate::model::Axis::X] } else { vec![] },
+        };
+        let bodies = vec![body("ground", false), body("m1", true), body("m2", true)];
+        let joints = [("c1", "ground", "m1"), ("c2", "m1", "m2"), ("drag", "ground", "m2")];
+        let system = System::new(Model::joined(bodies, &joints).unwrap())
+            .and("linear_stiffness", "c1-2.x", &[("k", 1e3)])
+            .and_then(|s| s.and("viscous", "drag.x", &[("c", 1e4)]))
+            .unwrap();
+        let bound = Bound::new(&system, &[], "t", &BTreeMap::new()).unwrap();
+        let first = ModalRows(vec![Row { family: None, order: 0, damping: false, frequency: 7.0 }]);
+        let (found, rows) = first.pair(&system.model, &bound, "t", false).unwrap();
+        let want = 2e3f64.sqrt() / std::f64::consts::TAU;
+        assert!((found[rows[0]].frequency_hz / want - 1.0).abs() < 1e-3, "{:?}", found[rows[0]]);
+        // The model has one such mode, and a second is not to be had.
+        let second = ModalRows(vec![Row { family: None, order: 1, damping: false, frequency: 7.0 }]);
+        assert!(second.pair(&system.model, &bound, "t", false).unwrap_err().to_string().contains("1 flexible"));
+    }
+}

@@ -2,6 +2,7 @@
 
 use crate::units::Unit;
 
+use super::lines::VARIED;
 use super::{Block, BlockKind, Plan, Work};
 
 /// What is changed of a test.
@@ -36,9 +37,6 @@ pub struct CycleDrive {
     pub unit: Unit,
 }
 
-/// Lines of a varied FRF at most.
-const LINES: usize = 80;
-
 impl Plan {
     /// The beginning of a record: its first `1.5 2^doublings` cycles; `None` of another kind of test, and where that is all of it.
     pub fn opening(&self, doublings: u32) -> Option<Plan> {
@@ -66,14 +64,11 @@ impl Plan {
                 plan.sigma.iter_mut().for_each(|s| *s *= by.amplitude.max(1.0));
             }
             Work::Frf(frf) => {
-                let [block] = plan.blocks.as_mut_slice() else { return None };
-                let stride = block.abscissa.len().div_ceil(LINES).max(1);
-                let kept: Vec<usize> = (0..block.abscissa.len()).step_by(stride).collect();
-                plan.work = Work::Frf(frf.varied(by, &kept));
-                let pick = |values: &[f64]| kept.iter().flat_map(|k| [values[2 * k], values[2 * k + 1]]).collect::<Vec<f64>>();
-                (plan.measured, plan.sigma) = (pick(&self.measured), pick(&self.sigma));
-                block.abscissa = kept.iter().map(|k| block.abscissa[*k] * by.frequency).collect();
-                block.range = 0..2 * kept.len();
+                let lines = frf.lines();
+                let kept: Vec<(usize, f64)> = (0..lines).step_by(lines.div_ceil(VARIED).max(1)).map(|k| (k, 1.0)).collect();
+                plan = plan.of_lines(&kept);
+                plan.work = Work::Frf(frf.of_lines(&kept.iter().map(|k| k.0).collect::<Vec<_>>()).varied(by));
+                plan.blocks.iter_mut().flat_map(|b| &mut b.abscissa).for_each(|f| *f *= by.frequency);
             }
             _ => return None,
         }

@@ -252,12 +252,10 @@ impl Loaded {
             let parent = node.and_then(|n| n.parent.clone()).unwrap_or(ROOT.into());
             (parent, node.map_or(Value::Null, |n| n.result["before"]["parameters"].clone()))
         };
-        let (model, mut system) = self.own(&parent)?;
-        for f in system.free() {
-            let fitted = values.as_array().and_then(|all| all.iter().find(|p| p["name"] == f.name)).and_then(|p| p["value"].as_f64());
-            system.instances[f.instance].params[f.param].value = fitted.unwrap_or(system.instances[f.instance].params[f.param].value);
-        }
-        Ok((model, system))
+        let (model, system) = self.own(&parent)?;
+        let fitted =
+            |name: &str| values.as_array().and_then(|all| all.iter().find(|p| p["name"] == name)).and_then(|p| p["value"].as_f64());
+        Ok((model, system.with_values(fitted)))
     }
 
     /// Runs without a result.

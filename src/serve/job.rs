@@ -116,11 +116,7 @@ impl Job {
         if p.len() != free.len() || state.told.is_some_and(|t| t.elapsed() < BETWEEN) {
             return;
         }
-        let mut trial = system.clone();
-        for (f, v) in free.iter().zip(p) {
-            trial.instances[f.instance].params[f.param].value = if f.log { v.exp() } else { *v };
-        }
-        (state.told, state.trial) = (Some(Instant::now()), Some(trial));
+        (state.told, state.trial) = (Some(Instant::now()), Some(system.at_variables(free, p)));
         drop(state);
         self.tell(json!({ "type": "point" }));
     }

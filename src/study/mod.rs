@@ -29,7 +29,8 @@
 //!
 //! # Parts that turn far
 //! These tables replace `[[body]]`; degrees of freedom are `part.x`, `.y`, `.z` (displacement of the part's origin along fixed axes) and
-//! `.theta`, `.phi`, `.psi` (rotation vector), places the six components of a connector ([`crate::model::space`]).
+//! `.theta`, `.phi`, `.psi` (rotation vector), places the six components of a connector ([`crate::model::space`]),
+//! and the free axes of every part against the ground.
 //!
 //! | key | what |
 //! |---|---|

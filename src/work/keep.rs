@@ -41,13 +41,7 @@ pub fn keep(study: &Study, system: &System, folder: &RunFolder, result: &FitResu
 
 /// The system with the fitted values of its free parameters.
 pub fn at_values(system: &System, parameters: &[ParameterResult]) -> System {
-    let mut fitted = system.clone();
-    for f in system.free() {
-        if let Some(p) = parameters.iter().find(|p| p.name == f.name) {
-            fitted.instances[f.instance].params[f.param].value = p.value;
-        }
-    }
-    fitted
+    system.with_values(|name| parameters.iter().find(|p| p.name == name).map(|p| p.value))
 }
 
 /// The comparison in the form the report draws: no iteration was made and no parameter was identified.

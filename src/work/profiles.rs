@@ -63,7 +63,7 @@ pub fn profiles(
             return Ok(None);
         }
         let found = found.map_err(failure)?;
-        let value = |v: f64| if f.log { v.exp() } else { v };
+        let value = |v: f64| f.value(v);
         let kept = Profiled {
             name: f.name.clone(),
             unit: unit_of(&fitted.system, f),

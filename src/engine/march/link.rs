@@ -1,6 +1,7 @@
 //! Where an element acts.
 
-use super::BlockTri;
+use super::{BlockTri, March};
+use crate::model::Fading;
 
 /// An element between two degrees of freedom.
 pub(super) struct Link {
@@ -17,6 +18,14 @@ impl Link {
     /// Degrees of freedom at its ends with the sign with which they strain it.
     pub fn ends(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
         [(self.to, 1.0), (self.from, -1.0)].into_iter().filter_map(|(d, sign)| Some((d?, sign)))
+    }
+}
+
+impl March<'_> {
+    /// States that only fade, by element: its place, the first of its states among all, and they ([`crate::model::Element::fading`]).
+    pub(in crate::engine) fn fading(&self) -> Vec<(usize, usize, Vec<Fading>)> {
+        let of = self.bound.elements.iter().zip(&self.links).map(|(e, link)| (e.place, link.s0, e.fading(self.dt)));
+        of.filter(|(.., states)| !states.is_empty()).collect()
     }
 }
 

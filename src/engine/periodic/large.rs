@@ -2,13 +2,15 @@
 //!
 //! Values are marched until they repeat within [`REPEATS`], each cycle from where the secants of the last ones say. Then the sensitivities
 //! are marched along the steady values, where a cycle is an affine map `S -> M S + b` with one `M` for all columns: every column of two
-//! cycles is a secant for all of them, and so few cycles suffice. What a stuck slider keeps depends on the loading path: the sensitivities
+//! cycles is a secant for all of them, and so few cycles suffice. States that only fade are taken where they stand once the cycle
+//! repeats ([`Fades`]). What a stuck slider keeps depends on the loading path: the sensitivities
 //! start from those at the end of the first [`PATH`] cycles.
 
 use std::collections::VecDeque;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::fading::Fades;
 use super::secants::{Pass, Secants};
 use super::shooting::Shooting;
 use super::{CYCLES, Cycle, follow, record_with, with_columns, work};
@@ -68,6 +70,7 @@ fn values(march: &mut March, mut state: State, z: &mut Shooting, wanted: &Wanted
     let mut path = State::default();
     // Where the last cycle ended, and how much it moved, if this one starts elsewhere.
     let mut marched: Option<(State, f64)> = None;
+    let fades = Fades::of(march, wanted.steps);
     for cycles in 1..=CYCLES {
         let columns = if cycles <= PATH { wanted.columns } else { 0 };
         let start = state.clone();
@@ -105,7 +108,8 @@ fn values(march: &mut March, mut state: State, z: &mut Shooting, wanted: &Wanted
         if repeats {
             return Ok((Cycle { columns: 0, ..cycle }, state, path));
         }
-        passes.push_back((start, state.clone()));
+        let repeated = fades.repeated(march, &start, &state, 0);
+        passes.push_back((start, repeated));
         if passes.len() > KEPT + 1 {
             passes.pop_front();
         }
@@ -138,11 +142,12 @@ fn sensitivities(march: &mut March, start: &State, path: &State, z: &Shooting, w
     let mut state = with_columns(march, start, Some(path), columns);
     let mut secants = Secants::within(AFFINE);
     let mut passes: Vec<Pass> = vec![];
+    let fades = Fades::of(march, steps);
     for cycles in 1..=ROUNDS + 1 {
-        let begin = z.pack_columns(&state, columns);
+        let (begun, begin) = (state.clone(), z.pack_columns(&state, columns));
         let mut cycle = record_with(march, &mut state, steps, wanted.probes, columns, None)?;
         cycle.cycles = cycles;
-        let end = z.pack_columns(&state, columns);
+        let end = z.pack_columns(&fades.repeated(march, &begun, &state, columns), columns);
         let reading = |c: usize| DVector::from_fn(n * steps, |r, _| cycle.slopes[r / steps][r % steps * columns + c]);
         let pass = |c: usize| Pass { start: begin.column(c).into_owned(), end: end.column(c).into_owned(), readings: reading(c) };
         let new: Vec<Pass> = (0..columns).map(pass).collect();

@@ -32,11 +32,12 @@ pub mod shape;
 use std::collections::{HashMap, HashSet};
 
 use super::ModelError;
-use super::graph::{Axis, Body, Connector, Dof, Model, Place, unique};
+use super::graph::{Axis, Body, Connector, Dof, Model, Place, held_to_ground, unique};
 pub use body::{Inertial, Part};
 pub use curve::{Arc, Curve, Section};
 pub use joint::{Frame, Pose, Relative};
 pub use plane::{InPlane, PlaneJoint};
+use rotation::UNIT;
 pub use shape::{Outline, Stem};
 
 /// Where the parts and connectors of a spatial model are.
@@ -112,6 +113,13 @@ impl Model {
             ));
         }
         let declared = connectors.len();
+        let mut connectors = connectors;
+        for held in held_to_ground(&bodies, &connectors) {
+            let (at, c) = (&bodies[held.to], connectors.len());
+            places.extend(at.free.iter().map(|axis| Place { connector: c, axis: *axis, from: None, to: None }));
+            space.frames.push(Frame { point: space.parts[held.to].origin, axes: UNIT });
+            connectors.push(held);
+        }
         Ok(Model { bodies, connectors, declared, dofs, places, space: Some(space), loads: vec![], absent: vec![], attached: vec![] })
     }
 }

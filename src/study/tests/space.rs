@@ -164,12 +164,46 @@ fn a_chain_along_arcs_is_read_and_written() {
     let folder = Folder::new(SPACE, TESTS);
     let study = folder.load().unwrap();
     let model = &study.system.model;
-    assert_eq!((model.bodies.len(), model.dofs.len(), model.connectors.len()), (9, 6 * 6 + 1 + 3, 9));
+    assert_eq!((model.bodies.len(), model.dofs.len(), model.declared), (9, 6 * 6 + 1 + 3, 9));
     assert!(model.dof("P.psi").is_some() && model.dof("tip.y").is_some() && model.dof("b8.y").is_none());
     assert_eq!(model.places_at("GF1-3.psi").unwrap().len(), 3);
     let again = read(&study.with_values(&study.system, std::path::Path::new(".")), &study.dataset).unwrap();
     assert_eq!(again.system.model, study.system.model);
     assert_eq!(again.graph.tables, study.graph.tables);
+}
+
+/// A part is a place: a mass there is a heavier part, and one that nobody drew is looked for at each of them.
+#[test]
+fn a_mass_at_a_part_is_a_heavier_part() {
+    let study = Folder::new(SPACE, TESTS).load().unwrap();
+    let at = "b5.x,b5.y,b5.z";
+    let part = study.system.model.bodies.iter().position(|b| b.name == "b5").unwrap();
+    let added = read(
+        &SPACE.replacen("[[load]]", "[[effect]]\neffect = \"added_mass\"\nat = [\"b5.x\", \"b5.y\", \"b5.z\"]\nm = \"2 g\"\n[[load]]", 1),
+        &study.dataset,
+    )
+    .unwrap();
+    let mut heavier = study.system.clone();
+    let space = heavier.model.space.as_mut().unwrap();
+    assert_eq!(space.parts[part].centre, [0.0; 3]);
+    space.parts[part].mass += 2e-3;
+    for dof in heavier.model.dofs.iter_mut().filter(|d| d.body == part && !d.axis.rotational()) {
+        dof.mass += 2e-3;
+    }
+    for test in &study.dataset.tests {
+        let values = |system: &crate::model::System| Plan::new(test, &system.model).unwrap().evaluate(system, &[], false).unwrap().values;
+        let (there, want, without) = (values(&added.system), values(&heavier), values(&study.system));
+        let size = want.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        assert!(there.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-6 * size), "{}", test.id);
+        let seen = want.iter().zip(&without).any(|(a, b)| (a - b).abs() > 1e-4 * size);
+        assert!(seen || !test.id.starts_with("frf"), "{}", test.id);
+    }
+    let case = Case::from_study(&study, 1).unwrap();
+    let plans: Vec<&Plan> = case.plans.iter().map(|(p, _)| p).collect();
+    let (names, _) = candidates(&case, &study.system, &plans, &Scene::new(&plans, &study.system));
+    assert!(
+        names.iter().any(|n| n.effect == "added_mass" && n.at == at) && !names.iter().any(|n| n.effect == "coulomb" && n.at.contains("b5"))
+    );
 }
 
 /// Every kind of test computes on the chain, and its slopes are the differences.
@@ -386,7 +420,7 @@ fn the_modal_basis_gives_the_number_of_parts() {
     let text = SPACE.replace("count = 8", "count = \"modal basis\"\nmodulus = \"28000 N/mm2\"\nhighest = \"2500 Hz\"");
     let text = text.replace("GF1-7", "GF1-13").replace("GF4-7", "GF4-13").replace("\"b8\"", "\"b14\"");
     let study = read(&text, &dataset).unwrap();
-    assert_eq!(study.system.model.connectors.len(), 13 + 2);
+    assert_eq!(study.system.model.declared, 13 + 2);
 }
 
 #[test]
