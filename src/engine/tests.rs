@@ -216,7 +216,8 @@ fn what_fades_slowly_in_a_large_chain_stands_where_the_receptance_says() {
         let (found, want) = (turned(&column), exact.dh[k]);
         assert!((found - want).norm() < 1e-4 * want.norm() + 1e-9 * exact.h[0].norm(), "{}: {found} {want}", f.name);
     }
-    assert!(cycle.cycles <= 20, "{} cycles", cycle.cycles);
+    // Marched, the slowest branch would take hundreds of cycles to fade.
+    assert!(10.0 * cycle.cycles as f64 * TAU / omega < 60.0, "{} cycles", cycle.cycles);
 }
 
 #[test]
