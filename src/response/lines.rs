@@ -9,7 +9,7 @@ pub(super) const VARIED: usize = 80;
 
 impl Plan {
     /// An FRF under a declared excitation, where every line is a balance of its own, at no more than about `most` of its lines; `None` for other tests and where
-    /// it has no more. A line that stands for others counts as they do. They lie as densely as the measured curve turns (see [`along`]).
+    /// it has no more. A line that stands for others counts as they do. They lie as densely as the measured curve turns.
     pub fn fewer_lines(&self, most: usize) -> Option<Plan> {
         let Work::Frf(frf) = &self.work else { return None };
         let [block] = self.blocks.as_slice() else { return None };
