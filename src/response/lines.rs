@@ -4,9 +4,6 @@ use std::sync::Arc;
 
 use super::{Plan, Work};
 
-/// Lines of a varied FRF at most.
-pub(super) const VARIED: usize = 80;
-
 impl Plan {
     /// An FRF under a declared excitation, where every line is a balance of its own, at no more than about `most` of its lines; `None` for other tests and where
     /// it has no more. A line that stands for others counts as they do. They lie as densely as the measured curve turns.

@@ -1,7 +1,8 @@
 //! A table of natural frequencies and damping ratios, compared by their logarithms.
 //!
 //! Where the rows state families, the first mode of a family in the table is the first of that family in the model, and so on; else the
-//! numbers of the rows count the modes of the model. Rigid-body modes and overdamped ones, which do not swing, are never in a table.
+//! numbers of the rows count the modes of the model. Rigid-body modes are never in a table, and overdamped
+//! ones, which do not swing, only where the model swings less often than the table has rows.
 
 use std::collections::BTreeMap;
 
@@ -36,7 +37,7 @@ struct Against {
 /// The modes of a model against a table.
 #[derive(Clone, Debug)]
 pub struct TableModes {
-    /// Modes of the model that swing, ascending.
+    /// Modes of the model that are held against the table, ascending.
     pub found: Vec<Mode>,
     /// What each of them is.
     pub families: Vec<Family>,

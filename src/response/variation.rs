@@ -2,7 +2,6 @@
 
 use crate::units::Unit;
 
-use super::lines::VARIED;
 use super::{Block, BlockKind, Plan, Work};
 
 /// What is changed of a test.
@@ -36,6 +35,9 @@ pub struct CycleDrive {
     /// Unit it was recorded in.
     pub unit: Unit,
 }
+
+/// Lines of a varied FRF at most.
+const VARIED: usize = 80;
 
 impl Plan {
     /// The beginning of a record: its first `1.5 2^doublings` cycles; `None` of another kind of test, and where that is all of it.
