@@ -20,45 +20,30 @@ pub struct Trial {
 pub struct Scene {
     /// One for each place.
     scales: Vec<Scales>,
-    periods: (f64, f64),
-    small: bool,
+    /// What the tests show of no place.
+    all: Scales,
 }
 
 impl Scene {
     /// Looks at the tests with the present system.
     pub fn new(plans: &[&Plan], system: &System) -> Scene {
-        let mut scales = vec![Scales { least_v: f64::INFINITY, ..Scales::default() }; system.model.places.len()];
-        let mut periods = (f64::INFINITY, 0.0f64);
-        let mut small = false;
+        let mut scales = vec![Scales::NONE; system.model.places.len()];
+        let mut all = Scales::NONE;
         for plan in plans {
-            let (lo, hi) = plan.periods();
-            periods = (periods.0.min(lo), periods.1.max(hi));
+            all = all.with(Scales { periods: plan.periods(), ..Scales::NONE });
             // A test whose response cannot be computed has been reported by the fit; its amplitudes are not needed here.
             match plan.amplitudes(system) {
-                Ok(None) => small = true,
-                Ok(Some(here)) => {
-                    for (a, b) in scales.iter_mut().zip(here) {
-                        let least_v = if b.v > 0.0 { a.least_v.min(b.v) } else { a.least_v };
-                        *a = Scales { x: a.x.max(b.x), most: a.most.max(b.most), v: a.v.max(b.v), f: a.f.max(b.f), least_v, ..*a };
-                    }
-                }
+                Ok(None) => all.small = true,
+                Ok(Some(here)) => scales.iter_mut().zip(here).for_each(|(a, b)| *a = a.with(b.into())),
                 Err(_) => {}
             }
         }
-        Scene { scales, periods, small }
+        Scene { scales, all }
     }
 
     /// What the tests show at any of these places.
     pub fn at(&self, places: &[usize]) -> Scales {
-        let none = Scales { least_v: f64::INFINITY, periods: self.periods, small: self.small, ..Scales::default() };
-        places.iter().map(|p| self.scales[*p]).fold(none, |a, b| Scales {
-            x: a.x.max(b.x),
-            most: a.most.max(b.most),
-            v: a.v.max(b.v),
-            f: a.f.max(b.f),
-            least_v: a.least_v.min(b.least_v),
-            ..a
-        })
+        places.iter().map(|p| self.scales[*p]).fold(self.all, Scales::with)
     }
 }
 
@@ -377,13 +362,20 @@ fn drifts(plans: &[&Plan], site: &ChannelSite) -> bool {
 /// All combinations of grid values of the shape and searched setting parameters; empty where a shape has no grid here.
 fn shapes(effect: &Effect, scales: &Scales) -> Vec<Vec<(usize, f64)>> {
     let mut combinations = vec![vec![]];
-    for (k, p) in effect.info().params.iter().enumerate().filter(|(_, p)| p.grid != Grid::None) {
-        let values = p.grid.values(scales);
+    let params = effect.info().params;
+    let is_side = |k: usize| params[k].name == "side" && params[k].kind == Kind::Setting;
+    let mut order: Vec<usize> = (0..params.len()).filter(|k| params[*k].grid != Grid::None).collect();
+    // Where a stop may be depends on the side that it faces.
+    order.sort_by_key(|k| !is_side(*k));
+    for (k, p) in order.into_iter().map(|k| (k, &params[k])) {
         // One setting at a time: where the band of a law begins elsewhere than it does by default, its other settings keep their defaults.
         let elsewhere = |(j, v): &(usize, f64)| matches!(effect.info().params[*j].grid, Grid::Between(always, _) if *v != always);
         let with = |c: &Vec<(usize, f64)>| match p.kind == Kind::Setting && c.iter().any(elsewhere) {
             true => vec![c.clone()],
-            false => values.iter().map(|v| [c.as_slice(), &[(k, *v)]].concat()).collect(),
+            false => {
+                let side = c.iter().find(|(j, _)| is_side(*j)).map_or(1.0, |(_, side)| *side);
+                p.grid.values(&scales.from_side(side)).iter().map(|v| [c.as_slice(), &[(k, *v)]].concat()).collect()
+            }
         };
         combinations = combinations.iter().flat_map(with).collect();
     }
@@ -394,11 +386,11 @@ fn shapes(effect: &Effect, scales: &Scales) -> Vec<Vec<(usize, f64)>> {
 /// displacement of any test: farther off none is passed, and the law is one of its own tails, which a constant force and a spring are as
 /// well. Not where a test of small signal is about a state that is at rest elsewhere.
 fn confine(instance: &mut Instance, scales: &Scales, passed: f64) {
-    if scales.small || scales.most <= 0.0 {
+    if scales.small || scales.most() <= 0.0 {
         return;
     }
-    let reach = passed * scales.most;
-    let along = |p: &crate::effect::Param| p.kind == Kind::Shape && p.sign == Sign::Any && matches!(p.grid, Grid::OfX(_));
+    let reach = passed * scales.most();
+    let along = |p: &crate::effect::Param| p.kind == Kind::Shape && p.sign == Sign::Any && matches!(p.grid, Grid::OfX(_) | Grid::Along(_));
     for (value, _) in instance.params.iter_mut().zip(instance.effect.info().params).filter(|(_, p)| along(p)) {
         (value.min, value.max) = (-reach, reach);
     }
@@ -454,7 +446,7 @@ mod tests {
     #[test]
     fn a_gap_is_looked_for_where_the_motion_passes() {
         let contact = crate::effect::find("contact").unwrap();
-        let scales = Scales { x: 1e-3, most: 3e-3, ..Scales::default() };
+        let scales = Scales { x: 1e-3, travel: (-1e-3, 3e-3), ..Scales::NONE };
         let at = |small: bool| {
             let mut instance = at_null(contact, "c1.x".into(), Site::Places(vec![0]), None);
             confine(&mut instance, &Scales { small, ..scales }, 2.0);
@@ -462,5 +454,21 @@ mod tests {
         };
         assert_eq!(at(false), (-6e-3, 6e-3));
         assert_eq!(at(true), (f64::NEG_INFINITY, f64::INFINITY));
+    }
+
+    #[test]
+    fn a_stop_begins_where_the_tests_move_whichever_way_it_faces() {
+        let contact = crate::effect::find("contact").unwrap();
+        let gaps = |travel: (f64, f64)| -> Vec<(f64, f64)> {
+            let scales = Scales { x: 1e-3, travel, ..Scales::NONE };
+            let of = |shape: &Vec<(usize, f64)>, k: usize| shape.iter().find(|s| s.0 == k).unwrap().1;
+            shapes(contact, &scales).iter().map(|s| (of(s, 2), of(s, 1))).collect()
+        };
+        // Under a load that stays the place travels from rest at 0 to 4 mm.
+        for (side, gap) in gaps((0.0, 4e-3)) {
+            let stops = if side == 0.0 { vec![gap, -gap] } else { vec![side * gap] };
+            assert!(stops.iter().any(|at| (0.0..4e-3).contains(at)), "a stop of side {side} at {stops:?}");
+        }
+        assert_eq!(gaps((-2e-3, 2e-3)), [1.0, -1.0, 0.0].map(|side| [(side, 0.0), (side, 1e-3)]).concat());
     }
 }

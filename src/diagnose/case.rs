@@ -133,21 +133,25 @@ impl Case {
 
     /// The case with as many time steps in every test as the noise asks for at the system's present values; `None` where they are enough.
     pub fn refined(&self, system: &System) -> Option<Case> {
-        self.in_other_steps(|p| p.refined(system))
+        self.in_other_steps(|p, _| p.refined(system))
     }
 
-    /// The case in fewer time steps and lines ([`Plan::coarser`], [`Plan::fewer_lines`]), for a first look at what it may say; `None` where there are none
-    /// to spare.
-    pub fn coarser(&self) -> Option<Case> {
-        self.in_other_steps(|p| {
+    /// The case about what this system does in it, or in fewer time steps and lines ([`Plan::expanded`], [`Plan::coarser`], [`Plan::fewer_lines`]), for a
+    /// first look at what it may say; `None` where there is nothing to spare.
+    pub fn coarser(&self, system: &System) -> Option<Case> {
+        self.in_other_steps(|p, split| {
+            // A look is at the fit tests alone; to expand a test costs a march.
+            if let Some(expanded) = (split == SplitName::Fit).then(|| p.expanded(system)).flatten() {
+                return Some(expanded);
+            }
             let coarser = p.coarser();
             coarser.as_ref().unwrap_or(p).fewer_lines(self.search.settings.race.lines).or(coarser)
         })
     }
 
     /// The case with the plans that have other steps; `None` where none has.
-    fn in_other_steps(&self, of: impl Fn(&Plan) -> Option<Plan> + Sync) -> Option<Case> {
-        let other = parallel::map(&self.plans, |(p, _)| of(p));
+    fn in_other_steps(&self, of: impl Fn(&Plan, SplitName) -> Option<Plan> + Sync) -> Option<Case> {
+        let other = parallel::map(&self.plans, |(p, split)| of(p, *split));
         if other.iter().all(Option::is_none) {
             return None;
         }

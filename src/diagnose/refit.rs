@@ -122,7 +122,7 @@ impl Bench<'_> {
     pub fn refit_all(&self, picked: &[Score], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         let race = self.race();
         // Which is worth it shows in coarser steps as well.
-        let rough = self.case.coarser();
+        let rough = self.case.coarser(self.base);
         let look = Bench { case: rough.as_ref().unwrap_or(self.case), ..*self };
         let unexplained = look.unexplained();
         let secants = parallel::map(picked, |best| look.secants(best, unexplained));
@@ -162,11 +162,18 @@ impl Bench<'_> {
         }
         let mut fitted = looks;
         if rough.is_some() {
+            // The way is gone where it is cheap; in all its steps only the end of it is.
+            look.run(&mut fitted, leader, watch);
             let may = look.may_lead(&fitted, leader, unexplained);
-            // What cannot be computed in all its steps where the coarser ones have led begins anew from the model itself.
+            // What cannot be computed in all its steps where the coarser ones have led begins a part of the way there, and anew from the model itself.
             let anew = |score: &Score| self.secant(&[*score], 0.0, false).and_then(|s| self.from(&s.system, race.leg));
             let on = |k: usize, f: Fitted| {
-                if may[k] { self.from(&f.system, race.leg).or_else(|_| anew(&picked[k])).or(Ok(f)) } else { Ok(f) }
+                if !may[k] {
+                    return Ok(f);
+                }
+                let from = |part: &f64| self.from(&self.part_of_the_way(&f.system, *part), race.leg);
+                let led = race.parts.iter().map(from).find(|fit| fit.is_ok() || self.monitor.stops());
+                led.unwrap_or_else(|| anew(&picked[k])).or(Ok(f))
             };
             fitted = parallel::map_into(fitted, |k, l| l.and_then(|f| on(k, f)));
         }
@@ -250,6 +257,19 @@ impl Bench<'_> {
             }
         }
         better
+    }
+
+    /// The system at this part of the way from the model with its candidate at its null value to where it stands.
+    fn part_of_the_way(&self, system: &System, part: f64) -> System {
+        let mut there = system.clone();
+        let base = self.base.instances.iter();
+        let own = there.instances.iter_mut().zip(base).flat_map(|(i, b)| i.params.iter_mut().zip(b.params.iter().map(|p| p.value)));
+        own.for_each(|(p, from)| p.value = from + part * (p.value - from));
+        for instance in there.instances.iter_mut().skip(self.base.instances.len()) {
+            let null = instance.effect.info().params[0].default;
+            instance.params[0].value = null + part * (instance.params[0].value - null);
+        }
+        there
     }
 
     /// Cost of the model without a candidate.

@@ -174,7 +174,7 @@ fn is_formula(instance: &Instance) -> bool {
 /// The splines at a place that can be fitted, the one with the least error.
 fn splined(case: &Case, base: &Fitted, at: &str, places: &[usize], scales: &Scales, monitor: &Monitor) -> Option<Proof> {
     let told = &case.search.settings.telling;
-    let over = [("velocity_spline", scales.v), ("displacement_spline", scales.most.max(scales.x))];
+    let over = [("velocity_spline", scales.v), ("displacement_spline", scales.most().max(scales.x))];
     let starts: Vec<_> = over.iter().flat_map(|o| told.spline_begins.iter().map(move |b| (*o, *b))).collect();
     let fits = parallel::map(&starts, |((name, scale), [outer, inner])| {
         let effect = find(name).ok()?;

@@ -17,7 +17,7 @@ impl Force for BilinearStiffness {
         equation: "F = k (max(x - x0, 0) - max(-x0, 0))",
         params: &[
             Param::strength("k", Dim::F_PER_X, Sign::Any, "stiffness above x0 minus stiffness below it"),
-            Param::shape("x0", Dim::X, Grid::OfX(&[-0.5, 0.0, 0.5]), "where the stiffness changes").signed(),
+            Param::shape("x0", Dim::X, Grid::Along(&[-0.5, 0.0, 0.5]), "where the stiffness changes").signed(),
         ],
         states: 0,
         ports: Ports::X,

@@ -17,7 +17,7 @@ impl Force for Contact {
         equation: "F = k d (d/r)^(n-1) max(1 + 3/2 alpha d', 0),  d = max(x - g, 0); side -1: mirrored, F(x) -> -F(-x); side 0: both",
         params: &[
             Param::strength("k", Dim::F_PER_X, Sign::NonNegative, "force per penetration at the penetration r"),
-            Param::shape("g", Dim::X, Grid::OfX(&[0.0, 0.5]), "gap from x = 0 towards the stop; negative: pressed at x = 0").signed(),
+            Param::shape("g", Dim::X, Grid::Along(&[0.0, 0.5]), "gap from x = 0 towards the stop; negative: pressed at x = 0").signed(),
             Param::setting("side", Dim::One, Sign::Any, 1.0, "1: touches for x > g; -1: for x < -g; 0: a stop on either side")
                 .within(-1.0, 1.0)
                 .tried(Grid::Values(&[1.0, -1.0, 0.0])),

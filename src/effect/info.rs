@@ -170,6 +170,9 @@ pub enum Grid {
     None,
     /// Multiples of the displacement amplitude at the place.
     OfX(&'static [f64]),
+    /// Along the travel of the place in all tests: this part of half of it from its middle. A spring under a load that stays changes its stiffness where the
+    /// tests move it, not about where it is at rest.
+    Along(&'static [f64]),
     /// Multiples of the displacement amplitude at the place where some test is of small signal, which sees an elastic limit, and is
     /// then fitted; else 0.
     Elastic(&'static [f64]),
@@ -207,8 +210,8 @@ pub enum Grid {
 pub struct Scales {
     /// Displacement amplitude.
     pub x: f64,
-    /// Largest distance from x = 0.
-    pub most: f64,
+    /// Least and largest displacement, that at rest included: every test begins there.
+    pub travel: (f64, f64),
     /// Velocity amplitude.
     pub v: f64,
     /// Smallest velocity amplitude that a test has.
@@ -219,6 +222,40 @@ pub struct Scales {
     pub periods: (f64, f64),
     /// Whether some test is of small signal: modal, or an FRF without a declared amplitude.
     pub small: bool,
+}
+
+impl Scales {
+    /// What no test shows.
+    pub const NONE: Scales =
+        Scales { x: 0.0, travel: (0.0, 0.0), v: 0.0, least_v: f64::INFINITY, f: 0.0, periods: (f64::INFINITY, 0.0), small: false };
+
+    /// What both show.
+    pub fn with(self, other: Scales) -> Scales {
+        Scales {
+            x: self.x.max(other.x),
+            travel: (self.travel.0.min(other.travel.0), self.travel.1.max(other.travel.1)),
+            v: self.v.max(other.v),
+            least_v: self.least_v.min(other.least_v),
+            f: self.f.max(other.f),
+            periods: (self.periods.0.min(other.periods.0), self.periods.1.max(other.periods.1)),
+            small: self.small || other.small,
+        }
+    }
+
+    /// Largest distance from x = 0.
+    pub fn most(&self) -> f64 {
+        self.travel.1.max(-self.travel.0)
+    }
+
+    /// The same as a law of this `side` sees it: mirrored for -1, and where it faces both sides as far on either.
+    pub fn from_side(self, side: f64) -> Scales {
+        let travel = match side {
+            s if s > 0.0 => self.travel,
+            s if s < 0.0 => (-self.travel.1, -self.travel.0),
+            _ => (-self.most(), self.most()),
+        };
+        Scales { travel, ..self }
+    }
 }
 
 /// Part of where a sharpness begins below which it is not fitted: a corner sharper than the data can show has no end of its own to go to.
@@ -247,6 +284,10 @@ impl Grid {
         match self {
             Grid::None => vec![],
             Grid::OfX(f) => times(f, scales.x),
+            Grid::Along(f) => {
+                let (low, high) = scales.travel;
+                times(f, 0.5 * (high - low)).iter().map(|x| 0.5 * (low + high) + x).collect()
+            }
             Grid::Elastic(f) if scales.small => times(f, scales.x),
             Grid::Elastic(_) => vec![0.0],
             Grid::OfV(f) => times(f, scales.v),

@@ -32,4 +32,4 @@ mod space_tests;
 #[cfg(test)]
 mod exact_tests;
 #[cfg(test)]
-mod space_peers;
+pub(crate) mod space_peers;

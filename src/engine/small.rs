@@ -141,7 +141,7 @@ impl<'a> Small<'a> {
                 self.rows[e] = row(&joint, &relative.b[c]);
                 // What is attached under load is unstrained there.
                 self.points[e].x = if model.attached.contains(&joint.connector) { 0.0 } else { relative.g[c] };
-                f[c] = self.points[e].f;
+                f[c] += self.points[e].f;
             }
             if f.iter().any(|f| *f != 0.0) {
                 let k = relative.geometric(&f, &a, &b);
@@ -221,6 +221,11 @@ impl<'a> Small<'a> {
     /// Name of a degree of freedom.
     pub fn name(&self, dof: usize) -> String {
         self.names.get(dof).cloned().unwrap_or_default()
+    }
+
+    /// Relative displacement of an element at the operating point.
+    pub fn strain(&self, e: usize) -> f64 {
+        self.points[e].x
     }
 
     /// Relative displacement of an element.

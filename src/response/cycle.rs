@@ -1,10 +1,12 @@
 //! The settled loop of a cycle test.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use crate::data::{Control, FourierInput, TimeRecord};
 use crate::effect::Moment;
 use crate::engine::EngineError;
+use crate::engine::harmonic::Expanded;
 use crate::engine::march::{Loads, Probe};
 use crate::engine::steady::steady;
 use crate::model::{Bound, Model};
@@ -31,6 +33,8 @@ pub struct CyclePlan {
     /// Acceleration of the driven end at every step, and time from the middle of the cycle as it lay in the record.
     moments: Vec<Moment>,
     drive: Drive,
+    /// A cycle about which this one is balanced instead of marched, for a look.
+    expanded: Option<Arc<Expanded>>,
 }
 
 /// What drives the test, from which its loads are sampled.
@@ -120,7 +124,7 @@ impl CyclePlan {
         let time = |k: usize| (((k + 1 + steps - drive.first * stride) % steps) as f64 - middle) * loads.dt;
         let moment = |(k, s): (usize, &[f64; 3])| Moment { acceleration: if driven_motion { s[2] } else { 0.0 }, time: time(k) };
         let moments = samples.iter().skip(1).enumerate().map(moment).collect();
-        CyclePlan { loads, probes, points, stride, moments, drive }
+        CyclePlan { loads, probes, points, stride, moments, drive, expanded: None }
     }
 
     /// The same test marched with twice the steps; `None` where it has as many as it may.
@@ -149,6 +153,13 @@ impl CyclePlan {
         Self::sampled(self.drive.clone(), self.probes.clone(), self.points, stride)
     }
 
+    /// The same test balanced about the cycle of this system, where it is one of parts that turn far; `None` where it is not.
+    pub(super) fn expanded(&self, model: &Model, bound: &Bound) -> Option<Self> {
+        let probes: Vec<Probe> = self.probes.iter().map(|p| p.0).collect();
+        let expanded = Expanded::about(model, bound, &self.loads, &probes).ok()??;
+        Some(CyclePlan { expanded: Some(Arc::new(expanded)), ..self.clone() })
+    }
+
     /// How the record comes to its kept cycles.
     pub(super) fn beginning(&self) -> &Beginning {
         &self.drive.beginning
@@ -174,7 +185,7 @@ impl CyclePlan {
 
     /// Another drive of the same shape.
     pub(super) fn varied(&self, by: &Variation) -> Self {
-        let mut plan = self.clone();
+        let mut plan = CyclePlan { expanded: None, ..self.clone() };
         plan.loads.dt /= by.frequency;
         let (f, a) = (by.frequency, by.amplitude);
         for (_, path) in &mut plan.loads.prescribed {
@@ -203,7 +214,10 @@ impl CyclePlan {
 
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
         let probes: Vec<Probe> = self.probes.iter().map(|p| p.0).collect();
-        let mut cycle = steady(model, bound, &self.loads, &probes, sensitivities)?;
+        let mut cycle = match &self.expanded {
+            Some(expanded) => expanded.steady(model, bound, &self.loads, &probes, sensitivities)?,
+            None => steady(model, bound, &self.loads, &probes, sensitivities)?,
+        };
         let n_free = cycle.columns;
         let mut out = Computed::default();
         for (i, block) in plan.blocks.iter().enumerate() {
@@ -248,6 +262,6 @@ pub(super) fn amplitude(x: &[f64], f: &[f64], dt: f64) -> Amplitude {
         0.5 * (hi - lo)
     };
     let v = x.windows(2).map(|w| ((w[1] - w[0]) / dt).abs()).fold(0.0, f64::max);
-    let most = x.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-    Amplitude { x: half(x), most, v, f: half(f) }
+    let travel = x.iter().fold((0.0f64, 0.0f64), |(low, high), x| (low.min(*x), high.max(*x)));
+    Amplitude { x: half(x), travel, v, f: half(f) }
 }

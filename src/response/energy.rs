@@ -292,9 +292,7 @@ impl EnergyPlan {
             let bound = Bound::new(system, &[], &plan.id, &row.conditions)?.driven_at(row.frequency);
             let here = place_amplitudes(&system.model, &bound, &row.loads)
                 .map_err(|source| ResponseError::Engine { test: plan.id.clone(), source })?;
-            for (w, a) in widest.iter_mut().zip(here) {
-                *w = Amplitude { x: w.x.max(a.x), most: w.most.max(a.most), v: w.v.max(a.v), f: w.f.max(a.f) };
-            }
+            widest.iter_mut().zip(here).for_each(|(w, a)| *w = w.or(a));
         }
         Ok(widest)
     }

@@ -122,7 +122,7 @@ impl FrfPlan {
             let motion = |dof: Option<usize>| dof.map_or(Complex64::ZERO, |d| r.h[line * dofs.len() + d] * force);
             for (a, place) in widest.iter_mut().zip(&model.places) {
                 let x = (motion(place.to) - motion(place.from)).norm();
-                *a = Amplitude { x: a.x.max(x), most: a.most.max(x), v: a.v.max(w * x), f: force };
+                *a = a.or(Amplitude { x, travel: (-x, x), v: w * x, f: force });
             }
         }
         Ok(Some(widest))

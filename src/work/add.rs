@@ -131,21 +131,12 @@ fn starts(wish: &Wish, study: &Study, case: &Case) -> Result<Vec<Instance>, Fail
 
 /// Motion and force at the places of the effect under the fitted tests.
 fn scales(case: &Case, site: &Site) -> Result<Scales, Failure> {
-    let mut widest = Scales { least_v: f64::INFINITY, periods: (f64::INFINITY, 0.0), ..Scales::default() };
+    let mut widest = Scales::NONE;
     for plan in case.plans_of(SplitName::Fit) {
-        let (shortest, longest) = plan.periods();
-        widest.periods = (widest.periods.0.min(shortest), widest.periods.1.max(longest));
+        widest = widest.with(Scales { periods: plan.periods(), ..Scales::NONE });
         let Site::Places(places) = site else { continue };
         for a in plan.amplitudes(&case.system)?.iter().flat_map(|all| places.iter().filter_map(|p| all.get(*p))) {
-            let least_v = if a.v > 0.0 { widest.least_v.min(a.v) } else { widest.least_v };
-            widest = Scales {
-                x: widest.x.max(a.x),
-                most: widest.most.max(a.most),
-                v: widest.v.max(a.v),
-                f: widest.f.max(a.f),
-                least_v,
-                ..widest
-            };
+            widest = widest.with((*a).into());
         }
     }
     Ok(widest)

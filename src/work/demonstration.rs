@@ -41,7 +41,7 @@ pub struct Demonstration {
 
 /// Parameters of order one: strengths as given, shapes in the middle of their grid, settings as the search sets them first.
 fn parameters(info: &Info, force: f64, other: f64) -> Vec<f64> {
-    let scales = Scales { x: 1.0, most: 1.0, v: 1.0, least_v: 1.0, f: 1.0, periods: (0.2 * TAU, 5.0 * TAU), small: false };
+    let scales = Scales { x: 1.0, travel: (-1.0, 1.0), v: 1.0, least_v: 1.0, f: 1.0, periods: (0.2 * TAU, 5.0 * TAU), small: false };
     let value = |p: &crate::effect::Param| match (p.kind, p.grid) {
         (Kind::Strength, _) => p.default + if p.dim == Dim::F { force } else { other },
         (_, Grid::None) => p.default,

@@ -344,7 +344,7 @@ fn a_law_superposes_exactly_where_it_says_so() {
 
 #[test]
 fn bounds_and_grids_agree_with_the_sign() {
-    let scales = Scales { x: 1.0, most: 1.0, v: 1.0, least_v: 0.5, f: 1.0, periods: (0.1, 10.0), small: false };
+    let scales = Scales { x: 1.0, travel: (-1.0, 1.0), v: 1.0, least_v: 0.5, f: 1.0, periods: (0.1, 10.0), small: false };
     for info in LIBRARY.iter().map(Effect::info) {
         for p in info.params {
             assert!(p.min < p.max && p.min >= p.sign.lowest(), "{}.{}", info.name, p.name);

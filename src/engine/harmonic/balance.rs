@@ -58,7 +58,11 @@ pub(super) struct Balance<'a> {
 
 impl<'a> Balance<'a> {
     pub fn new(model: &Model, bound: &'a Bound, drive: Drive, outputs: &[usize], settings: Settings) -> Result<Self, EngineError> {
-        let structure = Structure::new(model, bound, &drive)?;
+        Balance::of(Structure::new(model, bound, &drive, None)?, drive, outputs, settings)
+    }
+
+    /// That of this structure.
+    pub fn of(structure: Structure<'a>, drive: Drive, outputs: &[usize], settings: Settings) -> Result<Self, EngineError> {
         let basis = Basis::of(settings.harmonics, settings.samples);
         let size = structure.nonlinear.len() * basis.width;
         Ok(Balance {
@@ -97,7 +101,7 @@ impl<'a> Balance<'a> {
         let (n, m) = (self.structure.n, self.m());
         self.omega = omega;
         for k in 0..=self.harmonics {
-            if m == 0 && !self.drive.acts(k) {
+            if m == 0 && !self.structure.moves(k, &self.drive) {
                 continue;
             }
             self.structure.solve(k, omega, &self.drive, &self.outputs, &mut self.flex[k])?;
@@ -212,7 +216,7 @@ impl<'a> Balance<'a> {
 
     /// Displacement across a nonlinear element at a harmonic, with the stand-in stiffnesses.
     fn linear(&self, a: usize, k: usize) -> Complex64 {
-        self.structure.relative(self.structure.nonlinear[a], &self.flex[k].drive)
+        self.structure.seen(self.structure.nonlinear[a], k, &self.flex[k].drive)
     }
 
     /// Response with the stand-in stiffnesses.
@@ -294,7 +298,7 @@ impl<'a> Balance<'a> {
                         self.nearest = Some((self.omega, norm, before));
                     }
                     // Residual and derivatives belong to the point that stays.
-                    return norm <= ACCEPTED && self.balance(share, scales).is_some();
+                    return norm <= self.tolerance.max(ACCEPTED) && self.balance(share, scales).is_some();
                 }
             }
         }
@@ -425,7 +429,7 @@ impl<'a> Balance<'a> {
 
     /// Harmonics in which the structure moves.
     pub(super) fn moving(&self) -> Vec<usize> {
-        (0..=self.harmonics).filter(|k| self.m() > 0 || self.drive.acts(*k)).collect()
+        (0..=self.harmonics).filter(|k| self.m() > 0 || self.structure.moves(*k, &self.drive)).collect()
     }
 }
 

@@ -17,71 +17,90 @@ use super::Settings;
 use super::balance::Balance;
 use super::basis::Basis;
 use super::sensitivity::Source;
-use super::structure::{Drive, Part};
+use super::structure::{About, Drive, Part, Structure};
 
-/// Harmonics of a nonlinear structure under a harmonic drive; as many more as a drive has beside its first.
-const HARMONICS: usize = 16;
-/// Part of the largest harmonic of a place that the last quarter of them may be: a motion that has more of them is marched, since what the series
-/// leaves out (a tenth of it, where a kink makes them fall by the third power) would show beside noise.
-const TAIL: f64 = 1e-4;
-/// Samples of the cycle per harmonic.
-const SAMPLES: usize = 16;
-/// Change of the displacements at which the balance holds: far below what the harmonics that are left out would add.
-const TOLERANCE: f64 = 1e-9;
-/// Nonlinear places at most: the balance is one dense system of all their coefficients.
-const PLACES: usize = 8;
-/// States of a nonlinear place at most: its law is sampled with the derivatives of all of them, which soon costs more than the march.
-const STATES: usize = 8;
-/// Highest harmonic of a drive at most.
-const DRIVE: usize = 64;
-/// Part of the largest harmonic of a drive below which one is rounding.
-const NOTHING: f64 = 1e-11;
+/// How finely a cycle is balanced, and from where on it is not.
+pub(super) struct Limits {
+    /// Harmonics of a nonlinear structure under a harmonic drive; as many more as a drive has beside its first.
+    pub harmonics: usize,
+    /// Part of the largest harmonic of a place that the last quarter of them may be: of a motion that has more of them the series leaves out too much (a
+    /// tenth of it, where a kink makes them fall by the third power).
+    pub tail: f64,
+    /// Samples of the cycle per harmonic.
+    pub samples: usize,
+    /// Change of the displacements at which the balance holds.
+    pub tolerance: f64,
+    /// Nonlinear places at most: the balance is one dense system of all their coefficients.
+    pub places: usize,
+    /// States of a nonlinear place at most: its law is sampled with the derivatives of all of them, which soon costs more than the march.
+    pub states: usize,
+    /// Highest harmonic of a drive at most.
+    pub drive: usize,
+    /// Part of the largest harmonic of a drive below which one is left out.
+    pub nothing: f64,
+}
+
+/// Those of a cycle that stands for the marched one beside noise: what is left out of a drive is rounding.
+const LIMITS: Limits =
+    Limits { harmonics: 16, tail: 1e-4, samples: 16, tolerance: 1e-9, places: 8, states: 8, drive: 64, nothing: 1e-11 };
 
 /// The steady cycle by harmonic balance; `None` where the march has to find it: parts that turn far, every degree of freedom moved, a drive with
 /// steps, more nonlinear places or states of one than are worth it, a motion with more harmonics than are balanced,
 /// or no balance that is found from the linear response. `loads` holds one cycle.
 pub fn balanced(model: &Model, bound: &Bound, loads: &Loads, probes: &[Probe], sensitivities: bool) -> Option<Cycle> {
+    if model.space.is_some() { None } else { found(model, bound, loads, &Wanted { probes, sensitivities }, None, &LIMITS) }
+}
+
+/// The same within limits, `about` a position where the model is spatial.
+pub(super) fn found(
+    model: &Model,
+    bound: &Bound,
+    loads: &Loads,
+    wanted: &Wanted<'_>,
+    about: Option<&About>,
+    limits: &Limits,
+) -> Option<Cycle> {
     let steps = loads.prescribed.iter().map(|p| p.1.len()).chain(loads.forces.iter().map(|f| f.1.len())).min()?.checked_sub(1)?;
-    if model.space.is_some() || !model.attached.is_empty() || loads.prescribed.len() >= model.dofs.len() || steps < 4 {
+    if !model.attached.is_empty() || loads.prescribed.len() >= model.dofs.len() || steps < 4 {
         return None;
     }
-    let drive = drive(bound, loads, steps)?;
+    let drive = drive(bound, loads, steps, limits)?;
     let bound = &bound.apart();
     let states: Vec<usize> = bound.elements.iter().filter(|e| !e.is_linear_at_every_amplitude()).map(|e| e.n_states()).collect();
     let nonlinear = states.len();
-    if nonlinear > PLACES || states.iter().any(|n| *n > STATES) {
+    if nonlinear > limits.places || states.iter().any(|n| *n > limits.states) {
         return None;
     }
-    let sampled = nonlinear > 0 || (sensitivities && bound.elements.iter().any(|e| !e.followers_are_linear()));
+    let sampled = nonlinear > 0 || (wanted.sensitivities && bound.elements.iter().any(|e| !e.followers_are_linear()));
     let omega = std::f64::consts::TAU / (loads.dt * steps as f64);
     let beside = drive.highest();
     let settings = if sampled {
-        let harmonics = HARMONICS + beside.saturating_sub(1);
-        Settings { harmonics, samples: (SAMPLES * harmonics).next_power_of_two(), tolerance: TOLERANCE }
+        let harmonics = limits.harmonics + beside.saturating_sub(1);
+        Settings { harmonics, samples: (limits.samples * harmonics).next_power_of_two(), tolerance: limits.tolerance }
     } else {
-        Settings { harmonics: beside, samples: 1, tolerance: TOLERANCE }
+        Settings { harmonics: beside, samples: 1, tolerance: limits.tolerance }
     };
-    let mut balance = Balance::new(model, bound, drive, &[], settings).ok()?;
+    let structure = Structure::new(model, bound, &drive, about).ok()?;
+    let mut balance = Balance::of(structure, drive, &[], settings).ok()?;
     balance.settle(omega).ok()?;
-    if balance.tail() > TAIL {
+    if balance.tail() > limits.tail {
         return None;
     }
-    let found = read(balance, &Wanted { steps, probes, sensitivities });
+    let found = read(balance, wanted, steps);
     found.ok().filter(|c| c.values.iter().chain(&c.slopes).flatten().all(|v| v.is_finite()))
 }
 
 /// What is read of the cycle.
-struct Wanted<'a> {
-    steps: usize,
-    probes: &'a [Probe],
-    sensitivities: bool,
+pub(super) struct Wanted<'a> {
+    pub probes: &'a [Probe],
+    pub sensitivities: bool,
 }
 
 /// The drive in harmonics, with the loads that stay; `None` where it has higher ones than are worth it.
-fn drive(bound: &Bound, loads: &Loads, steps: usize) -> Option<Drive> {
+fn drive(bound: &Bound, loads: &Loads, steps: usize, limits: &Limits) -> Option<Drive> {
     let mut drive = Drive::default();
     for (dof, path) in &loads.prescribed {
-        drive.held.push((*dof, series(path[..steps].iter().map(|s| s[0]))?));
+        drive.held.push((*dof, series(path[..steps].iter().map(|s| s[0]), limits)?));
     }
     let mut act = |dof: usize, series: Vec<Complex64>| {
         if drive.forces.len() < series.len() {
@@ -90,7 +109,7 @@ fn drive(bound: &Bound, loads: &Loads, steps: usize) -> Option<Drive> {
         series.into_iter().enumerate().filter(|(_, f)| *f != Complex64::ZERO).for_each(|(k, f)| drive.forces[k].push((dof, f)));
     };
     for (dof, path) in &loads.forces {
-        act(*dof, series(path[..steps].iter().copied())?);
+        act(*dof, series(path[..steps].iter().copied(), limits)?);
     }
     for load in &bound.loads {
         act(load.dof, vec![Complex64::new(load.path.last().copied()?, 0.0)]);
@@ -98,21 +117,21 @@ fn drive(bound: &Bound, loads: &Loads, steps: usize) -> Option<Drive> {
     Some(drive)
 }
 
-/// Complex amplitudes of a sampled cycle, those that are rounding left out.
-fn series(samples: impl Iterator<Item = f64>) -> Option<Vec<Complex64>> {
+/// Complex amplitudes of a sampled cycle, those that are nothing left out.
+fn series(samples: impl Iterator<Item = f64>, limits: &Limits) -> Option<Vec<Complex64>> {
     let mut x: Vec<Complex64> = samples.map(|v| Complex64::new(v, 0.0)).collect();
     let n = x.len();
     FftPlanner::new().plan_fft_forward(n).process(&mut x);
     let mut series: Vec<Complex64> = x[..n.div_ceil(2)].iter().map(|c| c * (2.0 / n as f64)).collect();
     series[0] *= 0.5;
     let largest = series.iter().map(|c| c.norm()).fold(0.0, f64::max);
-    series.iter_mut().filter(|c| c.norm() <= NOTHING * largest).for_each(|c| *c = Complex64::ZERO);
+    series.iter_mut().filter(|c| c.norm() <= limits.nothing * largest).for_each(|c| *c = Complex64::ZERO);
     let highest = series.iter().rposition(|c| *c != Complex64::ZERO).unwrap_or(0);
     series.truncate(highest + 1);
-    (highest <= DRIVE).then_some(series)
+    (highest <= limits.drive).then_some(series)
 }
 
-fn read(mut balance: Balance, wanted: &Wanted) -> Result<Cycle, EngineError> {
+fn read(mut balance: Balance, wanted: &Wanted<'_>, steps: usize) -> Result<Cycle, EngineError> {
     let bound = balance.structure.bound;
     let columns = if wanted.sensitivities { bound.n_free } else { 0 };
     let sources = if columns > 0 { balance.sources()? } else { vec![] };
@@ -129,7 +148,7 @@ fn read(mut balance: Balance, wanted: &Wanted) -> Result<Cycle, EngineError> {
             line.read(&balance, *probe, read);
         }
     }
-    Ok(sampled(&read, wanted.steps, columns))
+    Ok(sampled(&read, steps, columns))
 }
 
 /// Readings over the steps from their coefficients.
@@ -205,15 +224,17 @@ impl<'a> Line<'a> {
                 out[(row, 2 * self.k)] -= x.im;
             }
         };
-        let mut moved = |of: &dyn Fn(&[Complex64]) -> Complex64, factor: Complex64| {
-            add(0, factor * of(&self.q));
+        // What is read of the motion, and of what it changes by.
+        let mut moved = |of: &dyn Fn(&[Complex64]) -> Complex64, stands: Complex64, factor: Complex64| {
+            add(0, factor * (of(&self.q) + stands));
             (0..self.columns).for_each(|c| add(1 + c, factor * of(self.column(c))));
         };
         let one = Complex64::ONE;
+        let still = vec![Complex64::ZERO; self.q.len()];
         match probe {
-            Probe::Dof(d) => moved(&|q| q[d], one),
-            Probe::Velocity(d) => moved(&|q| q[d], s),
-            Probe::Acceleration(d) => moved(&|q| q[d], s * s),
+            Probe::Dof(d) => moved(&|q| q[d], structure.coordinate(d, self.k, &still), one),
+            Probe::Velocity(d) => moved(&|q| q[d], Complex64::ZERO, s),
+            Probe::Acceleration(d) => moved(&|q| q[d], Complex64::ZERO, s * s),
             Probe::Relative(p) | Probe::RelativeVelocity(p) | Probe::RelativeAcceleration(p) => {
                 let factor = match probe {
                     Probe::Relative(_) => one,
@@ -221,17 +242,16 @@ impl<'a> Line<'a> {
                     _ => s * s,
                 };
                 if let Some(e) = at(p).next() {
-                    moved(&|q| structure.relative(e, q), factor);
+                    moved(&|q| structure.relative(e, q), structure.seen(e, self.k, &still), factor);
                 }
             }
             Probe::Force(p) => {
                 at(p).for_each(|e| self.force(balance, e, 1.0, &mut add));
             }
             Probe::Reaction(d) => {
-                let mass = structure.mass(d) * s * s;
-                moved(&|q| mass * q[d], one);
-                for (e, element) in bound.elements.iter().enumerate() {
-                    let sign = f64::from(element.to == Some(d)) - f64::from(element.from == Some(d));
+                moved(&|q| structure.carried(s, q)[d], Complex64::ZERO, one);
+                for e in 0..bound.elements.len() {
+                    let sign = structure.acting(e, d);
                     if sign != 0.0 {
                         self.force(balance, e, sign, &mut add);
                     }
@@ -246,7 +266,7 @@ impl<'a> Line<'a> {
     fn force(&self, balance: &Balance, e: usize, sign: f64, add: &mut impl FnMut(usize, Complex64)) {
         let structure = &balance.structure;
         let z = structure.stiffness(e) * sign;
-        add(0, z * structure.relative(e, &self.q));
+        add(0, z * structure.seen(e, self.k, &self.q));
         (0..self.columns).for_each(|c| add(1 + c, z * structure.relative(e, self.column(c))));
         if let Part::Nonlinear(a) = structure.parts[e] {
             add(0, balance.out_of_line(a, self.k) * sign);

@@ -22,12 +22,14 @@ mod balance;
 mod basis;
 mod continuation;
 mod cycle;
+mod expanded;
 mod fixed_point;
 mod sensitivity;
 mod shelf;
 mod structure;
 
 pub use cycle::balanced;
+pub use expanded::Expanded;
 
 #[cfg(test)]
 mod tests;

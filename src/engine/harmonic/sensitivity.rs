@@ -21,7 +21,7 @@ impl Balance<'_> {
             let (said, candidates) = &self.structure.candidates[e];
             for (candidate, aft) in candidates.iter().zip(&mut marched) {
                 let mut x = vec![0.0; w];
-                harmonics.iter().zip(&motion).for_each(|(k, q)| put(&mut x, *k, self.structure.relative(e, q)));
+                harmonics.iter().zip(&motion).for_each(|(k, q)| put(&mut x, *k, self.structure.seen(e, *k, q)));
                 aft.evaluate(candidate, &self.basis, omega, &x, PERIODIC)?;
                 aft.parameters(candidate, &self.basis, omega);
                 // A candidate that is not linear answers in harmonics in which the structure does not move.
@@ -41,7 +41,7 @@ impl Balance<'_> {
                         None
                     }
                 };
-                let moved = self.structure.relative(e, motion);
+                let moved = self.structure.seen(e, *k, motion);
                 let force = |p: usize| match by_param {
                     Some(by_param) => column(by_param, element.n_params(), p, *k),
                     None if said.get(p) == Some(&false) => Complex64::ZERO,

@@ -1,4 +1,8 @@
 //! The linear part of the structure at the harmonics of one line, condensed to the places of the nonlinear elements.
+//!
+//! A model along one axis is linear but for its elements. Parts that turn far are taken as linear about a position of theirs ([`About`]): the rows by
+//! which they strain their elements, their inertia and the geometric stiffness of the forces present stay those of that position, displacements count from it,
+//! and an element sees what strains it there with what the displacements add.
 
 use std::sync::Arc;
 
@@ -9,6 +13,7 @@ use crate::model::{Bound, Depth, Element, ElementScratch, Model, Sensed};
 
 use super::super::EngineError;
 use super::super::blocktri::{BlockTri, BlockTriError, Layout, Levels};
+use super::super::small::Small;
 
 /// How an element enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +24,25 @@ pub(super) enum Part {
     Candidate,
     /// Nonlinear, number among these.
     Nonlinear(usize),
+}
+
+/// A position of parts that turn far, about which they move by little.
+#[derive(Clone, Debug)]
+pub(super) struct About {
+    /// Coordinates.
+    pub q: Vec<f64>,
+    /// Force at every place.
+    pub forces: Vec<f64>,
+}
+
+impl About {
+    /// The linear system there.
+    fn small<'a>(&self, model: &Model, bound: &'a Bound) -> Small<'a> {
+        let mut left = self.forces.clone();
+        // The elements of a place share its force: the first of them takes it.
+        let forces: Vec<f64> = bound.elements.iter().map(|e| std::mem::take(&mut left[e.place])).collect();
+        Small::about(model, bound, &self.q, &forces)
+    }
 }
 
 /// What drives the structure, harmonic by harmonic.
@@ -71,13 +95,22 @@ pub(super) struct Structure<'a> {
     /// Element index of each nonlinear one.
     pub nonlinear: Vec<usize>,
     pub n: usize,
-    mass: Vec<f64>,
-    slots: Vec<[Option<usize>; 4]>,
+    /// The system of small motion, and the coordinates from which displacements count.
+    small: Small<'a>,
+    about: Vec<f64>,
+    /// Whether elements are strained there.
+    strained: bool,
+    /// Entries of the matrix between degrees of freedom that are free: inertia, geometric stiffness, and of each element.
+    inertia: Vec<(usize, f64)>,
+    geometric: Vec<(usize, f64)>,
+    slots: Vec<Vec<(usize, f64)>>,
     diagonal: Vec<usize>,
     matrix: BlockTri<Complex64>,
     /// Number of the first element with the same law.
     same: Vec<usize>,
     z: Vec<Complex64>,
+    /// Where these were taken.
+    s: Complex64,
     /// Slope of each nonlinear element at rest where its law has no small-signal stiffness.
     rest_slope: Vec<f64>,
     /// Which degrees of freedom are moved: their rows say so instead of the equilibrium.
@@ -88,20 +121,23 @@ pub(super) struct Structure<'a> {
 const LOOSE: f64 = 1e-7;
 
 impl<'a> Structure<'a> {
-    pub fn new(model: &Model, bound: &'a Bound, drive: &Drive) -> Result<Self, EngineError> {
+    /// `about`: where a spatial model is taken as linear.
+    pub fn new(model: &Model, bound: &'a Bound, drive: &Drive, about: Option<&About>) -> Result<Self, EngineError> {
         let n = model.dofs.len();
         let mut held = vec![false; n];
         drive.held.iter().for_each(|(d, _)| held[*d] = true);
-        let pairs: Vec<_> = bound.elements.iter().filter_map(|e| Some((e.to?, e.from?))).chain((0..n).map(|d| (d, d))).collect();
-        let layout = Arc::new(Layout::new(Levels::new(n, &pairs)?));
-        let slot = |i: Option<usize>, j: Option<usize>| match (i, j) {
-            (Some(i), Some(j)) => layout.slot(i, j).map(Some),
-            _ => Ok(None),
+        let small = match about {
+            Some(about) => about.small(model, bound),
+            None => Small::about(model, bound, &vec![0.0; n], &vec![0.0; bound.elements.len()]),
         };
-        let mut slots = Vec::with_capacity(bound.elements.len());
-        for e in &bound.elements {
-            slots.push([slot(e.to, e.to)?, slot(e.from, e.from)?, slot(e.to, e.from)?, slot(e.from, e.to)?]);
-        }
+        let layout = Arc::new(Layout::new(Levels::new(n, &small.pairs())?));
+        let free = |entries: &mut dyn Iterator<Item = (usize, usize, f64)>| -> Result<Vec<(usize, f64)>, EngineError> {
+            let free = entries.filter(|(i, j, _)| !held[*i] && !held[*j]);
+            free.map(|(i, j, value)| Ok((layout.slot(i, j)?, value))).collect()
+        };
+        let of_row = |row: &Vec<(usize, f64)>| free(&mut row.iter().flat_map(|(i, a)| row.iter().map(move |(j, b)| (*i, *j, a * b))));
+        let slots = small.rows.iter().map(of_row).collect::<Result<_, _>>()?;
+        let (inertia, geometric) = (free(&mut small.mass.iter().copied())?, free(&mut small.stiffness.iter().copied())?);
         let (mut parts, mut nonlinear) = (Vec::new(), Vec::new());
         for (i, e) in bound.elements.iter().enumerate() {
             parts.push(match (e.is_linear_at_every_amplitude(), e.followers_are_linear()) {
@@ -122,8 +158,11 @@ impl<'a> Structure<'a> {
                 })
             })
             .collect();
+        let strain = |e: usize| small.strain(e);
         Ok(Structure {
-            rest_slope: nonlinear.iter().map(|&i| rest_slope(&bound.elements[i])).collect(),
+            rest_slope: nonlinear.iter().map(|&i| rest_slope(&bound.elements[i], strain(i))).collect(),
+            strained: (0..bound.elements.len()).any(|e| strain(e) != 0.0),
+            about: about.map_or_else(|| vec![0.0; n], |about| about.q.clone()),
             bound,
             candidates: parts
                 .iter()
@@ -133,20 +172,37 @@ impl<'a> Structure<'a> {
             parts,
             nonlinear,
             n,
-            mass: model.dofs.iter().map(|d| d.mass).collect(),
+            inertia,
+            geometric,
             slots,
             diagonal: (0..n).map(|d| layout.slot(d, d)).collect::<Result<_, _>>()?,
             matrix: BlockTri::new(layout),
             same,
             z: vec![],
+            s: Complex64::ZERO,
             held,
+            small,
         })
     }
 
     /// Relative displacement of an element in a column of all degrees of freedom.
     pub fn relative(&self, element: usize, u: &[Complex64]) -> Complex64 {
-        let e = &self.bound.elements[element];
-        e.to.map_or(Complex64::ZERO, |d| u[d]) - e.from.map_or(Complex64::ZERO, |d| u[d])
+        self.small.relative(element, u)
+    }
+
+    /// Relative displacement that an element has in harmonic `k` of the motion `u`, with what strains it where the structure is taken as linear.
+    pub fn seen(&self, element: usize, k: usize, u: &[Complex64]) -> Complex64 {
+        self.relative(element, u) + if k == 0 { self.small.strain(element) } else { 0.0 }
+    }
+
+    /// Coordinate in harmonic `k` of the motion `u`.
+    pub fn coordinate(&self, dof: usize, k: usize, u: &[Complex64]) -> Complex64 {
+        u[dof] + if k == 0 { self.about[dof] } else { 0.0 }
+    }
+
+    /// Whether the linear structure moves at a harmonic.
+    pub fn moves(&self, k: usize, drive: &Drive) -> bool {
+        drive.acts(k) || (k == 0 && self.strained)
     }
 
     /// Solves at harmonic `k` of `omega`: nonlinear elements stand in with a linear stiffness of their own, which the caller takes out
@@ -164,7 +220,7 @@ impl<'a> Structure<'a> {
         self.matrix.solve(&mut out.places)?;
         out.drive.clear();
         out.drive.resize(n, Complex64::ZERO);
-        if drive.acts(k) {
+        if self.moves(k, drive) {
             self.driven(k, drive, &mut out.drive);
             self.matrix.solve(&mut out.drive)?;
         }
@@ -180,6 +236,7 @@ impl<'a> Structure<'a> {
     /// Factors the structure at harmonic `k`.
     pub fn factor(&mut self, k: usize, omega: f64) -> Result<(), EngineError> {
         let s = Complex64::new(0.0, k as f64 * omega);
+        self.s = s;
         self.stiffnesses(s, omega)?;
         self.assemble(s, 0.0);
         let line = |e: BlockTriError| match e {
@@ -205,39 +262,53 @@ impl<'a> Structure<'a> {
 
     /// Puts a general force of an element's place into a column of loads; what is moved takes none.
     pub fn load(&self, element: usize, force: Complex64, column: &mut [Complex64]) {
-        let e = &self.bound.elements[element];
-        for (dof, sign) in [(e.to, 1.0), (e.from, -1.0)] {
-            if let Some(d) = dof.filter(|d| !self.held[*d]) {
-                column[d] += force * sign;
-            }
+        for (d, b) in self.small.rows[element].iter().filter(|(d, _)| !self.held[*d]) {
+            column[*d] += force * *b;
         }
     }
 
-    /// Loads of the drive: forces, what is moved, and what the elements carry over from there.
+    /// Loads of the drive: forces, what is moved, what the structure carries over from there, and what strains the elements already.
     fn driven(&self, k: usize, drive: &Drive, column: &mut [Complex64]) {
         for (d, force) in drive.forces.get(k).into_iter().flatten().filter(|(d, _)| !self.held[*d]) {
             column[*d] += force;
         }
+        let mut moved = vec![Complex64::ZERO; if drive.held.is_empty() { 0 } else { self.n }];
         for (held, series) in &drive.held {
-            let u = series.get(k).copied().unwrap_or_default();
-            for (e, z) in self.bound.elements.iter().zip(&self.z) {
-                let across = [(e.to, e.from), (e.from, e.to)].into_iter().find(|(one, _)| *one == Some(*held));
-                if let Some((_, Some(other))) = across.filter(|(_, other)| other.is_some_and(|d| !self.held[d])) {
-                    column[other] += z * u;
-                }
-            }
-            column[*held] = u;
+            let from = if k == 0 { self.about[*held] } else { 0.0 };
+            moved[*held] = series.get(k).copied().unwrap_or_default() - from;
         }
+        for (e, z) in self.z.iter().enumerate() {
+            let there = if moved.is_empty() { Complex64::ZERO } else { self.relative(e, &moved) };
+            let strain = if k == 0 { self.small.strain(e) } else { 0.0 };
+            let force = z * (there + strain);
+            if force != Complex64::ZERO {
+                self.load(e, -force, column);
+            }
+        }
+        if !moved.is_empty() {
+            for (d, force) in self.carried(self.s, &moved).into_iter().enumerate().filter(|(d, _)| !self.held[*d]) {
+                column[d] -= force;
+            }
+            drive.held.iter().for_each(|(d, _)| column[*d] = moved[*d]);
+        }
+    }
+
+    /// Forces of inertia and of geometric stiffness at the motion `u`.
+    pub fn carried(&self, s: Complex64, u: &[Complex64]) -> Vec<Complex64> {
+        let mut forces = vec![Complex64::ZERO; self.n];
+        self.small.mass.iter().for_each(|(i, j, m)| forces[*i] += s * s * *m * u[*j]);
+        self.small.stiffness.iter().for_each(|(i, j, k)| forces[*i] += u[*j] * *k);
+        forces
+    }
+
+    /// How the force of an element acts at a degree of freedom.
+    pub fn acting(&self, element: usize, dof: usize) -> f64 {
+        self.small.rows[element].iter().filter(|(d, _)| *d == dof).map(|(_, b)| b).sum()
     }
 
     /// Complex stiffness of an element at the harmonic of the last [`Structure::factor`].
     pub fn stiffness(&self, element: usize) -> Complex64 {
         self.z[element]
-    }
-
-    /// Mass at a degree of freedom.
-    pub fn mass(&self, dof: usize) -> f64 {
-        self.mass[dof]
     }
 
     fn stiffnesses(&mut self, s: Complex64, omega: f64) -> Result<(), EngineError> {
@@ -246,7 +317,7 @@ impl<'a> Structure<'a> {
             let z = if self.same[i] < i {
                 self.z[self.same[i]]
             } else if let Part::Nonlinear(a) = self.parts[i] {
-                let at = |s: Complex64| element.stiffness_at(s, 0.0, 0.0).ok().filter(|z| z.is_finite() && z.norm() > 0.0);
+                let at = |s: Complex64| element.stiffness_at(s, self.small.strain(i), 0.0).ok().filter(|z| z.is_finite() && z.norm() > 0.0);
                 // Without a stiffness of its own at rest (a film under a constant load) the fundamental's stands in.
                 let z = at(s).or_else(|| at(Complex64::new(0.0, omega)));
                 z.map_or(Complex64::new(self.rest_slope[a], 0.0), |z| if s.im == 0.0 { Complex64::new(z.norm(), 0.0) } else { z })
@@ -261,26 +332,21 @@ impl<'a> Structure<'a> {
     fn assemble(&mut self, s: Complex64, ground: f64) {
         self.matrix.clear();
         for (d, slot) in self.diagonal.iter().enumerate() {
-            let value = if self.held[d] { Complex64::ONE } else { s * s * self.mass[d] + ground };
-            self.matrix.add_at(*slot, value);
+            self.matrix.add_at(*slot, if self.held[d] { Complex64::ONE } else { Complex64::new(ground, 0.0) });
         }
-        for ((slots, z), e) in self.slots.iter().zip(&self.z).zip(&self.bound.elements) {
-            let free = |dof: Option<usize>| dof.is_some_and(|d| !self.held[d]);
-            let (to, from) = (free(e.to), free(e.from));
-            for ((slot, value), enters) in slots.iter().zip([*z, *z, -*z, -*z]).zip([to, from, to && from, to && from]) {
-                if let Some(slot) = slot.filter(|_| enters) {
-                    self.matrix.add_at(slot, value);
-                }
-            }
+        self.inertia.iter().for_each(|(slot, m)| self.matrix.add_at(*slot, s * s * *m));
+        self.geometric.iter().for_each(|(slot, k)| self.matrix.add_at(*slot, Complex64::new(*k, 0.0)));
+        for (slots, z) in self.slots.iter().zip(&self.z) {
+            slots.iter().for_each(|(slot, b)| self.matrix.add_at(*slot, z * *b));
         }
     }
 }
 
-/// Stiffness of a law at rest from its own tangent; velocity-dependent parts are left out.
-fn rest_slope(element: &Element) -> f64 {
+/// Stiffness of a law at rest under a relative displacement from its own tangent; velocity-dependent parts are left out.
+fn rest_slope(element: &Element, x: f64) -> f64 {
     let (mut s, mut fs) = (vec![0.0; element.n_states()], vec![0.0; element.n_follower_states()]);
     let mut sensed = Sensed::default();
-    element.tangent(&Inputs::default(), 1e-3, &mut s, &mut fs, Depth::Inputs, &mut sensed, &mut ElementScratch::default());
+    element.tangent(&Inputs { x, ..Inputs::default() }, 1e-3, &mut s, &mut fs, Depth::Inputs, &mut sensed, &mut ElementScratch::default());
     let d = sensed.inputs(0);
     let slope = (d[0] + d[3]).abs();
     if slope.is_finite() { slope } else { 0.0 }
