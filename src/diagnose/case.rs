@@ -136,14 +136,19 @@ impl Case {
         self.in_other_steps(|p, _| p.refined(system))
     }
 
-    /// The case about what this system does in it, or in fewer time steps and lines ([`Plan::expanded`], [`Plan::coarser`], [`Plan::fewer_lines`]), for a
-    /// first look at what it may say; `None` where there is nothing to spare.
+    /// The case with its fit tests computed about what this system does in them ([`Plan::expanded`]); `None` where none is.
+    pub fn expanded(&self, system: &System) -> Option<Case> {
+        self.in_other_steps(|p, split| if split == SplitName::Fit { p.expanded(system) } else { None })
+    }
+
+    /// The case about what this system does in it, or else in fewer time steps and lines ([`Plan::coarser`], [`Plan::fewer_lines`]), for a first look at what
+    /// it may say; `None` where there is nothing to spare.
     pub fn coarser(&self, system: &System) -> Option<Case> {
-        self.in_other_steps(|p, split| {
-            // A look is at the fit tests alone; to expand a test costs a march.
-            if let Some(expanded) = (split == SplitName::Fit).then(|| p.expanded(system)).flatten() {
-                return Some(expanded);
-            }
+        let expanded = self.expanded(system);
+        if expanded.is_some() {
+            return expanded;
+        }
+        self.in_other_steps(|p, _| {
             let coarser = p.coarser();
             coarser.as_ref().unwrap_or(p).fewer_lines(self.search.settings.race.lines).or(coarser)
         })

@@ -109,7 +109,7 @@ impl Survivors<'_> {
         let failed = |why: &String| Weighing { refit: k, model: Err(why.clone()), most: f64::NEG_INFINITY };
         let promised = match &self.refits[k].result {
             Ok(proof) => proof.stands.get_or_init(|| {
-                let at = |system: &System| scale.promised(system, &self.start(k), self.against.monitor);
+                let at = |system: &System| scale.promised_about(system, &self.start(k), self.against.monitor);
                 let (raced, beside) = (at(&proof.fitted.system), self.beside(k).map(|system| at(&system)));
                 let likelier = |of: &Promised| raced.as_ref().is_ok_and(|raced| of.stands.likelihood > raced.stands.likelihood);
                 match beside.and_then(Result::ok).filter(likelier) {

@@ -143,8 +143,32 @@ impl Scale {
 
     /// Fits the system and estimates its variances in turn, from these variances on, until they move the likelihood by no more than fits leave
     /// unfound. The covariance of a fit stands still, and where strengths scatter along records it is another one where the fit ends: as far as the
-    /// likelihood is less there, the fit is taken back.
+    /// likelihood is less there, the fit is taken back. Tests that are cheaper about one system ([`Case::expanded`]) are computed about where the
+    /// fit begins, and where it ends once more, so that the likelihood is that of the tests themselves.
     pub fn weigh(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
+        let Some(mut near) = self.about(system) else { return self.weigh_in_full(system, start, monitor) };
+        let mut now = near.weigh_in_full(system, start, monitor)?;
+        let mut round = 0;
+        loop {
+            let (system, v) = (&now.fitted.system, &now.v);
+            let Some(there) = self.about(system) else { return self.weigh_in_full(system, v, monitor) };
+            near = there;
+            let Promised { stands, step } = near.promised(system, v, monitor)?;
+            if step <= self.settings.settled || round == self.settings.rounds || super::trace::stopped(monitor) {
+                return Ok(stands);
+            }
+            now = near.weigh_in_full(system, v, monitor)?;
+            round += 1;
+        }
+    }
+
+    /// The same scale with its tests computed about this system; `None` where none of them is cheaper so.
+    fn about(&self, system: &System) -> Option<Scale> {
+        Some(Scale { case: self.case.expanded(system)?, ..self.again() })
+    }
+
+    /// The same with every test computed as it is.
+    fn weigh_in_full(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
         let memo = Arc::new(Memo::default());
         let here = self.standing(system, start, &memo)?;
         let (own, mut now, mut last) = (here.v.clone(), Standing { v: start.clone(), ..here }, None);
@@ -219,8 +243,13 @@ impl Scale {
         Ok(None)
     }
 
+    /// A model under variances of its own, no fit made under them, its tests computed about itself.
+    pub fn promised_about(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Promised, String> {
+        self.about(system).as_ref().unwrap_or(self).promised(system, start, monitor)
+    }
+
     /// A model under variances of its own, no fit made under them.
-    pub fn promised(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Promised, String> {
+    fn promised(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Promised, String> {
         let memo = Arc::new(Memo::default());
         let standing = self.standing(system, start, &memo)?;
         let fitted = self.fitted(&standing, 0, &memo, monitor)?;
@@ -282,7 +311,7 @@ impl Scale {
             if super::trace::stopped(monitor) {
                 break;
             }
-            let again = self.weigh(&now.fitted.system, &now.v, monitor)?;
+            let again = self.weigh_in_full(&now.fitted.system, &now.v, monitor)?;
             let gained = again.likelihood - now.likelihood;
             if gained > 0.0 {
                 now = again;

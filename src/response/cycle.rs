@@ -8,10 +8,12 @@ use crate::effect::Moment;
 use crate::engine::EngineError;
 use crate::engine::harmonic::Expanded;
 use crate::engine::march::{Loads, Probe};
+use crate::engine::periodic::Cycle;
 use crate::engine::steady::steady;
 use crate::model::{Bound, Model};
 use crate::units::Unit;
 
+use super::amplitude::place_amplitudes;
 use super::settling::Beginning;
 use super::variation::{CycleDrive, Variation};
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, Scatter, channel, site};
@@ -214,10 +216,7 @@ impl CyclePlan {
 
     pub(super) fn evaluate(&self, model: &Model, bound: &Bound, plan: &Plan, sensitivities: bool) -> Result<Computed, EngineError> {
         let probes: Vec<Probe> = self.probes.iter().map(|p| p.0).collect();
-        let mut cycle = match &self.expanded {
-            Some(expanded) => expanded.steady(model, bound, &self.loads, &probes, sensitivities)?,
-            None => steady(model, bound, &self.loads, &probes, sensitivities)?,
-        };
+        let mut cycle = computed(self.expanded.as_deref(), model, bound, &self.loads, &probes, sensitivities)?;
         let n_free = cycle.columns;
         let mut out = Computed::default();
         for (i, block) in plan.blocks.iter().enumerate() {
@@ -242,26 +241,23 @@ impl CyclePlan {
     }
 }
 
+/// The steady cycle, about one that it is expanded about or by itself.
+pub(super) fn computed(
+    about: Option<&Expanded>,
+    model: &Model,
+    bound: &Bound,
+    loads: &Loads,
+    probes: &[Probe],
+    sensitivities: bool,
+) -> Result<Cycle, EngineError> {
+    match about {
+        Some(about) => about.steady(model, bound, loads, probes, sensitivities),
+        None => steady(model, bound, loads, probes, sensitivities),
+    }
+}
+
 /// Middle and half of the range.
 fn middle(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     (0.5 * (low + high), 0.5 * (high - low))
-}
-
-/// Amplitudes at every place over the steady cycle of `loads`.
-pub(super) fn place_amplitudes(model: &Model, bound: &Bound, loads: &Loads) -> Result<Vec<Amplitude>, EngineError> {
-    let n = model.places.len();
-    let probes: Vec<Probe> = (0..n).map(Probe::Relative).chain((0..n).map(Probe::Force)).collect();
-    let cycle = steady(model, bound, loads, &probes, false)?;
-    Ok((0..n).map(|p| amplitude(&cycle.values[p], &cycle.values[n + p], loads.dt)).collect())
-}
-
-pub(super) fn amplitude(x: &[f64], f: &[f64], dt: f64) -> Amplitude {
-    let half = |u: &[f64]| {
-        let (lo, hi) = u.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
-        0.5 * (hi - lo)
-    };
-    let v = x.windows(2).map(|w| ((w[1] - w[0]) / dt).abs()).fold(0.0, f64::max);
-    let travel = x.iter().fold((0.0f64, 0.0f64), |(low, high), x| (low.min(*x), high.max(*x)));
-    Amplitude { x: half(x), travel, v, f: half(f) }
 }

@@ -2,18 +2,20 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use crate::parallel;
 use num_dual::Dual64;
 
 use crate::data::{Control, EnergyTable, StoredEnergy, TableValue};
 use crate::effect::Num;
+use crate::engine::harmonic::Expanded;
 use crate::engine::march::{Loads, Probe};
 use crate::engine::periodic::Cycle;
-use crate::engine::steady::steady;
 use crate::model::{Bound, FreeParam, Model, System};
 
-use super::cycle::place_amplitudes;
+use super::amplitude::place_amplitudes;
+use super::cycle::computed;
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, TableForm, site};
 
 /// Steps per cycle at least, before [`Plan::refined`] looks whether they are enough, and at most.
@@ -105,6 +107,8 @@ struct Row {
     conditions: BTreeMap<String, f64>,
     dissipated: bool,
     stored: bool,
+    /// A cycle about which this one is balanced instead of marched, for a look.
+    expanded: Option<Arc<Expanded>>,
 }
 
 impl Row {
@@ -118,7 +122,7 @@ impl Row {
         };
         let samples: Vec<[f64; 3]> = (0..=steps).map(sample).collect();
         let (control, dof, sign) = self.drive;
-        Row { loads: site::loads(control, dof, sign, 1.0 / (self.frequency * steps as f64), &samples), ..self }
+        Row { loads: site::loads(control, dof, sign, 1.0 / (self.frequency * steps as f64), &samples), expanded: None, ..self }
     }
 }
 
@@ -158,6 +162,7 @@ impl EnergyPlan {
                 conditions,
                 dissipated: row.dissipated.is_some(),
                 stored: row.stored.is_some(),
+                expanded: None,
             };
             rows.push(row.sampled(STEPS));
         }
@@ -209,13 +214,26 @@ impl EnergyPlan {
         EnergyPlan { rows: self.rows.iter().map(|r| r.clone().sampled(steps)).collect(), steps, ..self.clone() }
     }
 
+    /// The same rows balanced about the cycles of this system, where it is one of parts that turn far; `None` where none is.
+    pub(super) fn expanded(&self, system: &System, id: &str) -> Option<Self> {
+        let of = |row: &Row| -> Option<Row> {
+            let bound = Bound::new(system, &[], id, &row.conditions).ok()?.driven_at(row.frequency);
+            let expanded = Expanded::about(&system.model, &bound, &row.loads, self.probe.as_slice()).ok()??;
+            Some(Row { expanded: Some(Arc::new(expanded)), ..row.clone() })
+        };
+        let rows = parallel::map(&self.rows, of);
+        let any = rows.iter().any(Option::is_some);
+        let rows = rows.into_iter().zip(&self.rows).map(|(expanded, row)| expanded.unwrap_or_else(|| row.clone()));
+        any.then(|| EnergyPlan { rows: rows.collect(), ..self.clone() })
+    }
+
     pub(super) fn periods(&self) -> (f64, f64) {
         let periods = self.rows.iter().map(|r| 1.0 / r.frequency);
         periods.fold((f64::INFINITY, 0.0), |(lo, hi), t| (lo.min(t / 5.0), hi.max(t)))
     }
 
     fn cycle(&self, row: &Row, model: &Model, bound: &Bound, id: &str, slopes: bool) -> Result<Cycle, ResponseError> {
-        steady(model, bound, &row.loads, self.probe.as_slice(), slopes).map_err(|source| ResponseError::Engine { test: id.into(), source })
+        computed(row.expanded.as_deref(), model, bound, &row.loads, self.probe.as_slice(), slopes).map_err(|source| ResponseError::Engine { test: id.into(), source })
     }
 
     pub(super) fn evaluate(

@@ -3,6 +3,7 @@
 //! A [`Plan`] is made once per test: what drives the model, what is read, what was measured with which sigma. [`Plan::evaluate`] runs
 //! the engine for the present parameters.
 
+mod amplitude;
 mod beginning;
 mod channel;
 mod covariance;
@@ -25,11 +26,11 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DMatrixViewMut, DVector};
 
 use crate::data::{Record, Test, TestKind, Unsettled};
-use crate::effect::Scales;
 use crate::engine::modal::{Range, modes as modal_modes};
 use crate::model::{Bound, FreeParam, Model, System};
 use crate::units::Unit;
 
+pub use amplitude::Amplitude;
 pub use covariance::{Coefficients, Covariance, Scatter, Tolerances, instruments};
 pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
@@ -148,38 +149,6 @@ pub struct Computed {
     pub values: Vec<f64>,
     /// Empty unless asked for.
     pub slopes: Vec<f64>,
-}
-
-/// Amplitudes of motion and force at a place.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Amplitude {
-    /// Half the range of relative displacement.
-    pub x: f64,
-    /// Least and largest relative displacement, that at rest included.
-    pub travel: (f64, f64),
-    /// Largest relative speed.
-    pub v: f64,
-    /// Half the range of force.
-    pub f: f64,
-}
-
-impl Amplitude {
-    /// The widest of both.
-    fn or(self, other: Amplitude) -> Amplitude {
-        Amplitude {
-            x: self.x.max(other.x),
-            travel: (self.travel.0.min(other.travel.0), self.travel.1.max(other.travel.1)),
-            v: self.v.max(other.v),
-            f: self.f.max(other.f),
-        }
-    }
-}
-
-impl From<Amplitude> for Scales {
-    fn from(a: Amplitude) -> Scales {
-        let least_v = if a.v > 0.0 { a.v } else { f64::INFINITY };
-        Scales { x: a.x, travel: a.travel, v: a.v, least_v, f: a.f, ..Scales::NONE }
-    }
 }
 
 impl Plan {
@@ -451,12 +420,15 @@ impl Plan {
         work.map(|work| Plan { work, ..self.clone() })
     }
 
-    /// The same test computed about what this system does in it, for a look at what others do: the loops of parts that turn far, balanced about the mean
-    /// of their cycle ([`crate::engine::harmonic::Expanded`]); `None` for other tests and models.
+    /// The same test computed about what this system does in it, for a look at what others do: the loops and energies of parts that turn far, balanced about the
+    /// mean of their cycle ([`crate::engine::harmonic::Expanded`]); `None` for other tests and models.
     pub fn expanded(&self, system: &System) -> Option<Plan> {
-        let Work::Cycle(cycle) = &self.work else { return None };
         let system = &*system.shaped();
-        let work = Work::Cycle(cycle.expanded(&system.model, &self.bind(system, &[]).ok()?)?);
+        let work = match &self.work {
+            Work::Cycle(cycle) => Work::Cycle(cycle.expanded(&system.model, &self.bind(system, &[]).ok()?)?),
+            Work::Energy(table) => Work::Energy(table.expanded(system, &self.id)?),
+            _ => return None,
+        };
         Some(Plan { work, ..self.clone() })
     }
 

@@ -12,7 +12,7 @@ use crate::engine::{EngineError, equilibrium};
 use crate::model::{Bound, FreeParam, Model, System};
 
 use super::beginning::{Beginning, Opening, Start, samples_a_cycle};
-use super::cycle::amplitude;
+use super::amplitude::amplitude;
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel, site};
 
 /// A transient test made ready.
