@@ -28,7 +28,18 @@ pub fn receptance(
     outputs: &[usize],
     sensitivities: bool,
 ) -> Result<Receptance, EngineError> {
-    let small = Small::new(model, bound, sensitivities)?;
+    swept(&Small::new(model, bound, sensitivities)?, omega, inputs, outputs, sensitivities)
+}
+
+/// The same of a system of small motion at hand.
+pub(super) fn swept(
+    small: &Small,
+    omega: &[f64],
+    inputs: &[usize],
+    outputs: &[usize],
+    sensitivities: bool,
+) -> Result<Receptance, EngineError> {
+    let bound = small.bound;
     let mut groups: Vec<usize> = small.same.clone();
     groups.sort_unstable();
     groups.dedup();
@@ -68,7 +79,7 @@ pub fn receptance(
             }
         }
         if small.moves() {
-            operating_point(&small, &system, omega, inputs, outputs, coefficients, &mut dh)?;
+            operating_point(small, &system, omega, inputs, outputs, coefficients, &mut dh)?;
         }
     }
     Ok(Receptance { h: response.h, dh })

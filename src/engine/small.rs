@@ -87,19 +87,38 @@ impl<'a> Small<'a> {
         if let Some(s) = state.as_ref().filter(|_| columns > 0) {
             small.follow(model, q, &s.state.dq, &s.d_elements, columns);
         }
-        let mut firsts: Vec<usize> = Vec::new();
-        for (i, e) in bound.elements.iter().enumerate() {
+        small.same = small.alike();
+        Ok(small)
+    }
+
+    /// Number of the first element with the same stiffness as each.
+    fn alike(&self) -> Vec<usize> {
+        let (mut firsts, mut same) = (Vec::new(), Vec::new());
+        for (i, e) in self.bound.elements.iter().enumerate() {
             let like = |&j: &usize| {
-                bound.elements[j].same_law(e)
-                    && (e.is_alike_everywhere() || (small.points[i].x == small.points[j].x && small.points[i].f == small.points[j].f))
+                self.bound.elements[j].same_law(e)
+                    && (e.is_alike_everywhere() || (self.points[i].x == self.points[j].x && self.points[i].f == self.points[j].f))
             };
             let first = firsts.iter().copied().find(like);
             if first.is_none() {
                 firsts.push(i);
             }
-            small.same.push(first.unwrap_or(i));
+            same.push(first.unwrap_or(i));
         }
-        Ok(small)
+        same
+    }
+
+    /// The same with its elements strained and loaded otherwise: relative displacement and force of each, and how its displacement moves with the
+    /// free parameters. What the parts turn by for it is left out.
+    pub fn strained(mut self, points: impl Iterator<Item = (f64, f64)>, slopes: &[&[f64]]) -> Self {
+        self.points.iter_mut().zip(points).for_each(|(point, (x, f))| *point = Point { x, f });
+        self.same = self.alike();
+        let moves = |(e, slopes): &(usize, &&[f64])| !self.bound.elements[*e].is_alike_everywhere() && slopes.iter().any(|s| *s != 0.0);
+        let which: Vec<(usize, &&[f64])> = slopes.iter().enumerate().filter(moves).collect();
+        let columns = slopes.first().map_or(0, |s| s.len());
+        self.by = (0..columns).flat_map(|c| which.iter().map(move |(_, slopes)| slopes[c])).collect();
+        self.moved = which.iter().map(|(e, _)| Moved { dx: vec![(*e, 1.0)], ..Moved::default() }).collect();
+        self
     }
 
     /// The system about given coordinates, under given forces of the elements, without sensitivities.

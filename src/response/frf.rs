@@ -1,13 +1,14 @@
 //! A frequency response function.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use num_complex::Complex64;
 
 use crate::data::{Frf, FrfQuantity};
 use crate::engine::EngineError;
 use crate::engine::frf::{Receptance, receptance};
-use crate::engine::harmonic;
+use crate::engine::harmonic::{self, Standing};
 use crate::model::{Bound, ChannelPiece, Model};
 
 use super::site::{Seat, seat};
@@ -33,6 +34,8 @@ pub struct FrfPlan {
     excitation: Option<f64>,
     /// Resolution under it, of [`LEVELS`].
     level: usize,
+    /// Where a system stands beside which others are computed, for a look.
+    standing: Option<Arc<Standing>>,
 }
 
 impl FrfPlan {
@@ -72,7 +75,7 @@ impl FrfPlan {
         });
         plan.add_block(block, measured.collect(), sigma.collect());
         plan.notes.extend(frf.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
-        Ok(FrfPlan { omega, input, output, quantity, excitation: frf.excitation, level: 0 })
+        Ok(FrfPlan { omega, input, output, quantity, excitation: frf.excitation, level: 0, standing: None })
     }
 
     /// The same at other frequencies or under another excitation.
@@ -99,6 +102,13 @@ impl FrfPlan {
     /// The same test in the next finer resolution; none where it has no excitation or is as fine as it gets.
     pub(super) fn finer(&self) -> Option<Self> {
         (self.excitation.is_some() && self.level + 1 < LEVELS.len()).then(|| FrfPlan { level: self.level + 1, ..self.clone() })
+    }
+
+    /// The same about where this system stands under its loads; `None` where that saves nothing.
+    pub(super) fn expanded(&self, model: &Model, bound: &Bound) -> Option<Self> {
+        let small = self.excitation.is_none();
+        let standing = small.then(|| Standing::of(model, bound).ok()).flatten()??;
+        Some(FrfPlan { standing: Some(Arc::new(standing)), ..self.clone() })
     }
 
     /// The same in the next coarser one.
@@ -156,7 +166,10 @@ impl FrfPlan {
             Some(force) => {
                 harmonic::at_amplitude(model, bound, &self.omega, self.input, force, &outputs, sensitivities, LEVELS[self.level])?
             }
-            None => receptance(model, bound, &self.omega, &[self.input], &outputs, sensitivities)?,
+            None => match &self.standing {
+                Some(standing) => standing.receptance(model, bound, &self.omega, &[self.input], &outputs, sensitivities)?,
+                None => receptance(model, bound, &self.omega, &[self.input], &outputs, sensitivities)?,
+            },
         };
         let n_free = if sensitivities { bound.n_free } else { 0 };
         let loaded = self.loaded(model, bound, &pieces, sensitivities)?;

@@ -421,12 +421,13 @@ impl Plan {
     }
 
     /// The same test computed about what this system does in it, for a look at what others do: the loops and energies of parts that turn far, balanced about the
-    /// mean of their cycle ([`crate::engine::harmonic::Expanded`]); `None` for other tests and models.
+    /// mean of their cycle ([`crate::engine::harmonic::Expanded`]), and their frequency responses about where they stand; `None` for other tests and models.
     pub fn expanded(&self, system: &System) -> Option<Plan> {
         let system = &*system.shaped();
         let work = match &self.work {
             Work::Cycle(cycle) => Work::Cycle(cycle.expanded(&system.model, &self.bind(system, &[]).ok()?)?),
             Work::Energy(table) => Work::Energy(table.expanded(system, &self.id)?),
+            Work::Frf(frf) => Work::Frf(frf.expanded(&system.model, &self.bind(system, &[]).ok()?)?),
             _ => return None,
         };
         Some(Plan { work, ..self.clone() })

@@ -14,6 +14,8 @@
 use crate::model::{Bound, Model};
 
 use super::super::EngineError;
+use super::super::equilibrium::equilibrium;
+use super::super::frf::{Receptance, receptance, swept};
 use super::super::march::{Loads, Probe};
 use super::super::periodic::{Cycle, periodic};
 use super::cycle::{Limits, Wanted, found};
@@ -68,15 +70,77 @@ impl Expanded {
     }
 }
 
+/// Of a structure that stands: the mean alone.
+const STANDING: Limits = Limits { harmonics: 0, ..LIMITS };
+/// Steps and length [s] of a cycle in which nothing moves.
+const STEPS: usize = 4;
+const LONG: f64 = 1e4;
+
+/// Where the parts stand under the loads that stay, for frequency responses beside it: under other parameters only what strains the elements is
+/// computed anew, by the balance without a harmonic. It is exact for the system that it was made of.
+#[derive(Clone, Debug)]
+pub struct Standing(About);
+
+impl Standing {
+    /// Of this system; `None` of models along one axis and of those without loads that stay, whose frequency responses cost nothing more.
+    ///
+    /// # Errors
+    /// Those of the equilibrium.
+    pub fn of(model: &Model, bound: &Bound) -> Result<Option<Standing>, EngineError> {
+        if model.space.is_none() || bound.loads.is_empty() || !model.attached.is_empty() {
+            return Ok(None);
+        }
+        let Some(there) = equilibrium(model, bound, &[], 0)? else { return Ok(None) };
+        let mut forces = vec![0.0; model.places.len()];
+        bound.elements.iter().zip(&there.elements).for_each(|(e, f)| forces[e.place] = *f);
+        Ok(Some(Standing(About { q: there.state.q, forces })))
+    }
+
+    /// The receptance of another system of these parts, as [`receptance`] lays it out; that itself where no equilibrium is found by the balance.
+    ///
+    /// # Errors
+    /// Those of [`receptance`].
+    pub fn receptance(
+        &self,
+        model: &Model,
+        bound: &Bound,
+        omega: &[f64],
+        inputs: &[usize],
+        outputs: &[usize],
+        sensitivities: bool,
+    ) -> Result<Receptance, EngineError> {
+        let Some(stands) = self.stands(model, bound, sensitivities) else {
+            return receptance(model, bound, omega, inputs, outputs, sensitivities);
+        };
+        let count = bound.elements.len();
+        let points = (0..count).map(|e| (stands.values[e][0], stands.values[count + e][0]));
+        let slopes: Vec<&[f64]> = stands.slopes[..count].iter().map(|s| &s[..stands.columns]).collect();
+        let small = self.0.small(model, bound).strained(points, &slopes);
+        swept(&small, omega, inputs, outputs, sensitivities)
+    }
+
+    /// Relative displacement and force of every element.
+    fn stands(&self, model: &Model, bound: &Bound, sensitivities: bool) -> Option<Cycle> {
+        let same = model.dofs.len() == self.0.q.len() && model.places.len() == self.0.forces.len() && model.attached.is_empty();
+        let load = bound.loads.first().filter(|_| same)?;
+        let still = Loads { dt: LONG, prescribed: vec![], forces: vec![(load.dof, vec![0.0; STEPS + 1])] };
+        let places = || bound.elements.iter().map(|e| e.place);
+        let probes: Vec<Probe> = places().map(Probe::Relative).chain(places().map(Probe::Force)).collect();
+        found(model, bound, &still, &Wanted { probes: &probes, sensitivities }, Some(&self.0), &STANDING)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
     use std::f64::consts::TAU;
 
+    use num_complex::Complex64;
+
     use super::*;
     use crate::engine::space_peers::tensioner;
     use crate::engine::space_tests::instance;
-    use crate::model::System;
+    use crate::model::{Level, Load, System};
 
     fn bind(system: &System) -> Bound {
         Bound::new(system, &system.free(), "t", &BTreeMap::new()).unwrap()
@@ -91,6 +155,37 @@ mod tests {
     fn rms(x: impl Iterator<Item = f64>) -> f64 {
         let (sum, n) = x.fold((0.0, 0), |(s, n), x| (s + x * x, n + 1));
         (sum / n.max(1) as f64).sqrt()
+    }
+
+    /// What is added changes the frequency response under a load by the balance as it does by the equilibrium itself, and nothing is off without it.
+    #[test]
+    fn what_is_added_changes_the_response_under_load_as_the_equilibrium_says() {
+        let mut base = tensioner(2e-5);
+        let push = base.model.dof("b11.x").unwrap();
+        base.model.loads.push(Load { dof: push, path: vec![Level::Value(80.0)], steps: 10 });
+        let standing = Standing::of(&base.model, &bind(&base)).unwrap().unwrap();
+        let omega: Vec<f64> = (1..60).map(|k| TAU * 10.0 * f64::from(k)).collect();
+        let exact = |system: &System| receptance(&system.model, &bind(system), &omega, &[push], &[push], true).unwrap();
+        let about = |system: &System| standing.receptance(&system.model, &bind(system), &omega, &[push], &[push], true).unwrap();
+        let size = |h: &[Complex64]| rms(h.iter().map(|h| h.norm()));
+        let apart = |a: &[Complex64], b: &[Complex64]| rms(a.iter().zip(b).map(|(a, b)| (a - b).norm()));
+        let without = exact(&base).h;
+        assert!(apart(&without, &about(&base).h) < 1e-6 * size(&without), "{:e}", apart(&without, &about(&base).h) / size(&without));
+        for (effect, at, values) in [
+            ("cubic_stiffness", "GF4-18.psi", &[4e4][..]),
+            ("bilinear_stiffness", "GF11.psi", &[40.0, 0.004]),
+            ("linear_stiffness", "GF4-18.psi", &[6.0]),
+            ("elastic_slip", "GF15.psi", &[0.3, 5e-3]),
+        ] {
+            let mut system = base.clone();
+            system.instances.push(instance(&system.model, effect, at, values));
+            let (a, b, n) = (exact(&system), about(&system), bind(&system).n_free);
+            let change = apart(&a.h, &without);
+            let column = |of: &Receptance| of.dh.iter().skip(n - values.len()).step_by(n).copied().collect::<Vec<_>>();
+            let slope_off = apart(&column(&a), &column(&b)) / size(&column(&a));
+            println!("{effect} at {at}: the change of {:.2e} is {:.3} off, its slope {slope_off:.3}", change / size(&without), apart(&a.h, &b.h) / change);
+            assert!(apart(&a.h, &b.h) < 0.1 * change && slope_off < 0.1);
+        }
     }
 
     /// What is added to a chain of 22 parts changes its loop by the balance as it does by the march, values and slopes.

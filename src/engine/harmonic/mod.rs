@@ -29,7 +29,7 @@ mod shelf;
 mod structure;
 
 pub use cycle::balanced;
-pub use expanded::Expanded;
+pub use expanded::{Expanded, Standing};
 
 #[cfg(test)]
 mod tests;

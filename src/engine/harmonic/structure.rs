@@ -37,7 +37,7 @@ pub(super) struct About {
 
 impl About {
     /// The linear system there.
-    fn small<'a>(&self, model: &Model, bound: &'a Bound) -> Small<'a> {
+    pub fn small<'a>(&self, model: &Model, bound: &'a Bound) -> Small<'a> {
         let mut left = self.forces.clone();
         // The elements of a place share its force: the first of them takes it.
         let forces: Vec<f64> = bound.elements.iter().map(|e| std::mem::take(&mut left[e.place])).collect();
