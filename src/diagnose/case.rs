@@ -7,7 +7,8 @@ use nalgebra::DMatrix;
 use crate::data::Rig;
 use crate::effect::Dim;
 use crate::identify::{
-    self, Constraints, FitOptions, FitOutcome, IdentifyError, Loss, LossBlock, Measure, Monitor, Prior, Uncertainty, UncertaintyOptions,
+    self, Constraints, FitOptions, FitOutcome, IdentifyError, Loss, LossBlock, Measure, Monitor, Prior, Termination, Uncertainty,
+    UncertaintyOptions,
 };
 use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
 use crate::parallel;
@@ -220,6 +221,25 @@ impl Case {
         Ok(Fitted { system: problem.system_at(&outcome.p), free: problem.free, outcome, options, spread: DMatrix::zeros(0, 0) })
     }
 
+    /// Where fits of the tests computed about a system lead from here ([`Case::expanded`]), for a fit in full to begin at: the way there costs little.
+    /// The system itself where none is cheaper so, or it leads nowhere.
+    pub(super) fn led_about(&self, system: &System, monitor: &Monitor) -> System {
+        let mut led: Option<System> = None;
+        for _ in 0..self.search.settings.rounds {
+            let from = led.as_ref().unwrap_or(system);
+            let Some(near) = self.expanded(from) else { break };
+            match near.fit_system(from, near.plans_of(SplitName::Fit), &monitor.quiet()) {
+                Ok(fitted) if !matches!(fitted.outcome.termination, Termination::Failed(_)) => led = Some(fitted.system),
+                _ => break,
+            }
+        }
+        let Some(there) = led else { return system.clone() };
+        // Where the tests themselves cannot be computed there, or are no better met, it led nowhere.
+        let plans = self.plans_of(SplitName::Fit);
+        let misses = |system: &System| super::refit::whitened(&plans, system).map_or(f64::INFINITY, |w| super::refit::cost(&w));
+        if misses(&there) < misses(system) { there } else { system.clone() }
+    }
+
     /// More iterations for a fit to these tests that has used up its own.
     pub fn go_on(&self, fitted: Fitted, plans: Vec<&Plan>, monitor: &Monitor) -> Result<Fitted, DiagnoseError> {
         let Fitted { system, mut options, outcome, .. } = fitted;
@@ -246,7 +266,9 @@ pub struct Began {
 /// As [`Case::fit_system`].
 pub fn led(case: &Case, monitor: &Monitor) -> Result<(Fitted, bool), DiagnoseError> {
     let nearer = approached(case, monitor)?;
-    let fitted = case.fit_system(nearer.as_ref().unwrap_or(&case.system), case.plans_of(SplitName::Fit), monitor)?;
+    let start = nearer.as_ref().unwrap_or(&case.system);
+    let about = if case.starts > 1 || monitor.resumes() { start.clone() } else { case.led_about(start, monitor) };
+    let fitted = case.fit_system(&about, case.plans_of(SplitName::Fit), monitor)?;
     Ok((fitted, nearer.is_some()))
 }
 

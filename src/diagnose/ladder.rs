@@ -244,7 +244,8 @@ impl Climb<'_> {
     }
 
     pub(super) fn rung(&self, added: Option<EffectAt>, removed: Vec<EffectAt>) -> Result<Rung, DiagnoseError> {
-        let fitted = &self.now.fitted;
+        let told = self.scale.told(&self.now, self.monitor);
+        let fitted = &told.fitted;
         // Deviations are told as corrections; what the study itself lets deviate is a parameter like any other.
         let deviates = |name: &str| fitted.free.iter().any(|f| f.name == name && self.slack.has(f.instance));
         Ok(Rung {

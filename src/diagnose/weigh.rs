@@ -153,7 +153,8 @@ impl Scale {
             let (system, v) = (&now.fitted.system, &now.v);
             let Some(there) = self.about(system) else { return self.weigh_in_full(system, v, monitor) };
             near = there;
-            let Promised { stands, step } = near.promised(system, v, monitor)?;
+            let Promised { mut stands, step } = near.promised(system, v, monitor)?;
+            stands.fitted.outcome.termination = now.fitted.outcome.termination.clone();
             if step <= self.settings.settled || round == self.settings.rounds || super::trace::stopped(monitor) {
                 return Ok(stands);
             }
@@ -261,6 +262,15 @@ impl Scale {
         Ok(Promised { stands: Weighed { fitted, seen, v, likelihood }, step })
     }
 
+    /// A weighed model as it is told: with the slopes of the tests themselves, from which its intervals follow.
+    pub fn told(&self, now: &Weighed, monitor: &Monitor) -> Weighed {
+        let spatial = now.fitted.system.model.space.is_some();
+        let exact = spatial.then(|| self.promised(&now.fitted.system, &now.v, monitor).ok()).flatten();
+        let mut told = exact.map_or_else(|| now.clone(), |p| p.stands);
+        told.fitted.outcome.termination = now.fitted.outcome.termination.clone();
+        told
+    }
+
     /// A fitted model with its variances, not fitted again under them.
     pub fn as_it_stands(&self, fitted: &Fitted) -> Option<Weighed> {
         let seen = self.see(&fitted.system).ok().filter(|s| !s.is_empty())?;
@@ -297,7 +307,8 @@ impl Scale {
             return Ok(system.clone());
         }
         let case = Case { starts: 1, ..self.case.clone() };
-        let fitted = case.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
+        let about = case.led_about(system, monitor);
+        let fitted = case.fit_system(&about, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
         match fitted.outcome.termination {
             Termination::Failed(reason) => Err(reason),
             _ => Ok(fitted.system),
@@ -311,7 +322,7 @@ impl Scale {
             if super::trace::stopped(monitor) {
                 break;
             }
-            let again = self.weigh_in_full(&now.fitted.system, &now.v, monitor)?;
+            let again = self.weigh(&now.fitted.system, &now.v, monitor)?;
             let gained = again.likelihood - now.likelihood;
             if gained > 0.0 {
                 now = again;

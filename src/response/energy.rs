@@ -233,7 +233,8 @@ impl EnergyPlan {
     }
 
     fn cycle(&self, row: &Row, model: &Model, bound: &Bound, id: &str, slopes: bool) -> Result<Cycle, ResponseError> {
-        computed(row.expanded.as_deref(), model, bound, &row.loads, self.probe.as_slice(), slopes).map_err(|source| ResponseError::Engine { test: id.into(), source })
+        computed(row.expanded.as_deref(), model, bound, &row.loads, self.probe.as_slice(), slopes)
+            .map_err(|source| ResponseError::Engine { test: id.into(), source })
     }
 
     pub(super) fn evaluate(

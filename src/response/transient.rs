@@ -11,8 +11,8 @@ use crate::engine::march::{Loads, March, Probe, State};
 use crate::engine::{EngineError, equilibrium};
 use crate::model::{Bound, FreeParam, Model, System};
 
-use super::beginning::{Beginning, Opening, Start, samples_a_cycle};
 use super::amplitude::amplitude;
+use super::beginning::{Beginning, Opening, Start, samples_a_cycle};
 use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, channel, site};
 
 /// A transient test made ready.

@@ -41,8 +41,7 @@ pub(super) struct Limits {
 }
 
 /// Those of a cycle that stands for the marched one beside noise: what is left out of a drive is rounding.
-const LIMITS: Limits =
-    Limits { harmonics: 16, tail: 1e-4, samples: 16, tolerance: 1e-9, places: 8, states: 8, drive: 64, nothing: 1e-11 };
+const LIMITS: Limits = Limits { harmonics: 16, tail: 1e-4, samples: 16, tolerance: 1e-9, places: 8, states: 8, drive: 64, nothing: 1e-11 };
 
 /// The steady cycle by harmonic balance; `None` where the march has to find it: parts that turn far, every degree of freedom moved, a drive with
 /// steps, more nonlinear places or states of one than are worth it, a motion with more harmonics than are balanced,
@@ -61,11 +60,14 @@ pub(super) fn found(
     limits: &Limits,
 ) -> Option<Cycle> {
     let steps = loads.prescribed.iter().map(|p| p.1.len()).chain(loads.forces.iter().map(|f| f.1.len())).min()?.checked_sub(1)?;
-    if !model.attached.is_empty() || loads.prescribed.len() >= model.dofs.len() || steps < 4 {
+    if loads.prescribed.len() >= model.dofs.len() || steps < 4 || (model.space.is_none() && !model.attached.is_empty()) {
         return None;
     }
     let drive = drive(bound, loads, steps, limits)?;
-    let bound = &bound.apart();
+    let mut bound = bound.apart();
+    // What is attached under load is there for small motion about it alone.
+    bound.elements.retain(|e| !model.attached.contains(&model.places[e.place].connector));
+    let bound = &bound;
     let states: Vec<usize> = bound.elements.iter().filter(|e| !e.is_linear_at_every_amplitude()).map(|e| e.n_states()).collect();
     let nonlinear = states.len();
     if nonlinear > limits.places || states.iter().any(|n| *n > limits.states) {

@@ -22,8 +22,7 @@ use super::cycle::{Limits, Wanted, found};
 use super::structure::About;
 
 /// Coarser than the balance that stands for a march: a look ranks candidates and brings them near to where a march goes on.
-const LIMITS: Limits =
-    Limits { harmonics: 10, tail: 3e-2, samples: 12, tolerance: 1e-6, places: 32, states: 8, drive: 24, nothing: 1e-4 };
+const LIMITS: Limits = Limits { harmonics: 10, tail: 3e-2, samples: 12, tolerance: 1e-6, places: 32, states: 8, drive: 24, nothing: 1e-4 };
 
 /// A cycle about whose mean others are balanced.
 #[derive(Clone, Debug)]
@@ -87,7 +86,7 @@ impl Standing {
     /// # Errors
     /// Those of the equilibrium.
     pub fn of(model: &Model, bound: &Bound) -> Result<Option<Standing>, EngineError> {
-        if model.space.is_none() || bound.loads.is_empty() || !model.attached.is_empty() {
+        if model.space.is_none() || bound.loads.is_empty() {
             return Ok(None);
         }
         let Some(there) = equilibrium(model, bound, &[], 0)? else { return Ok(None) };
@@ -121,7 +120,7 @@ impl Standing {
 
     /// Relative displacement and force of every element.
     fn stands(&self, model: &Model, bound: &Bound, sensitivities: bool) -> Option<Cycle> {
-        let same = model.dofs.len() == self.0.q.len() && model.places.len() == self.0.forces.len() && model.attached.is_empty();
+        let same = model.dofs.len() == self.0.q.len() && model.places.len() == self.0.forces.len();
         let load = bound.loads.first().filter(|_| same)?;
         let still = Loads { dt: LONG, prescribed: vec![], forces: vec![(load.dof, vec![0.0; STEPS + 1])] };
         let places = || bound.elements.iter().map(|e| e.place);
@@ -183,7 +182,11 @@ mod tests {
             let change = apart(&a.h, &without);
             let column = |of: &Receptance| of.dh.iter().skip(n - values.len()).step_by(n).copied().collect::<Vec<_>>();
             let slope_off = apart(&column(&a), &column(&b)) / size(&column(&a));
-            println!("{effect} at {at}: the change of {:.2e} is {:.3} off, its slope {slope_off:.3}", change / size(&without), apart(&a.h, &b.h) / change);
+            println!(
+                "{effect} at {at}: the change of {:.2e} is {:.3} off, its slope {slope_off:.3}",
+                change / size(&without),
+                apart(&a.h, &b.h) / change
+            );
             assert!(apart(&a.h, &b.h) < 0.1 * change && slope_off < 0.1);
         }
     }
