@@ -705,6 +705,9 @@ class Race(msgspec.Struct, kw_only=True):
     """Legs at most."""
     level_with: float | None
     """...by this part of what it has gained, or by the way they have come: a start in the right valley may begin above all the others..."""
+    lines: int
+    """Lines of an FRF under a declared excitation that a first look balances at most: a dozen for each of three modes. Every line is a balance
+    of its own."""
     of_bound: int
     """Candidates refitted beside those for what they may gain at most."""
     of_opinion: int
@@ -713,7 +716,7 @@ class Race(msgspec.Struct, kw_only=True):
     """...how far it is then moved, in logarithms..."""
     parts: list[float | None]
     """Parts of the strength that the score expects at which a candidate's best shape is computed: a law that is not smooth does something else
-    there."""
+    there. So far along the way of its look a refit begins where the model cannot be computed at the end of it."""
     passed: float | None
     """Largest displacements within which a place along the motion is looked for, as a gap: at twice, it is passed by none, and its law is as
     good as smooth."""
@@ -909,7 +912,8 @@ class Settings(msgspec.Struct, kw_only=True):
     rises: float | None
     """A maximum of an FRF's magnitude is a resonance where it stands this far above the minima about it."""
     rounds: int
-    """Fits and estimates of variances in turn; and estimates of the counts and of the widths of slack by what is then left."""
+    """Fits and estimates of variances in turn; estimates of the counts and of the widths of slack by what is then left; and fits of tests
+    computed about where a model stands, before one in full."""
     scatter_from: float | None
     """...and of that from which an estimate begins at least: below it the likelihood is flat."""
     scatter_most: float | None

@@ -28,7 +28,8 @@ pub struct Race {
     pub rivals: f64,
     /// Part of the cost without a candidate below which a refit has explained all that the race can tell.
     pub explained: f64,
-    /// Parts of the strength that the score expects at which a candidate's best shape is computed: a law that is not smooth does something else there.
+    /// Parts of the strength that the score expects at which a candidate's best shape is computed: a law that is not smooth does something else there. So far along
+    /// the way of its look a refit begins where the model cannot be computed at the end of it.
     pub parts: [f64; 3],
     /// Secants of a candidate that refits begin at: the cheapest alone is not always that of the best fit.
     pub giving: usize,

@@ -27,7 +27,8 @@ pub struct Settings {
     pub promise_series: f64,
     /// The most that a pair may gain over what its two gained each by itself, before their price: each hides part of what the other does.
     pub promise_pair: f64,
-    /// Fits and estimates of variances in turn; and estimates of the counts and of the widths of slack by what is then left.
+    /// Fits and estimates of variances in turn; estimates of the counts and of the widths of slack by what is then left; and fits of tests computed about where a
+    /// model stands, before one in full.
     pub rounds: usize,
     /// Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed.
     pub estimates: usize,

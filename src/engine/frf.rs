@@ -28,17 +28,12 @@ pub fn receptance(
     outputs: &[usize],
     sensitivities: bool,
 ) -> Result<Receptance, EngineError> {
-    swept(&Small::new(model, bound, sensitivities)?, omega, inputs, outputs, sensitivities)
+    swept(&Small::new(model, bound, sensitivities)?, &Sweep { omega, inputs, outputs, sensitivities })
 }
 
 /// The same of a system of small motion at hand.
-pub(super) fn swept(
-    small: &Small,
-    omega: &[f64],
-    inputs: &[usize],
-    outputs: &[usize],
-    sensitivities: bool,
-) -> Result<Receptance, EngineError> {
+pub(super) fn swept(small: &Small, sweep: &Sweep) -> Result<Receptance, EngineError> {
+    let Sweep { omega, inputs, outputs, sensitivities } = *sweep;
     let bound = small.bound;
     let mut groups: Vec<usize> = small.same.clone();
     groups.sort_unstable();
@@ -59,7 +54,7 @@ pub(super) fn swept(
         }
     };
     let mut response = Response::default();
-    system.sweep(&Sweep { omega, inputs, outputs, sensitivities }, coefficients, &mut response)?;
+    system.sweep(sweep, coefficients, &mut response)?;
     let mut dh = Vec::new();
     if sensitivities {
         let (n, ng, pairs) = (bound.n_free, groups.len(), inputs.len() * outputs.len());

@@ -32,4 +32,4 @@ mod space_tests;
 #[cfg(test)]
 mod exact_tests;
 #[cfg(test)]
-pub(crate) mod space_peers;
+mod space_peers;

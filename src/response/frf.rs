@@ -7,6 +7,7 @@ use num_complex::Complex64;
 
 use crate::data::{Frf, FrfQuantity};
 use crate::engine::EngineError;
+use crate::engine::blocktri::Sweep;
 use crate::engine::frf::{Receptance, receptance};
 use crate::engine::harmonic::{self, Standing};
 use crate::model::{Bound, ChannelPiece, Model};
@@ -167,7 +168,10 @@ impl FrfPlan {
                 harmonic::at_amplitude(model, bound, &self.omega, self.input, force, &outputs, sensitivities, LEVELS[self.level])?
             }
             None => match &self.standing {
-                Some(standing) => standing.receptance(model, bound, &self.omega, &[self.input], &outputs, sensitivities)?,
+                Some(standing) => {
+                    let sweep = Sweep { omega: &self.omega, inputs: &[self.input], outputs: &outputs, sensitivities };
+                    standing.receptance(model, bound, &sweep)?
+                }
                 None => receptance(model, bound, &self.omega, &[self.input], &outputs, sensitivities)?,
             },
         };

@@ -119,7 +119,7 @@ fn drive(bound: &Bound, loads: &Loads, steps: usize, limits: &Limits) -> Option<
     Some(drive)
 }
 
-/// Complex amplitudes of a sampled cycle, those that are nothing left out.
+/// Complex amplitudes of a sampled cycle; those below a part ([`Limits::nothing`]) of the largest are left out.
 fn series(samples: impl Iterator<Item = f64>, limits: &Limits) -> Option<Vec<Complex64>> {
     let mut x: Vec<Complex64> = samples.map(|v| Complex64::new(v, 0.0)).collect();
     let n = x.len();
@@ -226,17 +226,16 @@ impl<'a> Line<'a> {
                 out[(row, 2 * self.k)] -= x.im;
             }
         };
-        // What is read of the motion, and of what it changes by.
-        let mut moved = |of: &dyn Fn(&[Complex64]) -> Complex64, stands: Complex64, factor: Complex64| {
+        // What is read of the motion beside where it stands, and of what it changes by.
+        let mut moved = |of: &dyn Fn(&[Complex64]) -> Complex64, stands: f64, factor: Complex64| {
             add(0, factor * (of(&self.q) + stands));
             (0..self.columns).for_each(|c| add(1 + c, factor * of(self.column(c))));
         };
         let one = Complex64::ONE;
-        let still = vec![Complex64::ZERO; self.q.len()];
         match probe {
-            Probe::Dof(d) => moved(&|q| q[d], structure.coordinate(d, self.k, &still), one),
-            Probe::Velocity(d) => moved(&|q| q[d], Complex64::ZERO, s),
-            Probe::Acceleration(d) => moved(&|q| q[d], Complex64::ZERO, s * s),
+            Probe::Dof(d) => moved(&|q| q[d], structure.position(d, self.k), one),
+            Probe::Velocity(d) => moved(&|q| q[d], 0.0, s),
+            Probe::Acceleration(d) => moved(&|q| q[d], 0.0, s * s),
             Probe::Relative(p) | Probe::RelativeVelocity(p) | Probe::RelativeAcceleration(p) => {
                 let factor = match probe {
                     Probe::Relative(_) => one,
@@ -244,14 +243,14 @@ impl<'a> Line<'a> {
                     _ => s * s,
                 };
                 if let Some(e) = at(p).next() {
-                    moved(&|q| structure.relative(e, q), structure.seen(e, self.k, &still), factor);
+                    moved(&|q| structure.relative(e, q), structure.strain(e, self.k), factor);
                 }
             }
             Probe::Force(p) => {
                 at(p).for_each(|e| self.force(balance, e, 1.0, &mut add));
             }
             Probe::Reaction(d) => {
-                moved(&|q| structure.carried(s, q)[d], Complex64::ZERO, one);
+                moved(&|q| structure.carried(d, s, q), 0.0, one);
                 for e in 0..bound.elements.len() {
                     let sign = structure.acting(e, d);
                     if sign != 0.0 {

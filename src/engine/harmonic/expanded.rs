@@ -14,6 +14,7 @@
 use crate::model::{Bound, Model};
 
 use super::super::EngineError;
+use super::super::blocktri::Sweep;
 use super::super::equilibrium::equilibrium;
 use super::super::frf::{Receptance, receptance, swept};
 use super::super::march::{Loads, Probe};
@@ -99,23 +100,15 @@ impl Standing {
     ///
     /// # Errors
     /// Those of [`receptance`].
-    pub fn receptance(
-        &self,
-        model: &Model,
-        bound: &Bound,
-        omega: &[f64],
-        inputs: &[usize],
-        outputs: &[usize],
-        sensitivities: bool,
-    ) -> Result<Receptance, EngineError> {
-        let Some(stands) = self.stands(model, bound, sensitivities) else {
-            return receptance(model, bound, omega, inputs, outputs, sensitivities);
+    pub fn receptance(&self, model: &Model, bound: &Bound, sweep: &Sweep<'_>) -> Result<Receptance, EngineError> {
+        let Some(stands) = self.stands(model, bound, sweep.sensitivities) else {
+            return receptance(model, bound, sweep.omega, sweep.inputs, sweep.outputs, sweep.sensitivities);
         };
         let count = bound.elements.len();
         let points = (0..count).map(|e| (stands.values[e][0], stands.values[count + e][0]));
         let slopes: Vec<&[f64]> = stands.slopes[..count].iter().map(|s| &s[..stands.columns]).collect();
         let small = self.0.small(model, bound).strained(points, &slopes);
-        swept(&small, omega, inputs, outputs, sensitivities)
+        swept(&small, sweep)
     }
 
     /// Relative displacement and force of every element.
@@ -165,7 +158,8 @@ mod tests {
         let standing = Standing::of(&base.model, &bind(&base)).unwrap().unwrap();
         let omega: Vec<f64> = (1..60).map(|k| TAU * 10.0 * f64::from(k)).collect();
         let exact = |system: &System| receptance(&system.model, &bind(system), &omega, &[push], &[push], true).unwrap();
-        let about = |system: &System| standing.receptance(&system.model, &bind(system), &omega, &[push], &[push], true).unwrap();
+        let sweep = Sweep { omega: &omega, inputs: &[push], outputs: &[push], sensitivities: true };
+        let about = |system: &System| standing.receptance(&system.model, &bind(system), &sweep).unwrap();
         let size = |h: &[Complex64]| rms(h.iter().map(|h| h.norm()));
         let apart = |a: &[Complex64], b: &[Complex64]| rms(a.iter().zip(b).map(|(a, b)| (a - b).norm()));
         let without = exact(&base).h;

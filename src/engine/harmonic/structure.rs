@@ -190,14 +190,19 @@ impl<'a> Structure<'a> {
         self.small.relative(element, u)
     }
 
-    /// Relative displacement that an element has in harmonic `k` of the motion `u`, with what strains it where the structure is taken as linear.
-    pub fn seen(&self, element: usize, k: usize, u: &[Complex64]) -> Complex64 {
-        self.relative(element, u) + if k == 0 { self.small.strain(element) } else { 0.0 }
+    /// What strains an element where the structure is taken as linear, of harmonic `k`.
+    pub fn strain(&self, element: usize, k: usize) -> f64 {
+        if k == 0 { self.small.strain(element) } else { 0.0 }
     }
 
-    /// Coordinate in harmonic `k` of the motion `u`.
-    pub fn coordinate(&self, dof: usize, k: usize, u: &[Complex64]) -> Complex64 {
-        u[dof] + if k == 0 { self.about[dof] } else { 0.0 }
+    /// Relative displacement that an element has in harmonic `k` of the motion `u`.
+    pub fn seen(&self, element: usize, k: usize, u: &[Complex64]) -> Complex64 {
+        self.relative(element, u) + self.strain(element, k)
+    }
+
+    /// Coordinate where the structure is taken as linear, of harmonic `k`.
+    pub fn position(&self, dof: usize, k: usize) -> f64 {
+        if k == 0 { self.about[dof] } else { 0.0 }
     }
 
     /// Whether the linear structure moves at a harmonic.
@@ -274,31 +279,29 @@ impl<'a> Structure<'a> {
         }
         let mut moved = vec![Complex64::ZERO; if drive.held.is_empty() { 0 } else { self.n }];
         for (held, series) in &drive.held {
-            let from = if k == 0 { self.about[*held] } else { 0.0 };
-            moved[*held] = series.get(k).copied().unwrap_or_default() - from;
+            moved[*held] = series.get(k).copied().unwrap_or_default() - self.position(*held, k);
         }
         for (e, z) in self.z.iter().enumerate() {
             let there = if moved.is_empty() { Complex64::ZERO } else { self.relative(e, &moved) };
-            let strain = if k == 0 { self.small.strain(e) } else { 0.0 };
-            let force = z * (there + strain);
+            let force = z * (there + self.strain(e, k));
             if force != Complex64::ZERO {
                 self.load(e, -force, column);
             }
         }
         if !moved.is_empty() {
-            for (d, force) in self.carried(self.s, &moved).into_iter().enumerate().filter(|(d, _)| !self.held[*d]) {
-                column[d] -= force;
-            }
+            let inertia = self.small.mass.iter().map(|(i, j, m)| (*i, *j, self.s * self.s * *m));
+            let geometric = self.small.stiffness.iter().map(|(i, j, k)| (*i, *j, Complex64::new(*k, 0.0)));
+            inertia.chain(geometric).filter(|(i, ..)| !self.held[*i]).for_each(|(i, j, z)| column[i] -= z * moved[j]);
             drive.held.iter().for_each(|(d, _)| column[*d] = moved[*d]);
         }
     }
 
-    /// Forces of inertia and of geometric stiffness at the motion `u`.
-    pub fn carried(&self, s: Complex64, u: &[Complex64]) -> Vec<Complex64> {
-        let mut forces = vec![Complex64::ZERO; self.n];
-        self.small.mass.iter().for_each(|(i, j, m)| forces[*i] += s * s * *m * u[*j]);
-        self.small.stiffness.iter().for_each(|(i, j, k)| forces[*i] += u[*j] * *k);
-        forces
+    /// Force of inertia and of geometric stiffness at a degree of freedom in the motion `u`.
+    pub fn carried(&self, dof: usize, s: Complex64, u: &[Complex64]) -> Complex64 {
+        let along = |entries: &[(usize, usize, f64)]| -> Complex64 {
+            entries.iter().filter(|(i, ..)| *i == dof).map(|(_, j, value)| u[*j] * *value).sum()
+        };
+        s * s * along(&self.small.mass) + along(&self.small.stiffness)
     }
 
     /// How the force of an element acts at a degree of freedom.
