@@ -68,83 +68,123 @@ impl Name {
 
 /// All candidates and their trials.
 pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) -> (Vec<Name>, Vec<Trial>) {
-    let (mut names, mut trials) = (Vec::new(), Vec::new());
+    let mut list = List { case, system, names: vec![], trials: vec![] };
     let wanted = |effect: &str| case.search.effects.as_ref().is_none_or(|list| list.iter().any(|e| e == effect));
-    let allowed = |at: &str| case.search.places.as_ref().is_none_or(|list| list.iter().any(|p| p == at));
     let tried =
         |e: &&Effect| wanted(e.info().name) && !matches!(e, Effect::Formula(_)) && e.info().family != SPLINE && !super::slack::deviates(e);
     for effect in LIBRARY.iter().chain(own::searched()).filter(tried) {
-        let info = effect.info();
-        match info.role {
-            Role::Force | Role::Series => {
-                let inertial = info.family == "inertial";
-                let own = if inertial { parts(system) } else { vec![] };
-                for (at, places) in
-                    sites(case, system).into_iter().chain(bodies(case, system, inertial || LINKS.contains(&info.name))).chain(own)
-                {
-                    if info.role == Role::Series && !forced(system, &places) {
+        match effect {
+            Effect::Coefficient(law) => list.coefficients(effect, &conditions(plans, law.over())),
+            Effect::Geometry(law) => list.outlines(effect, law.moves()),
+            Effect::Channel(law) => list.channels(effect, plans, *law),
+            _ => list.forces(effect, scene),
+        }
+    }
+    (list.names, list.trials)
+}
+
+/// Candidates as they are gathered.
+struct List<'a> {
+    case: &'a Case,
+    system: &'a System,
+    names: Vec<Name>,
+    trials: Vec<Trial>,
+}
+
+impl List<'_> {
+    /// Whether the study's `places` let anything be looked for here.
+    fn allowed(&self, at: &str) -> bool {
+        self.case.search.places.as_ref().is_none_or(|list| list.iter().any(|p| p == at))
+    }
+
+    /// A force or a law in series at every place where it may act, over the grid of its shapes there.
+    fn forces(&mut self, effect: &'static Effect, scene: &Scene) {
+        let (info, system) = (effect.info(), self.system);
+        let inertial = info.family == "inertial";
+        let own = if inertial { parts(system) } else { vec![] };
+        let at_bodies = bodies(self.case, system, inertial || LINKS.contains(&info.name));
+        for (at, places) in sites(self.case, system).into_iter().chain(at_bodies).chain(own) {
+            if info.role == Role::Series && !forced(system, &places) {
+                continue;
+            }
+            if !self.allowed(&at) || already(system, info.name, &places, info.params.iter().any(|p| p.kind == Kind::Shape)) {
+                continue;
+            }
+            let (scales, from) = (scene.at(&places), self.trials.len());
+            let name = Name { effect: info.name, at, of: None };
+            self.push(effect, name, Site::Places(places), None, shapes(effect, &scales));
+            let passed = self.case.search.settings.race.passed;
+            self.trials[from..].iter_mut().for_each(|t| confine(&mut t.instance, &scales, passed));
+        }
+    }
+
+    /// A law over each of the conditions of every parameter that may follow it.
+    fn coefficients(&mut self, effect: &'static Effect, conditions: &[(String, f64, Unit)]) {
+        let (info, system) = (effect.info(), self.system);
+        for (condition, reference, unit) in conditions {
+            for (i, target) in system.instances.iter().enumerate() {
+                let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else { continue };
+                // A deviation that follows a condition would be one place's part of the law that its group follows.
+                if !self.allowed(&target.at) || super::slack::deviates(target.effect) {
+                    continue;
+                }
+                for param in followed(target) {
+                    let taken = system.instances.iter().any(|c| {
+                        let same = |t: &Target| t.instances.contains(&i) && t.param == param && t.condition == *condition;
+                        c.name() == info.name && c.target.as_ref().is_some_and(same)
+                    });
+                    if taken {
                         continue;
                     }
-                    if !allowed(&at) || already(system, info.name, &places, info.params.iter().any(|p| p.kind == Kind::Shape)) {
-                        continue;
-                    }
-                    let (scales, from) = (scene.at(&places), trials.len());
-                    let shapes = shapes(effect, &scales);
-                    push(&mut names, &mut trials, effect, at, Site::Places(places), None, None, shapes);
-                    trials[from..].iter_mut().for_each(|t| confine(&mut t.instance, &scales, case.search.settings.race.passed));
-                }
-            }
-            Role::Coefficient => {
-                let Effect::Coefficient(law) = effect else { continue };
-                for (condition, reference, unit) in conditions(plans, law.over()) {
-                    for (i, target) in system.instances.iter().enumerate() {
-                        let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else {
-                            continue;
-                        };
-                        // A deviation that follows a condition would be one place's part of the law that its group follows.
-                        if !allowed(&target.at) || super::slack::deviates(target.effect) {
-                            continue;
-                        }
-                        for param in followed(target) {
-                            let taken = system.instances.iter().any(|c| {
-                                let same = |t: &Target| t.instances.contains(&i) && t.param == param && t.condition == condition;
-                                c.name() == info.name && c.target.as_ref().is_some_and(same)
-                            });
-                            if taken {
-                                continue;
-                            }
-                            // Two laws over two conditions are two candidates: the condition is part of the name.
-                            let of = format!("{}.{} over {condition}", target.name(), target.effect.info().params[param].name);
-                            let to = Target { instances: vec![i], param, condition: condition.clone(), reference, unit: unit.clone() };
-                            let (at, site) = (target.at.clone(), Site::Places(places.clone()));
-                            push(&mut names, &mut trials, effect, at, site, Some(of), Some(to), vec![vec![]]);
-                        }
-                    }
-                }
-            }
-            Role::Geometry => {
-                let Effect::Geometry(law) = effect else { continue };
-                for at in outlines(system, law.moves()) {
-                    let Ok(outline) = system.model.outline(law.moves(), &at) else { continue };
-                    let taken = system.instances.iter().any(|i| i.name() == info.name && i.site == Site::Outline(outline));
-                    if !taken && allowed(&at) {
-                        push(&mut names, &mut trials, effect, at, Site::Outline(outline), None, None, vec![vec![]]);
-                    }
-                }
-            }
-            Role::Channel => {
-                let Effect::Channel(law) = effect else { continue };
-                for site in channels(plans, *law).into_iter().filter(|s| info.name != "drift" || drifts(plans, s)) {
-                    let at = format!("{}.{}", site.test, site.role);
-                    let taken = system.instances.iter().any(|i| i.name() == info.name && i.site == Site::Channel(site.clone()));
-                    if !taken && allowed(&at) {
-                        push(&mut names, &mut trials, effect, at, Site::Channel(site), None, None, vec![vec![]]);
-                    }
+                    // Two laws over two conditions are two candidates: the condition is part of the name.
+                    let of = format!("{}.{} over {condition}", target.name(), target.effect.info().params[param].name);
+                    let to = Target { instances: vec![i], param, condition: condition.clone(), reference: *reference, unit: unit.clone() };
+                    let name = Name { effect: info.name, at: target.at.clone(), of: Some(of) };
+                    self.push(effect, name, Site::Places(places.clone()), Some(to), vec![vec![]]);
                 }
             }
         }
     }
-    (names, trials)
+
+    /// A law of the geometry at every outline that it moves.
+    fn outlines(&mut self, effect: &'static Effect, moves: Moves) {
+        let (info, system) = (effect.info(), self.system);
+        for at in outlines(system, moves) {
+            let Ok(outline) = system.model.outline(moves, &at) else { continue };
+            let taken = system.instances.iter().any(|i| i.name() == info.name && i.site == Site::Outline(outline));
+            if !taken && self.allowed(&at) {
+                self.push(effect, Name { effect: info.name, at, of: None }, Site::Outline(outline), None, vec![vec![]]);
+            }
+        }
+    }
+
+    /// A misreading of every channel that it can concern.
+    fn channels(&mut self, effect: &'static Effect, plans: &[&Plan], law: &dyn Channel) {
+        let (info, system) = (effect.info(), self.system);
+        for site in channels(plans, law).into_iter().filter(|s| info.name != "drift" || drifts(plans, s)) {
+            let at = format!("{}.{}", site.test, site.role);
+            let taken = system.instances.iter().any(|i| i.name() == info.name && i.site == Site::Channel(site.clone()));
+            if !taken && self.allowed(&at) {
+                self.push(effect, Name { effect: info.name, at, of: None }, Site::Channel(site), None, vec![vec![]]);
+            }
+        }
+    }
+
+    /// One candidate, a trial for each of its shapes; none where it has none.
+    fn push(&mut self, effect: &'static Effect, name: Name, site: Site, target: Option<Target>, shapes: Vec<Vec<(usize, f64)>>) {
+        if shapes.is_empty() {
+            return;
+        }
+        let candidate = self.names.len();
+        for shape in shapes {
+            let mut instance = at_null(effect, name.at.clone(), site.clone(), target.clone());
+            for (k, v) in shape {
+                instance.params[k].value = v;
+            }
+            self.trials.push(Trial { instance, candidate });
+        }
+        self.names.push(name);
+    }
 }
 
 /// The parameters of an effect that may follow a condition: its strength, and what else of it the study fits.
@@ -393,32 +433,6 @@ fn confine(instance: &mut Instance, scales: &Scales, passed: f64) {
     let along = |p: &crate::effect::Param| p.kind == Kind::Shape && p.sign == Sign::Any && matches!(p.grid, Grid::OfX(_) | Grid::Along(_));
     for (value, _) in instance.params.iter_mut().zip(instance.effect.info().params).filter(|(_, p)| along(p)) {
         (value.min, value.max) = (-reach, reach);
-    }
-}
-
-#[allow(clippy::too_many_arguments)]
-fn push(
-    names: &mut Vec<Name>,
-    trials: &mut Vec<Trial>,
-    effect: &'static Effect,
-    at: String,
-    site: Site,
-    of: Option<String>,
-    target: Option<Target>,
-    shapes: Vec<Vec<(usize, f64)>>,
-) {
-    if shapes.is_empty() {
-        return;
-    }
-    let info = effect.info();
-    let candidate = names.len();
-    names.push(Name { effect: info.name, at: at.clone(), of });
-    for shape in shapes {
-        let mut instance = at_null(effect, at.clone(), site.clone(), target.clone());
-        for (k, v) in shape {
-            instance.params[k].value = v;
-        }
-        trials.push(Trial { instance, candidate });
     }
 }
 

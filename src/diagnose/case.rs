@@ -142,17 +142,16 @@ impl Case {
         self.in_other_steps(|p, split| if split == SplitName::Fit { p.expanded(system) } else { None })
     }
 
-    /// The case about what this system does in it, or else in fewer time steps and lines ([`Plan::coarser`], [`Plan::fewer_lines`]), for a first look at what
+    /// The case about what this system does in it, or else in fewer time steps, and at fewer lines ([`Plan::coarser`], [`Plan::fewer_lines`]), for a first look at what
     /// it may say; `None` where there is nothing to spare.
     pub fn coarser(&self, system: &System) -> Option<Case> {
         let expanded = self.expanded(system);
-        if expanded.is_some() {
-            return expanded;
-        }
-        self.in_other_steps(|p, _| {
-            let coarser = p.coarser();
-            coarser.as_ref().unwrap_or(p).fewer_lines(self.search.settings.race.lines).or(coarser)
-        })
+        let (steps, settings) = (expanded.is_none(), &self.search.settings);
+        let fewer = expanded.as_ref().unwrap_or(self).in_other_steps(|p, _| {
+            let coarser = p.coarser().filter(|_| steps);
+            coarser.as_ref().unwrap_or(p).fewer_lines(settings.race.lines, settings.evidence.rises).or(coarser)
+        });
+        fewer.or(expanded)
     }
 
     /// The case with the plans that have other steps; `None` where none has.

@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::model::System;
-use crate::response::{BlockKind, Plan};
+use crate::response::{Block, BlockKind, Plan};
 
+use super::method::Telling;
 use super::results::Finding;
 
 /// A cycle test that has not settled, with more than `most` sigma of its transient left: what its kept cycles say, and what the model says of the cycles discarded.
@@ -35,106 +36,124 @@ pub fn unsettled(plan: &Plan, system: &System, most: f64) -> Vec<Finding> {
     measured.chain(computed).collect()
 }
 
-/// Findings of one test, given its computed values: statistics beyond so many standard deviations.
-pub fn findings(plan: &Plan, computed: &[f64], threshold: f64) -> Vec<Finding> {
-    let mut list = Vec::new();
-    let Ok(normal) = Normal::new(0.0, 1.0) else { return list };
-    let mut add = |claim: String, statistic: f64, signal: f64| {
-        let power = if signal.is_finite() { 1.0 - normal.cdf(threshold - 0.1 * signal.abs()) } else { 0.0 };
-        if statistic.abs() > threshold {
-            list.push(Finding { test: plan.id.clone(), claim, number: statistic, threshold, power });
-        }
-    };
-    for block in &plan.blocks {
-        let range = block.range.clone();
-        let (m, c, s) = (&plan.measured[range.clone()], &computed[range.clone()], &plan.sigma[range]);
-        let n = m.len() as f64;
-        let w: Vec<f64> = m.iter().zip(c).zip(s).map(|((m, c), s)| (m - c) / s).collect();
-        let chi2: f64 = w.iter().map(|w| w * w).sum();
-        let level: f64 = m.iter().zip(s).map(|(m, s)| (m / s).powi(2)).sum::<f64>().sqrt();
-        // Wilson and Hilferty: the cube root of chi2/n is nearly normal.
-        let overall = ((chi2 / n).cbrt() - (1.0 - 2.0 / (9.0 * n))) / (2.0 / (9.0 * n)).sqrt();
-        add(format!("{}: the residual is {:.2} times the noise", block.label, (chi2 / n).sqrt()), overall, level * level / n.sqrt());
-        match block.kind {
-            BlockKind::Loop => {
-                let project = |weight: &dyn Fn(usize) -> f64, values: &dyn Fn(usize) -> f64| {
-                    let (mut top, mut bottom) = (0.0, 0.0);
-                    for k in 0..m.len() {
-                        top += weight(k) * values(k);
-                        bottom += (weight(k) * s[k]).powi(2);
-                    }
-                    if bottom > 0.0 { top / bottom.sqrt() } else { 0.0 }
-                };
-                let residual = |k: usize| m[k] - c[k];
-                let measured = |k: usize| m[k];
-                let one = |_: usize| 1.0;
-                let words = |z: f64, more: &str, less: &str| format!("{}: {}", block.label, if z > 0.0 { more } else { less });
-                let z = project(&one, &residual);
-                add(words(z, "the measured mean lies higher", "the measured mean lies lower"), z, project(&one, &measured));
-                if !block.v.is_empty() && block.v.len() == m.len() {
-                    let v = |k: usize| block.v[k];
-                    let z = project(&v, &residual);
-                    add(
-                        words(z, "the measured loop dissipates more than the model", "the measured loop dissipates less than the model"),
-                        z,
-                        project(&v, &measured),
-                    );
-                    let x = |k: usize| block.x[k];
-                    let z = project(&x, &residual);
-                    add(words(z, "the measured loop is stiffer", "the measured loop is softer"), z, project(&x, &measured));
-                    // After a reversal: the first tenth of a half cycle, force against the new direction of travel.
-                    let late = |k: usize| {
-                        let ahead = block.v[(k + m.len() / 20) % m.len()];
-                        if block.v[k] * ahead < 0.0 { block.v[k].signum() } else { 0.0 }
-                    };
-                    let z = project(&late, &residual);
-                    add(
-                        words(z, "excess force just before the reversals: a jump there", "force missing just before the reversals"),
-                        z,
-                        project(&late, &measured),
-                    );
-                }
-                for h in [2usize, 3] {
-                    let amplitude: f64 = [0.0, 0.25]
-                        .iter()
-                        .map(|shift| {
-                            let wave = |k: usize| (TAU * (h as f64 * k as f64 / n + shift)).cos();
-                            project(&wave, &residual).powi(2)
-                        })
-                        .sum();
-                    let claim = if h == 2 {
-                        "the residual has a second harmonic: an asymmetric law"
-                    } else {
-                        "the residual has a third harmonic: a symmetric nonlinearity"
-                    };
-                    // chi2 with two degrees of freedom as a normal deviate of equal tail probability.
-                    let z = normal.inverse_cdf((1.0 - (-0.5 * amplitude).exp()).clamp(1e-300, 1.0 - 1e-16));
-                    add(format!("{}: {claim}", block.label), z, level / n.sqrt());
-                }
-            }
-            BlockKind::Frf => {
-                // Where along frequency the residual sits.
-                let lines = m.len() / 2;
-                let band = lines.div_ceil(12).max(1);
-                let worst = (0..lines)
-                    .step_by(band)
-                    .map(|k| {
-                        let part = &w[2 * k..(2 * (k + band)).min(2 * lines)];
-                        (part.iter().map(|w| w * w).sum::<f64>() / part.len() as f64, k, part.len() as f64)
-                    })
-                    .max_by(|a, b| a.0.total_cmp(&b.0));
-                if let Some((mean, k, count)) = worst {
-                    let z = (mean - 1.0) / (2.0 / count).sqrt();
-                    let to = block.abscissa[(k + band - 1).min(lines - 1)];
-                    add(
-                        format!("{}: the misfit is largest between {:.4} and {to:.4} Hz", block.label, block.abscissa[k]),
-                        z,
-                        level / count.sqrt(),
-                    );
-                }
-            }
-            BlockKind::Record | BlockKind::Table => {}
-        }
+/// Findings of one test, given its computed values: statistics beyond [`Telling::finding`] standard deviations.
+pub fn findings(plan: &Plan, computed: &[f64], told: &Telling) -> Vec<Finding> {
+    let (normal, threshold) = (Normal::standard(), told.finding);
+    let seen = plan.blocks.iter().flat_map(|block| {
+        let residual = Residual::of(plan, block, computed);
+        let of_kind = match block.kind {
+            BlockKind::Loop => residual.of_loop(&normal),
+            BlockKind::Frf => residual.of_lines(told.bands).into_iter().collect(),
+            BlockKind::Record | BlockKind::Table => vec![],
+        };
+        std::iter::once(residual.overall()).chain(of_kind)
+    });
+    let found = seen.filter(|s| s.statistic.abs() > threshold).map(|s| {
+        let power = if s.signal.is_finite() { 1.0 - normal.cdf(threshold - told.finding_power * s.signal.abs()) } else { 0.0 };
+        Finding { test: plan.id.clone(), claim: s.claim, number: s.statistic, threshold, power }
+    });
+    found.collect()
+}
+
+/// A statistic of a residual that is a standard normal deviate where the model is right.
+struct Statistic {
+    claim: String,
+    statistic: f64,
+    /// The same of the measured signal itself.
+    signal: f64,
+}
+
+/// Measured less computed in one channel of a test.
+struct Residual<'a> {
+    block: &'a Block,
+    measured: &'a [f64],
+    computed: &'a [f64],
+    sigma: &'a [f64],
+}
+
+impl<'a> Residual<'a> {
+    fn of(plan: &'a Plan, block: &'a Block, computed: &'a [f64]) -> Self {
+        let range = || block.range.clone();
+        Residual { block, measured: &plan.measured[range()], computed: &computed[range()], sigma: &plan.sigma[range()] }
     }
-    list
+
+    /// In units of the noise.
+    fn whitened(&self) -> impl Iterator<Item = f64> {
+        self.measured.iter().zip(self.computed).zip(self.sigma).map(|((m, c), s)| (m - c) / s)
+    }
+
+    /// Measured signal over noise.
+    fn level(&self) -> f64 {
+        self.measured.iter().zip(self.sigma).map(|(m, s)| (m / s).powi(2)).sum::<f64>().sqrt()
+    }
+
+    fn statistic(&self, words: &str, statistic: f64, signal: f64) -> Statistic {
+        Statistic { claim: format!("{}: {words}", self.block.label), statistic, signal }
+    }
+
+    /// Size of the residual. Wilson and Hilferty: the cube root of chi2/n is nearly normal.
+    fn overall(&self) -> Statistic {
+        let (n, level) = (self.measured.len() as f64, self.level());
+        let chi2: f64 = self.whitened().map(|w| w * w).sum();
+        let z = ((chi2 / n).cbrt() - (1.0 - 2.0 / (9.0 * n))) / (2.0 / (9.0 * n)).sqrt();
+        self.statistic(&format!("the residual is {:.2} times the noise", (chi2 / n).sqrt()), z, level * level / n.sqrt())
+    }
+
+    /// Part of values along a weight over what noise has there.
+    fn along(&self, weight: impl Fn(usize) -> f64, values: impl Fn(usize) -> f64) -> f64 {
+        let all = 0..self.measured.len();
+        let (top, bottom) =
+            all.map(|k| (weight(k) * values(k), (weight(k) * self.sigma[k]).powi(2))).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+        if bottom > 0.0 { top / bottom.sqrt() } else { 0.0 }
+    }
+
+    /// The residual along a weight, told by its sign.
+    fn told(&self, weight: impl Fn(usize) -> f64, more: &str, less: &str) -> Statistic {
+        let z = self.along(&weight, |k| self.measured[k] - self.computed[k]);
+        self.statistic(if z > 0.0 { more } else { less }, z, self.along(&weight, |k| self.measured[k]))
+    }
+
+    /// Mean, loss, stiffness, jumps and harmonics of a loop.
+    fn of_loop(&self, normal: &Normal) -> Vec<Statistic> {
+        let (n, block) = (self.measured.len(), self.block);
+        let mut all = vec![self.told(|_| 1.0, "the measured mean lies higher", "the measured mean lies lower")];
+        if !block.v.is_empty() && block.v.len() == n {
+            let loss = ("the measured loop dissipates more than the model", "the measured loop dissipates less than the model");
+            all.push(self.told(|k| block.v[k], loss.0, loss.1));
+            all.push(self.told(|k| block.x[k], "the measured loop is stiffer", "the measured loop is softer"));
+            // After a reversal: the first tenth of a half cycle, force against the new direction of travel.
+            let late = |k: usize| {
+                let ahead = block.v[(k + n / 20) % n];
+                if block.v[k] * ahead < 0.0 { block.v[k].signum() } else { 0.0 }
+            };
+            all.push(self.told(late, "excess force just before the reversals: a jump there", "force missing just before the reversals"));
+        }
+        let harmonics = [
+            (2.0, "the residual has a second harmonic: an asymmetric law"),
+            (3.0, "the residual has a third harmonic: a symmetric nonlinearity"),
+        ];
+        all.extend(harmonics.map(|(h, words)| {
+            let wave = |shift: f64| move |k: usize| (TAU * (h * k as f64 / n as f64 + shift)).cos();
+            let part = |shift: f64| self.along(wave(shift), |k| self.measured[k] - self.computed[k]).powi(2);
+            // chi2 with two degrees of freedom as a normal deviate of equal tail probability.
+            let tail = (1.0 - (-0.5 * (part(0.0) + part(0.25))).exp()).clamp(1e-300, 1.0 - 1e-16);
+            self.statistic(words, normal.inverse_cdf(tail), self.level() / (n as f64).sqrt())
+        }));
+        all
+    }
+
+    /// Where along frequency the residual of an FRF sits.
+    fn of_lines(&self, bands: usize) -> Option<Statistic> {
+        let w: Vec<f64> = self.whitened().collect();
+        let lines = w.len() / 2;
+        let band = lines.div_ceil(bands).max(1);
+        let of = |k: usize| {
+            let part = &w[2 * k..(2 * (k + band)).min(2 * lines)];
+            (part.iter().map(|w| w * w).sum::<f64>() / part.len() as f64, k, part.len() as f64)
+        };
+        let (mean, k, count) = (0..lines).step_by(band).map(of).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (from, to) = (self.block.abscissa[k], self.block.abscissa[(k + band - 1).min(lines - 1)]);
+        let words = format!("the misfit is largest between {from:.4} and {to:.4} Hz");
+        Some(self.statistic(&words, (mean - 1.0) / (2.0 / count).sqrt(), self.level() / count.sqrt()))
+    }
 }

@@ -2,37 +2,42 @@
 //! stands at much the same. One that has come to rest in another valley than its kin is begun once more at the values that theirs came to.
 
 use crate::model::{Instance, System};
+use crate::parallel;
 
 use super::refit::{Bench, Refit, proof};
 
 impl Bench<'_> {
-    /// Fits every refitted candidate that stands behind its kin at its place from the values of the best of them; what that betters takes
-    /// its place.
-    pub fn begin_at_kin(&self, refits: &mut [Refit], watch: &(dyn Fn(&str) + Sync)) {
-        let starts: Vec<Vec<System>> = (0..refits.len()).map(|k| self.of_kin(refits, k).into_iter().collect()).collect();
-        let count = starts.iter().map(Vec::len).sum::<usize>();
-        if count == 0 || self.monitor.stops() {
+    /// Fits every refitted candidate that stands behind its kin at its place from the values of the best of them, where these might come first; what that betters takes
+    /// its place. `unexplained`: the cost without a candidate.
+    pub fn begin_at_kin(&self, refits: &mut [Refit], unexplained: f64, watch: &(dyn Fn(&str) + Sync)) {
+        let starts: Vec<(usize, System)> = (0..refits.len()).filter_map(|k| Some((k, self.of_kin(refits, k, unexplained)?))).collect();
+        if starts.is_empty() || self.monitor.stops() {
             return;
         }
-        watch(&format!("refitting {count} from where a law of their kind stands"));
-        let stands = |r: &Refit| r.result.as_ref().map(|p| p.fitted.clone()).map_err(Clone::clone);
-        let mut fitted: Vec<_> = refits.iter().map(stands).collect();
-        for (k, better) in self.exchange(&mut fitted, starts, 0.0).into_iter().enumerate() {
+        watch(&format!("refitting {} from where a law of their kind stands", starts.len()));
+        let bettered = parallel::map_into(starts, |_, (k, start)| {
+            let stands = refits[k].result.as_ref().ok()?;
             // A fit that the select tests cannot be computed with leaves what stands.
-            if better && let Some(Ok(proof)) = fitted[k].as_ref().ok().map(|f| proof(self.case, f.clone())) {
-                let name = &self.names[refits[k].candidate];
-                watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, proof.fitted.outcome.cost));
-                refits[k].result = Ok(proof);
-            }
+            let found = self.bettered(&refits[k].score, &stands.fitted, start)?;
+            Some((k, proof(self.case, found).ok()?))
+        });
+        for (k, proof) in bettered.into_iter().flatten() {
+            let name = &self.names[refits[k].candidate];
+            watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, proof.fitted.outcome.cost));
+            refits[k].result = Ok(proof);
         }
     }
 
     /// The candidate at the values of the best of its kin, in the model as that was fitted.
-    fn of_kin(&self, refits: &[Refit], k: usize) -> Option<System> {
+    fn of_kin(&self, refits: &[Refit], k: usize, unexplained: f64) -> Option<System> {
         let own = refits[k].result.as_ref().ok()?;
+        let nats = |cost: f64| self.nats(cost / unexplained);
+        let best = refits.iter().filter_map(|r| r.result.as_ref().ok()).map(|p| nats(p.fitted.outcome.cost)).fold(0.0, f64::max);
         let place = |r: &Refit| &self.names[r.candidate].at;
         let ahead = refits.iter().filter(|r| place(r) == place(&refits[k])).filter_map(|r| r.result.as_ref().ok());
         let ahead = ahead.filter(|p| p.fitted.outcome.cost < (1.0 - self.race().kin_ahead) * own.fitted.outcome.cost);
+        // Where its kin cannot come first, neither can it.
+        let ahead = ahead.filter(|p| (self.bound)(refits[k].candidate, nats(p.fitted.outcome.cost)) >= best - self.tie);
         let begun = ahead.filter_map(|p| {
             let (kin, others) = p.fitted.system.instances.split_last()?;
             let begun = carried(own.fitted.system.instances.last()?, kin, self.race().shared)?;

@@ -99,7 +99,7 @@ pub(super) fn strength_unit(case: &Case, system: &System, name: &Name) -> (Strin
 fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
     let found = |(plan, _): &&(Plan, SplitName)| -> Result<Vec<Finding>, DiagnoseError> {
         let told = &case.search.settings.telling;
-        let mut list = findings(plan, &plan.evaluate(system, &[], false)?.values, told.finding);
+        let mut list = findings(plan, &plan.evaluate(system, &[], false)?.values, told);
         list.extend(unsettled(plan, system, told.transient));
         Ok(list)
     };
@@ -305,7 +305,7 @@ impl Climb<'_> {
         let case = self.scale.under(&self.now.seen, &self.now.v, &self.scale.evidence.independent());
         let under = |system: &System| case.fit_system(system, case.plans_of(SplitName::Fit), &self.monitor.quiet()).ok();
         let rivals: Vec<(Name, Fitted)> =
-            added.alike().take(3).filter_map(|(_, n, w)| Some((n.clone(), under(&w.fitted.system)?))).collect();
+            added.alike().take(self.settings.next.rivals).filter_map(|(_, n, w)| Some((n.clone(), under(&w.fitted.system)?))).collect();
         let Some(best) = under(&self.now.fitted.system).filter(|_| !rivals.is_empty()) else { return (None, None) };
         match super::next::separating(&case, &best, &rivals, started.elapsed(), self.monitor) {
             Ok(test) => (Some(test), None),

@@ -57,6 +57,10 @@ pub struct Scoring {
     pub entered: f64,
     /// Part of the explained cost below which a candidate is not worth a word.
     pub word: f64,
+    /// Level of the null distribution of the best score that is beyond chance...
+    pub beyond_chance: f64,
+    /// ...and the probability with which a strength that would have been seen passes it.
+    pub power: f64,
 }
 
 /// What is told of a model beside the verdict.
@@ -64,6 +68,10 @@ pub struct Scoring {
 pub struct Telling {
     /// Standard deviations beyond which a statistic of the residuals is claimed; about 1 in 1000 by chance.
     pub finding: f64,
+    /// Part of the measured signal whose chance of being found is told beside a finding.
+    pub finding_power: f64,
+    /// Bands into which an FRF is cut to say where its misfit is largest.
+    pub bands: usize,
     /// Transient that may be left in the mean of the kept cycles, in units of sigma: its square is a tenth of the noise's.
     pub transient: f64,
     /// Standard errors beyond which the damping of a model differs from a constant ratio.
@@ -90,6 +98,8 @@ pub struct Telling {
     pub term: f64,
     /// ...nats beyond half the logarithm of the data that it must gain, for the terms among which it was chosen...
     pub term_nats: f64,
+    /// ...factor on the strength that its column has within which it is fitted...
+    pub term_reach: f64,
     /// ...and points of its picture for each loop at most.
     pub picture: usize,
     /// Slopes at the outer and the inner nodes, over that at rest, from which a spline is fitted: one that levels off, one that hardens...
@@ -134,6 +144,8 @@ impl Default for Scoring {
             price: 0.1,
             entered: 1e-4,
             word: 0.02,
+            beyond_chance: 0.99,
+            power: 0.9,
         }
     }
 }
@@ -142,6 +154,8 @@ impl Default for Telling {
     fn default() -> Self {
         Telling {
             finding: 3.3,
+            finding_power: 0.1,
+            bands: 12,
             transient: 0.3,
             standard_errors: 2.0,
             strength_reach: 1e3,
@@ -155,6 +169,7 @@ impl Default for Telling {
             terms: 4,
             term: 0.03,
             term_nats: 2.0,
+            term_reach: 20.0,
             picture: 200,
             spline_begins: [[0.3, 0.6], [3.0, 1.5]],
             spline_takes: 0.3,

@@ -26,7 +26,9 @@ pub(super) fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, singles: f64
     for (k, first) in alone.iter().enumerate() {
         for second in &alone[k + 1..] {
             let promises = s.promise_pair * (above(first) + above(second)) >= price(first.weighed.size() + second.weighed.size()) - s.tie;
-            pairs.extend(together(first, second).filter(|_| promises).map(|system| ([first.name.clone(), second.name.clone()], system)));
+            pairs.extend(
+                together(first, second, s.pair_part).filter(|_| promises).map(|system| ([first.name.clone(), second.name.clone()], system)),
+            );
         }
     }
     let named = |s: &Score| bench.names[bench.trials[s.trial].candidate].clone();
@@ -48,11 +50,11 @@ pub(super) fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, singles: f64
     best.filter(|m| scale.better(m.gain, &m.weighed, a.base, a.monitor).yes)
 }
 
-/// The first as it was fitted with the second beside it, each at half its strength.
-fn together(first: &Stood, second: &Stood) -> Option<System> {
+/// The first as it was fitted with the second beside it, each at this part of its strength.
+fn together(first: &Stood, second: &Stood, part: f64) -> Option<System> {
     let mut system = first.weighed.fitted.system.clone();
     system.instances.push(second.weighed.fitted.system.instances.last()?.clone());
     let from = system.instances.len() - 2;
-    system.instances[from..].iter_mut().for_each(|i| i.params[0].value *= 0.5);
+    system.instances[from..].iter_mut().for_each(|i| i.params[0].value *= part);
     Some(system)
 }

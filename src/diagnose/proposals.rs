@@ -5,6 +5,8 @@ use serde::Serialize;
 /// Which tests are tried, how many of them are simulated, and when one is good enough.
 #[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Proposals {
+    /// Tied laws at most that a test is to separate from the one that was taken.
+    pub rivals: usize,
     /// Frequencies of a cycle that are tried...
     pub frequencies: usize,
     /// ...and amplitudes (half ranges)...
@@ -38,6 +40,7 @@ pub struct Proposals {
 impl Default for Proposals {
     fn default() -> Self {
         Proposals {
+            rivals: 3,
             frequencies: 4,
             amplitudes: 4,
             reach: 3.0,

@@ -31,6 +31,8 @@ pub struct Race {
     /// Parts of the strength that the score expects at which a candidate's best shape is computed: a law that is not smooth does something else there. So far along
     /// the way of its look a refit begins where the model cannot be computed at the end of it.
     pub parts: [f64; 3],
+    /// Factors on a reading between which a gain begins: what its slope asks for may be no gain at all.
+    pub gain_begins: [f64; 2],
     /// Secants of a candidate that refits begin at: the cheapest alone is not always that of the best fit.
     pub giving: usize,
     /// Shapes of a candidate that are looked at, the best...
@@ -46,7 +48,8 @@ pub struct Race {
     pub state_iterations: u64,
     /// ...and parts of the way from that model to what the states want of it at which a law over a condition is computed.
     pub state_parts: [f64; 3],
-    /// Lines of an FRF under a declared excitation that a first look balances at most: a dozen for each of three modes. Every line is a balance of its own.
+    /// Lines of an FRF that a look computes at most for each of its resonances, three at least, where every line is a balance of its own or about where a model
+    /// stands.
     pub lines: usize,
     /// Iterations after which those of a candidate's starts go on that are level with its best...
     pub tried: u64,
@@ -103,6 +106,7 @@ impl Default for Race {
             rivals: 0.2,
             explained: 0.01,
             parts: [1.0, 0.3, 0.1],
+            gain_begins: [0.5, 2.0],
             giving: 2,
             shapes: 3,
             promising: 0.3,
@@ -110,7 +114,7 @@ impl Default for Race {
             state_reach: 5.0,
             state_iterations: 8,
             state_parts: [1.0, 0.5, 0.25],
-            lines: 40,
+            lines: 13,
             tried: 2,
             level_with: 0.8,
             choice: 4,

@@ -53,7 +53,7 @@ pub fn best_per_candidate(scores: &[Score], trials: &[Trial]) -> Vec<Score> {
 }
 
 /// The candidate's instance with a start for its strength, everything of it free that is not fitted last.
-pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
+pub fn started(trial: &Trial, strength: f64, race: &Race) -> crate::model::Instance {
     let mut instance = trial.instance.clone();
     instance.follower = false;
     let info = instance.effect.info();
@@ -67,7 +67,11 @@ pub fn started(trial: &Trial, strength: f64) -> crate::model::Instance {
     }
     let start = info.params[0].default + strength;
     // A gain must stay positive; other strengths with a sign were scored one-sided.
-    instance.params[0].value = if info.role == Role::Channel && info.params[0].default == 1.0 { start.clamp(0.5, 2.0) } else { start };
+    instance.params[0].value = if info.role == Role::Channel && info.params[0].default == 1.0 {
+        start.clamp(race.gain_begins[0], race.gain_begins[1])
+    } else {
+        start
+    };
     instance
 }
 
@@ -90,6 +94,8 @@ fn against(plans: &[&Plan], system: &System) -> Result<(Whitened, f64), String> 
 pub struct Bench<'a> {
     /// The case.
     pub case: &'a Case,
+    /// The same as it is looked at ([`Case::coarser`]), where that is cheaper.
+    pub rough: Option<&'a Case>,
     /// The fitted system without a candidate.
     pub base: &'a System,
     /// Names of the candidates.
@@ -106,6 +112,10 @@ pub struct Bench<'a> {
     pub squares: f64,
     /// Nats of a tie.
     pub tie: f64,
+    /// Nats that a candidate may gain at most that has come to so many in the race...
+    pub bound: &'a (dyn Fn(usize, f64) -> f64 + Sync),
+    /// ...and those below which it is not worth a fit.
+    pub least: &'a (dyn Fn(usize) -> f64 + Sync),
     /// Watch over the fits.
     pub monitor: &'a Monitor<'a>,
 }
@@ -120,16 +130,89 @@ impl Bench<'_> {
     /// one that does best; then they race, and what can no longer come up with the best is shown as it is.
     /// `leader`: the best of earlier refits, which sets the measure.
     pub fn refit_all(&self, picked: &[Score], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
-        let race = self.race();
         // Which is worth it shows in coarser steps as well.
-        let rough = self.case.coarser(self.base);
-        let look = Bench { case: rough.as_ref().unwrap_or(self.case), ..*self };
-        let unexplained = look.unexplained();
-        let secants = parallel::map(picked, |best| look.secants(best, unexplained));
+        let (look, whole) = (self.look(), self.unexplained());
+        let mut fitted = if self.rough.is_some() {
+            // The way is gone where it is cheap; in all its steps only the end of it is.
+            let unexplained = look.unexplained();
+            let leader = leader.map(|l| Leader { cost: l.cost * unexplained / whole, ..l });
+            let mut fitted = look.looks(picked, leader, unexplained, watch);
+            look.run(picked, &mut fitted, (leader, unexplained), watch);
+            look.moved_on(picked, &mut fitted, leader, watch);
+            let may = look.may_lead(picked, &fitted, leader, unexplained);
+            // What stays in the look has taken the part of the cost that it has taken there.
+            let stays = |mut f: Fitted| {
+                f.outcome.cost *= whole / unexplained;
+                f.outcome.start_cost *= whole / unexplained;
+                f
+            };
+            parallel::map_into(fitted, |k, l| l.and_then(|f| if may[k] { self.in_full(&picked[k], f) } else { Ok(stays(f)) }))
+        } else {
+            self.looks(picked, leader, whole, watch)
+        };
+        self.run(picked, &mut fitted, (leader, whole), watch);
+        if self.rough.is_none() {
+            self.moved_on(picked, &mut fitted, leader, watch);
+        }
+        parallel::map_into(fitted, |k, fitted| {
+            let score = &picked[k];
+            let candidate = self.trials[score.trial].candidate;
+            let (name, result) = (&self.names[candidate], fitted.and_then(|f| proof(self.case, f)));
+            match &result {
+                Ok(p) => watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, p.fitted.outcome.cost)),
+                // What was stopped has not failed.
+                Err(_) if self.monitor.stops() => {}
+                Err(e) => watch(&format!("  refit {} at {} failed: {e}", name.effect, name.at)),
+            }
+            Refit { candidate, score: *score, result }
+        })
+    }
+
+    /// The bench on which candidates are looked at.
+    fn look(&self) -> Self {
+        Bench { case: self.rough.unwrap_or(self.case), rough: None, ..*self }
+    }
+
+    /// Refits from elsewhere, as they are looked at and then in full; none that does not better what stands.
+    pub fn bettered(&self, score: &Score, stands: &Fitted, start: System) -> Option<Fitted> {
+        let look = self.look();
+        let here = if self.rough.is_some() { look.cost_at(&stands.system)? } else { stands.outcome.cost };
+        let found = look.moved(&start, here).ok().filter(|f| f.outcome.cost < here)?;
+        let found = if self.rough.is_some() { self.in_full(score, found).ok()? } else { found };
+        (found.outcome.cost < stands.outcome.cost).then_some(found)
+    }
+
+    /// Cost of a system; none where it cannot be computed.
+    fn cost_at(&self, system: &System) -> Option<f64> {
+        whitened(&self.case.plans_of(SplitName::Fit), system).ok().map(|w| cost(&w))
+    }
+
+    /// A fit from here that goes on after a first look unless it has farther to go to what `stands` than it has come.
+    fn moved(&self, start: &System, stands: f64) -> Result<Fitted, String> {
+        let look = self.from(start, self.race().leg)?;
+        let o = &look.outcome;
+        if o.cost - stands < o.start_cost - o.cost { self.go_on(look, self.race().iterations) } else { Ok(look) }
+    }
+
+    /// Nats of a refit that leaves this part of the cost.
+    pub fn nats(&self, left: f64) -> f64 {
+        promised(self.squares, 1.0 - left)
+    }
+
+    /// First looks at the picked candidates: each from some of its shapes, of which those go on that are level with its best, and the best of them in the end.
+    fn looks(
+        &self,
+        picked: &[Score],
+        leader: Option<Leader>,
+        unexplained: f64,
+        watch: &(dyn Fn(&str) + Sync),
+    ) -> Vec<Result<Fitted, String>> {
+        let race = self.race();
+        let secants = parallel::map(picked, |best| self.secants(best, unexplained));
         let first = secants.iter().enumerate().flat_map(|(k, s)| s.iter().flatten().map(move |s| (k, &s.system)));
         let first: Vec<(usize, &System)> = first.collect();
         watch(&format!("looking at {} from {} starts", picked.len(), first.len()));
-        let begun = parallel::map(&first, |(k, system)| (*k, fit_some(look.case, system, self.race().tried, self.monitor)));
+        let begun = parallel::map(&first, |(k, system)| (*k, self.from(system, race.tried)));
         let worth = |fits: &[(usize, Result<Fitted, String>)]| -> Vec<bool> {
             let mut least = vec![f64::INFINITY; picked.len()];
             fits.iter().for_each(|(k, f)| least[*k] = least[*k].min(cost_of(f)));
@@ -142,7 +225,7 @@ impl Bench<'_> {
             let worth = worth(&fits);
             parallel::map_into(fits, |n, (k, f)| {
                 let on = |f: Fitted| {
-                    if worth[n] && follows(f.outcome.cost, leader, unexplained, race.following) { look.go_on(f, iterations) } else { Ok(f) }
+                    if worth[n] && follows(f.outcome.cost, leader, unexplained, race.following) { self.go_on(f, iterations) } else { Ok(f) }
                 };
                 (k, f.and_then(on))
             })
@@ -160,25 +243,23 @@ impl Bench<'_> {
                 looks[k] = look;
             }
         }
-        let mut fitted = looks;
-        if rough.is_some() {
-            // The way is gone where it is cheap; in all its steps only the end of it is.
-            look.run(&mut fitted, leader, watch);
-            let may = look.may_lead(&fitted, leader, unexplained);
-            // What cannot be computed in all its steps where the coarser ones have led begins a part of the way there, and anew from the model itself.
-            let anew = |score: &Score| self.secant(&[*score], 0.0, false).and_then(|s| self.from(&s.system, race.leg));
-            let on = |k: usize, f: Fitted| {
-                if !may[k] {
-                    return Ok(f);
-                }
-                let from = |part: &f64| self.from(&self.part_of_the_way(&f.system, *part), race.leg);
-                let led = race.parts.iter().map(from).find(|fit| fit.is_ok() || self.monitor.stops());
-                led.unwrap_or_else(|| anew(&picked[k])).or(Ok(f))
-            };
-            fitted = parallel::map_into(fitted, |k, l| l.and_then(|f| on(k, f)));
-        }
-        self.run(&mut fitted, leader, watch);
-        let drops = picked.iter().zip(&fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop);
+        looks
+    }
+
+    /// A refit in all its steps from where its way in the coarser ones has led. What cannot be computed there begins a part of the way there, and anew from
+    /// the model itself.
+    fn in_full(&self, score: &Score, look: Fitted) -> Result<Fitted, String> {
+        let race = self.race();
+        let from = |part: &f64| self.from(&self.part_of_the_way(&look.system, *part), race.leg);
+        let led = race.parts.iter().map(from).find(|fit| fit.is_ok() || self.monitor.stops());
+        let anew = || self.secant(&[*score], 0.0, false).and_then(|s| self.from(&s.system, race.leg));
+        led.unwrap_or_else(anew).or(Ok(look))
+    }
+
+    /// Moves the best refits on from where they have come to rest: off a plateau, and with what was kept at a value of its grid free.
+    fn moved_on(&self, picked: &[Score], fitted: &mut [Result<Fitted, String>], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) {
+        let race = self.race();
+        let drops = picked.iter().zip(&*fitted).filter(|(_, f)| f.is_ok()).map(|(s, _)| s.drop);
         let expected = drops.chain(leader.map(|l| l.drop)).fold(0.0, f64::max);
         let near = among_three(fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).collect(), race.hopeful);
         let off = parallel::over(fitted.len(), |k| match &fitted[k] {
@@ -188,29 +269,22 @@ impl Bench<'_> {
         if off.iter().any(|o| !o.is_empty()) {
             watch(&format!("refitting from {} points off a plateau", off.iter().map(Vec::len).sum::<usize>()));
         }
-        self.exchange(&mut fitted, off, 0.0);
+        self.exchange(fitted, off, 0.0);
         let more_free = |f: &Result<Fitted, String>| f.as_ref().ok().filter(|f| f.outcome.cost <= near).and_then(|f| self.freed(f));
         let more_free = fitted.iter().map(|f| more_free(f).into_iter().collect()).collect();
-        self.exchange(&mut fitted, more_free, race.freeing);
-        parallel::map_into(fitted, |k, fitted| {
-            let score = &picked[k];
-            let candidate = self.trials[score.trial].candidate;
-            let (name, result) = (&self.names[candidate], fitted.and_then(|f| proof(self.case, f)));
-            match &result {
-                Ok(p) => watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, p.fitted.outcome.cost)),
-                // What was stopped has not failed.
-                Err(_) if self.monitor.stops() => {}
-                Err(e) => watch(&format!("  refit {} at {} failed: {e}", name.effect, name.at)),
-            }
-            Refit { candidate, score: *score, result }
-        })
+        self.exchange(fitted, more_free, race.freeing);
     }
 
     /// Goes on with the refits that may yet lead, a leg at a time.
-    fn run(&self, fitted: &mut [Result<Fitted, String>], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) {
-        let unexplained = self.unexplained();
+    fn run(
+        &self,
+        picked: &[Score],
+        fitted: &mut [Result<Fitted, String>],
+        (leader, unexplained): (Option<Leader>, f64),
+        watch: &(dyn Fn(&str) + Sync),
+    ) {
         for leg in 0..self.race().legs {
-            let may = self.may_lead(fitted, leader, unexplained);
+            let may = self.may_lead(picked, fitted, leader, unexplained);
             let open = |k: &usize| may[*k] && fitted[*k].as_ref().is_ok_and(|f| f.outcome.termination == Termination::MaxIterations);
             let open: Vec<usize> = (0..fitted.len()).filter(open).collect();
             if open.is_empty() || self.monitor.stops() {
@@ -226,37 +300,29 @@ impl Bench<'_> {
         }
     }
 
-    /// Which refits may come within a tie of the best at the rate of their last leg, in so many more ([`Race::ahead`]).
-    fn may_lead(&self, fitted: &[Result<Fitted, String>], leader: Option<Leader>, unexplained: f64) -> Vec<bool> {
+    /// Which refits may come within a tie of the best, and pay for themselves, at the rate of their last leg in so many more ([`Race::ahead`]).
+    fn may_lead(&self, picked: &[Score], fitted: &[Result<Fitted, String>], leader: Option<Leader>, unexplained: f64) -> Vec<bool> {
         let least = fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).fold(f64::INFINITY, f64::min);
-        let nats = |cost: f64| promised(self.squares, 1.0 - cost / unexplained.max(f64::MIN_POSITIVE));
-        let of = |f: &Result<Fitted, String>| {
-            f.as_ref().is_ok_and(|f| {
-                let now = nats(f.outcome.cost);
-                now + self.race().ahead * (now - nats(f.outcome.start_cost)) >= nats(least) - self.tie
-            })
+        let nats = |cost: f64| self.nats(cost / unexplained.max(f64::MIN_POSITIVE));
+        let of = |(score, f): (&Score, &Result<Fitted, String>)| {
+            let then = |f: &Fitted| ahead(nats(f.outcome.start_cost), nats(f.outcome.cost), self.race().ahead);
+            let then = f.as_ref().ok().map(then);
+            let candidate = self.trials[score.trial].candidate;
+            then.is_some_and(|then| then >= nats(least) - self.tie && (self.bound)(candidate, then) >= (self.least)(candidate))
         };
-        fitted.iter().map(of).collect()
+        picked.iter().zip(fitted).map(of).collect()
     }
 
-    /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than this part. A fit that after a first
-    /// look has farther to go to where its candidate stands than it has come is left there. Which were replaced.
-    pub fn exchange(&self, fitted: &mut [Result<Fitted, String>], starts: Vec<Vec<System>>, worth: f64) -> Vec<bool> {
-        let mut better = vec![false; fitted.len()];
+    /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than this part.
+    fn exchange(&self, fitted: &mut [Result<Fitted, String>], starts: Vec<Vec<System>>, worth: f64) {
         let starts: Vec<(usize, System)> = starts.into_iter().enumerate().flat_map(|(k, s)| s.into_iter().map(move |s| (k, s))).collect();
         let stands: Vec<f64> = fitted.iter().map(cost_of).collect();
-        let moved = parallel::map(&starts, |(k, system)| {
-            let look = fit_some(self.case, system, self.race().leg, self.monitor)?;
-            let o = &look.outcome;
-            if o.cost - stands[*k] < o.start_cost - o.cost { self.go_on(look, self.race().iterations) } else { Ok(look) }
-        });
+        let moved = parallel::map(&starts, |(k, system)| self.moved(system, stands[*k]));
         for ((k, _), moved) in starts.iter().zip(moved) {
             if cost_of(&moved) < (1.0 - worth) * cost_of(&fitted[*k]) {
                 fitted[*k] = moved;
-                better[*k] = true;
             }
         }
-        better
     }
 
     /// The system at this part of the way from the model with its candidate at its null value to where it stands.
@@ -274,7 +340,7 @@ impl Bench<'_> {
 
     /// Cost of the model without a candidate.
     pub fn unexplained(&self) -> f64 {
-        whitened(&self.case.plans_of(SplitName::Fit), self.base).map_or(f64::INFINITY, |w| cost(&w))
+        self.cost_at(self.base).unwrap_or(f64::INFINITY)
     }
 
     /// A fit from here.
@@ -305,8 +371,6 @@ impl Bench<'_> {
             return vec![];
         }
         let direction = v.row(at) / v.row(at).amax();
-        let plans = self.case.plans_of(SplitName::Fit);
-        let cost_at = |system: &System| whitened(&plans, system).map(|w| cost(&w));
         let here = fitted.outcome.cost;
         let step = |t: &f64| {
             let mut system = fitted.system.clone();
@@ -314,7 +378,7 @@ impl Bench<'_> {
                 let p = &mut system.instances[last].params[fitted.free[*k].param];
                 p.value = (p.value * (t * direction[c]).exp()).clamp(p.min, p.max);
             }
-            let changed = cost_at(&system).is_ok_and(|cost| (cost - here).abs() > self.race().unmoved * here);
+            let changed = self.cost_at(&system).is_some_and(|cost| (cost - here).abs() > self.race().unmoved * here);
             changed.then_some(system)
         };
         parallel::map(&self.race().off, step).into_iter().flatten().collect()
@@ -341,6 +405,11 @@ impl Bench<'_> {
         }
         any.then_some(system)
     }
+}
+
+/// What comes after `now` in so many more legs at the rate of the one that came from `before`.
+fn ahead(before: f64, now: f64, legs: f64) -> f64 {
+    now + legs * (now - before)
 }
 
 fn cost_of(fitted: &Result<Fitted, String>) -> f64 {

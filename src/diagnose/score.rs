@@ -8,6 +8,7 @@
 
 use crate::parallel;
 use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::effect::{Role, Sign};
 use crate::identify::LeastSquares;
@@ -165,17 +166,17 @@ pub fn score(
     let drawn = |(s, both): &(Score, bool)| Drawn { two_sided: *both, candidate: trials[s.trial].candidate, physics: physics(s.trial) };
     let chance = chance(&columns, &scores.iter().map(drawn).collect::<Vec<_>>(), seed, settings);
     let null = &chance.best;
-    let level = null.get(null.len() * 99 / 100).copied().unwrap_or(0.0);
+    let level = null.get((null.len() as f64 * settings.beyond_chance) as usize).copied().unwrap_or(0.0);
     let weighed = scores.iter().zip(&columns);
     let weighed: Vec<Column> = weighed.map(|((s, both), g)| Column { g, two_sided: *both, candidate: trials[s.trial].candidate }).collect();
     let selected = select(&r, &weighed, level, settings);
+    let power = Normal::standard().inverse_cdf(settings.power);
     let mut scores: Vec<Score> = scores
         .into_iter()
         .map(|(mut s, _)| {
             let above = null.len() - null.partition_point(|n| *n < s.z);
             s.p_value = (above + 1) as f64 / (null.len() + 1) as f64;
-            // Seen with 90 % power at the 1 % level.
-            s.visible = (level + 1.2816) / s.visible;
+            s.visible = (level + power) / s.visible;
             s
         })
         .collect();

@@ -2,17 +2,18 @@
 
 use crate::effect::{Role, find};
 use crate::evidence::Variances;
-use crate::identify::{Monitor, Termination};
+use crate::identify::Monitor;
 use crate::model::System;
 use crate::parallel;
 
 use super::candidates::{Name, Scene, Trial, candidates};
 use super::case::Case;
+use super::listed::{Listed, Raced, visible};
 use super::pairs::in_pairs;
 use super::picks;
 use super::reason::Reason;
 use super::refit::{Bench, Leader, Refit, best_per_candidate};
-use super::results::{Candidate, Effort, SecondOpinion, Share, SplitName};
+use super::results::{Candidate, Effort, SecondOpinion, SplitName};
 use super::score::{Score, Scores, score};
 use super::states::{self, Wanted};
 use super::survivors::{Held, Survivors};
@@ -101,8 +102,11 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let picked =
         if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &wanted, &scores.selected, bound, &trials, &scale.settings) };
     let hurried = a.monitor.hurried(scale.settings.race.share);
+    let (gains, least) = (|candidate: usize, nats: f64| price.factor(candidate) * nats, |candidate: usize| price.least(candidate));
+    let rough = if picked.is_empty() { None } else { race.coarser(system) };
     let bench = Bench {
         case: &race,
+        rough: rough.as_ref(),
         base: system,
         names: &names,
         trials: &trials,
@@ -111,6 +115,8 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         elsewhere: a.elsewhere,
         squares,
         tie: scale.settings.tie,
+        bound: &gains,
+        least: &least,
         monitor: &hurried,
     };
     let started = std::time::Instant::now();
@@ -148,20 +154,10 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         }
     }
     let listed = Listed { names: &names, trials: &trials, selected: &scores.selected, error: error_of(scale, base) };
-    let tie = |s: &Stood| {
-        let beside = |t: &Move| t.names.len() == 1 && t.names[0] != s.name && scale.tied(&s.weighed, &t.weighed).is_some();
-        taken.as_ref().is_some_and(beside)
-    };
-    let tied: Vec<&Name> = stood.iter().filter(|s| s.admissible && tie(s)).map(|s| &s.name).collect();
-    let mut list: Vec<Candidate> =
-        refits.iter().zip(&reasons).map(|(r, reason)| listed.weighed(r, reason, &stood, taken.as_ref(), &tied)).collect();
-    let rest = best.iter().filter(|s| !refits.iter().any(|r| r.candidate == trials[s.trial].candidate)).take(scale.settings.refits);
-    list.extend(rest.map(|s| listed.blank(s, &price.left_out(trials[s.trial].candidate, s.drop))));
-    let first = taken.as_ref().and_then(|t| names.iter().position(|n| *n == t.names[0]));
-    let positions: Vec<usize> = tied.iter().filter_map(|t| names.iter().position(|n| n == *t)).collect();
-    let second_opinion = listed.second_opinion(first.or(best.first().map(|s| trials[s.trial].candidate)), &positions);
+    let raced = Raced { refits: &refits, reasons: &reasons, stood: &stood, taken: taken.as_ref() };
+    let (candidates, second_opinion) = listed.all(&raced, &best, scale, &price);
     let visible = visible(&scores.list, &names, &trials);
-    Ok(Step { candidates: list, second_opinion, stood, taken, effort, visible, tried: price.all, cut })
+    Ok(Step { candidates, second_opinion, stood, taken, effort, visible, tried: price.all, cut })
 }
 
 /// Every candidate with its score.
@@ -256,9 +252,13 @@ impl<'a> Price<'a> {
     /// A bound on the gain of what takes this part of the cost away: with the variances as they are, or with a model error that falls with the
     /// residual.
     pub fn bound(&self, candidate: usize, drop: f64) -> f64 {
+        self.factor(candidate) * promised(self.squares, drop)
+    }
+
+    /// How much more than its slope, or than its race, promises a candidate may gain.
+    fn factor(&self, candidate: usize) -> f64 {
         let s = &self.against.scale.settings;
-        let factor = if role(&self.names[candidate]) == Some(Role::Series) { s.promise_series } else { s.promise };
-        factor * promised(self.squares, drop)
+        if role(&self.names[candidate]) == Some(Role::Series) { s.promise_series } else { s.promise }
     }
 
     /// Nats below which a candidate is not worth a fit.
@@ -267,7 +267,12 @@ impl<'a> Price<'a> {
     }
 
     pub fn promises(&self, candidate: usize, drop: f64) -> bool {
-        self.bound(candidate, drop) >= self.least(candidate)
+        self.pays(candidate, promised(self.squares, drop))
+    }
+
+    /// Whether so many nats in the race may be worth a fit under variances of its own.
+    pub fn pays(&self, candidate: usize, nats: f64) -> bool {
+        self.factor(candidate) * nats >= self.least(candidate)
     }
 
     /// The factor by which what stands gained more than its slope promises here, where it did: a slope at strength zero says little of a friction
@@ -342,7 +347,7 @@ fn refitted(
         sort(&mut refits);
     }
     if stands {
-        bench.begin_at_kin(&mut refits, watch);
+        bench.begin_at_kin(&mut refits, cost, watch);
         sort(&mut refits);
     }
     refits
@@ -358,88 +363,6 @@ fn sort(refits: &mut [Refit]) {
 pub fn error_of(scale: &Scale, w: &Weighed) -> f64 {
     let all: Vec<f64> = w.seen.iter().enumerate().map(|(t, s)| scale.error(t, s)).collect();
     (all.iter().map(|e| e * e).sum::<f64>() / all.len().max(1) as f64).sqrt()
-}
-
-/// Candidates as they are told.
-struct Listed<'a> {
-    names: &'a [Name],
-    trials: &'a [Trial],
-    /// The second opinion.
-    selected: &'a [(usize, f64)],
-    /// Pooled error before.
-    error: f64,
-}
-
-impl Listed<'_> {
-    fn blank(&self, s: &Score, reason: &Reason) -> Candidate {
-        let name = &self.names[self.trials[s.trial].candidate];
-        Candidate {
-            effect: name.effect.into(),
-            at: name.at.clone(),
-            of: name.of.clone(),
-            predicted_drop: s.drop,
-            error_before: self.error,
-            error_after: None,
-            accepted: false,
-            tied_with: vec![],
-            p_value: s.p_value,
-            selected: self.selected.iter().find(|c| c.0 == self.trials[s.trial].candidate).map(|c| c.1),
-            nats: None,
-            reason: reason.clone(),
-            remark: reason.describe(),
-        }
-    }
-
-    /// The sparse combination against the candidate that was taken.
-    fn second_opinion(&self, taken: Option<usize>, tied: &[usize]) -> SecondOpinion {
-        let share = |(c, part): &(usize, f64)| Share { effect: self.names[*c].effect.into(), at: self.names[*c].at.clone(), part: *part };
-        let needs: Vec<Share> = self.selected.iter().map(share).collect();
-        let agrees = self.selected.first().map(|s| s.0).is_none_or(|first| taken == Some(first) || tied.contains(&first));
-        let remark = needs.first().zip(taken).filter(|_| !agrees).map(|(first, taken)| {
-            let (name, own) = (&self.names[taken], self.selected.iter().find(|s| s.0 == taken).map_or(0.0, |s| s.1));
-            format!(
-                "all candidates at once give {} at {} the largest part ({:.0} %), and {} at {} {}",
-                first.effect,
-                first.at,
-                100.0 * first.part,
-                name.effect,
-                name.at,
-                if own > 0.0 { format!("{:.0} %", 100.0 * own) } else { "none".into() }
-            )
-        });
-        SecondOpinion { needs, agrees, remark }
-    }
-
-    fn weighed(&self, refit: &Refit, reason: &Reason, stood: &[Stood], taken: Option<&Move>, tied: &[&Name]) -> Candidate {
-        let mut c = self.blank(&refit.score, reason);
-        let name = &self.names[refit.candidate];
-        let label = |n: &Name| format!("{} at {}", n.effect, n.at);
-        c.error_after = refit.result.as_ref().ok().map(|p| p.error);
-        if let Some(own) = stood.iter().find(|s| s.name == *name) {
-            c.nats = Some(own.gain);
-            if own.weighed.fitted.outcome.termination == Termination::MaxIterations {
-                c.remark += ", not converged";
-            }
-        }
-        let Some(taken) = taken else { return c };
-        c.accepted = taken.names.contains(name);
-        if c.accepted && taken.names.len() == 1 {
-            c.tied_with = tied.iter().map(|t| label(t)).collect();
-        } else if tied.contains(&name) {
-            c.tied_with = vec![label(&taken.names[0])];
-        }
-        c
-    }
-}
-
-fn visible(scores: &[Score], names: &[Name], trials: &[Trial]) -> Vec<(Name, f64)> {
-    // The most visible shape of each candidate.
-    let mut best: Vec<Option<f64>> = vec![None; names.len()];
-    for s in scores {
-        let slot = &mut best[trials[s.trial].candidate];
-        *slot = Some(slot.map_or(s.visible, |v: f64| v.min(s.visible)));
-    }
-    names.iter().zip(best).filter_map(|(n, v)| Some((n.clone(), v?))).collect()
 }
 
 #[cfg(test)]

@@ -90,7 +90,7 @@ impl Bench<'_> {
             problem.system = admissible(self.case, self.base, &p).map_err(|e| e.to_string())?;
         }
         let mut system = problem.system;
-        system.instances.extend(added.iter().map(|s| started(&self.trials[s.trial], part * s.strength)));
+        system.instances.extend(added.iter().map(|s| started(&self.trials[s.trial], part * s.strength, self.race())));
         self.computed(system, part)
     }
 

@@ -44,6 +44,8 @@ pub struct Settings {
     pub settled: f64,
     /// Candidates that stood best alone and are tried in pairs where none alone gains.
     pub pair_of: usize,
+    /// Part of the strength that each had alone with which the two begin.
+    pub pair_part: f64,
     /// Model error, in parts of the least, from which pairs are tried.
     pub pairs_from: f64,
     /// Nats within which two laws cannot be told apart, and within which nothing is decided by a gain alone; what stands is taken out only below minus
@@ -188,6 +190,7 @@ impl Default for Settings {
             finish_least: 0.3,
             settled: 0.02,
             pair_of: 4,
+            pair_part: 0.5,
             pairs_from: 2.0,
             tie: 1.5,
             turns: 6,

@@ -109,25 +109,10 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
         ),
         ..case.clone()
     };
-    let scene = Scene::new(&plans, &base.system);
-    let sites: Vec<(String, Vec<usize>)> = sites(case, &base.system).into_iter().filter(|(_, places)| places.len() == 1).collect();
-    let mut trials: Vec<Trial> = Vec::new();
-    let mut kept: Vec<(usize, usize)> = Vec::new();
-    for (s, (at, places)) in sites.iter().enumerate() {
-        let scales = scene.at(places);
-        if !(scales.x > 0.0 && scales.v > 0.0) {
-            continue;
-        }
-        for t in 0..TERMS.len() {
-            let rotational = base.system.model.places[places[0]].axis.rotational();
-            let mut instance = instance(&[(t, 1.0)], at, places, &scales, rotational)?;
-            instance.follower = true;
-            trials.push(Trial { instance, candidate: trials.len() });
-            kept.push((s, t));
-        }
-    }
-    let settings = &case.search.settings;
+    let (settings, scene) = (&case.search.settings, Scene::new(&plans, &base.system));
     let told = &settings.telling;
+    let sites: Vec<(String, Vec<usize>)> = sites(case, &base.system).into_iter().filter(|(_, places)| places.len() == 1).collect();
+    let (trials, kept) = terms(&base.system, &sites, &scene, told)?;
     let p = projected(&plans, &base.system, &trials, &base.inside(), &[], &settings.scoring).ok()?;
     let rows: usize = plans.iter().map(|p| p.len()).sum();
     let whole = 0.5 * p.r.norm_squared();
@@ -143,7 +128,7 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     let (at, places) = &sites[best.site];
     let scales = scene.at(places);
     let rotational = base.system.model.places[places[0]].axis.rotational();
-    let formula = instance(&best.terms, at, places, &scales, rotational)?;
+    let formula = instance(&best.terms, at, places, &scales, rotational, told)?;
     let mut system = base.system.clone();
     system.instances.push(formula);
     let before = proof(&timed, base.clone()).ok()?;
@@ -165,6 +150,25 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
         error_after: after.error,
         picture: picture(&plans, &base.system, fitted, places[0], &scales, told.picture),
     })
+}
+
+/// Every term at every place that moves, at strength 0, and which place and term each is; none where a formula is refused.
+fn terms(system: &System, sites: &[(String, Vec<usize>)], scene: &Scene, told: &Telling) -> Option<(Vec<Trial>, Vec<(usize, usize)>)> {
+    let (mut trials, mut kept): (Vec<Trial>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
+    for (s, (at, places)) in sites.iter().enumerate() {
+        let scales = scene.at(places);
+        if !(scales.x > 0.0 && scales.v > 0.0) {
+            continue;
+        }
+        let rotational = system.model.places[places[0]].axis.rotational();
+        for t in 0..TERMS.len() {
+            let mut instance = instance(&[(t, 1.0)], at, places, &scales, rotational, told)?;
+            instance.follower = true;
+            trials.push(Trial { instance, candidate: trials.len() });
+            kept.push((s, t));
+        }
+    }
+    Some((trials, kept))
 }
 
 fn is_formula(instance: &Instance) -> bool {
@@ -245,14 +249,15 @@ fn expression(terms: &[(usize, f64)]) -> String {
 }
 
 /// Terms as one effect of the model; none where the formula is refused.
-fn instance(terms: &[(usize, f64)], at: &str, places: &[usize], scales: &Scales, rotational: bool) -> Option<Instance> {
+fn instance(terms: &[(usize, f64)], at: &str, places: &[usize], scales: &Scales, rotational: bool, told: &Telling) -> Option<Instance> {
     let expression = expression(terms);
     let (force, length) = if rotational { (Dimension::MOMENT, Dimension::ANGLE) } else { (Dimension::FORCE, Dimension::LENGTH) };
     let mut parameters: Vec<(String, Dimension)> = (0..terms.len()).map(|k| (format!("f{}", k + 1), force)).collect();
     let mut params: Vec<ParamValue> = terms
         .iter()
         .map(|(t, c)| {
-            let (least, most) = (if TERMS[*t].1 { 0.0 } else { -20.0 * c.abs() }, 20.0 * c.abs());
+            let most = told.term_reach * c.abs();
+            let least = if TERMS[*t].1 { 0.0 } else { -most };
             ParamValue { min: least, max: most, ..ParamValue::free(*c, Sign::Any) }
         })
         .collect();
@@ -333,7 +338,7 @@ mod tests {
         let scales = Scales { x: 2e-3, v: 0.1, least_v: 0.01, ..Scales::default() };
         for t in 0..TERMS.len() {
             for rotational in [false, true] {
-                let made = instance(&[(t, 3.0)], "c1.x", &[0], &scales, rotational);
+                let made = instance(&[(t, 3.0)], "c1.x", &[0], &scales, rotational, &Telling::default());
                 let made = made.unwrap_or_else(|| panic!("{} is refused", TERMS[t].0));
                 let crate::effect::Effect::Force(law) = made.effect else { panic!("{made:?}") };
                 let p: Vec<f64> = made.params.iter().map(|p| p.value).collect();

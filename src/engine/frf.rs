@@ -59,10 +59,15 @@ pub(super) fn swept(small: &Small, sweep: &Sweep) -> Result<Receptance, EngineEr
     if sensitivities {
         let (n, ng, pairs) = (bound.n_free, groups.len(), inputs.len() * outputs.len());
         dh.resize(omega.len() * pairs * n, Complex64::ZERO);
+        // Stiffness of every group along the lines, and how it changes with its displacement.
+        let mut laws = Vec::with_capacity(if small.moves() { omega.len() * ng } else { 0 });
         for (line, w) in omega.iter().enumerate() {
             for (gi, &g) in groups.iter().enumerate() {
                 let element = &bound.elements[g];
-                small.law(g, Complex64::new(0.0, *w), &mut dp)?;
+                let (z, _, by_x) = small.law(g, Complex64::new(0.0, *w), &mut dp)?;
+                if small.moves() {
+                    laws.push((z, by_x));
+                }
                 for (p, chain) in element.chains.iter().enumerate() {
                     for (k, slope) in chain {
                         for pair in 0..pairs {
@@ -74,22 +79,24 @@ pub(super) fn swept(small: &Small, sweep: &Sweep) -> Result<Receptance, EngineEr
             }
         }
         if small.moves() {
-            operating_point(small, &system, omega, inputs, outputs, coefficients, &mut dh)?;
+            let law = |line: usize, e: usize| laws[line * ng + group(e)];
+            operating_point(small, &system, sweep, coefficients, law, &mut dh)?;
         }
     }
     Ok(Receptance { h: response.h, dh })
 }
 
-/// Adds what parameters do through the operating point: `dH = -X_o' dZ X_i` with whole solution columns.
+/// Adds what parameters do through the operating point: `dH = -X_o' dZ X_i` with whole solution columns. `law`: of an element at a line, as in
+/// [`Small::laws`].
 fn operating_point(
     small: &Small,
     system: &FrfSystem,
-    omega: &[f64],
-    inputs: &[usize],
-    outputs: &[usize],
+    sweep: &Sweep,
     coefficients: impl Fn(f64, &mut [Complex64]) + Sync,
+    law: impl Fn(usize, usize) -> (Complex64, Complex64),
     dh: &mut [Complex64],
 ) -> Result<(), EngineError> {
+    let Sweep { omega, inputs, outputs, .. } = *sweep;
     let mut loads: Vec<usize> = inputs.iter().chain(outputs).copied().collect();
     loads.sort_unstable();
     loads.dedup();
@@ -106,7 +113,7 @@ fn operating_point(
         for (i, input) in inputs.iter().enumerate() {
             for (o, output) in outputs.iter().enumerate() {
                 by_parameter.fill(Complex64::ZERO);
-                small.add_moved(Complex64::new(0.0, *w), column(*output), column(*input), &mut by_parameter)?;
+                small.add_moved(Complex64::new(0.0, *w), |e| law(line, e), column(*output), column(*input), &mut by_parameter);
                 let at = ((line * inputs.len() + i) * outputs.len() + o) * n_free;
                 dh[at..at + n_free].iter_mut().zip(&by_parameter).for_each(|(d, x)| *d -= x);
             }

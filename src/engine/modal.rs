@@ -470,7 +470,10 @@ impl<'a> Problem<'a> {
                 chain.iter().for_each(|(theta, slope)| slopes[*theta] += dp * square[e] * *slope);
             }
         }
-        self.small.add_moved(mode.lambda, &mode.shape, &mode.shape, &mut slopes)?;
+        if self.small.moves() {
+            let laws = self.small.laws(mode.lambda)?;
+            self.small.add_moved(mode.lambda, |e| laws[e], &mode.shape, &mode.shape, &mut slopes);
+        }
         slopes.iter_mut().for_each(|d| *d *= weight);
         Ok(slopes)
     }

@@ -263,25 +263,37 @@ impl<'a> Small<'a> {
         pairs
     }
 
-    /// Adds `u' (dZ/dp_k) v` at `s`, because of the operating point, to `out[k]`.
-    pub fn add_moved(&self, s: Complex64, u: &[Complex64], v: &[Complex64], out: &mut [Complex64]) -> Result<(), EngineError> {
-        if self.moved.is_empty() {
-            return Ok(());
-        }
+    /// Dynamic stiffness of every element at `s`, and its derivative with respect to its displacement.
+    pub fn laws(&self, s: Complex64) -> Result<Vec<(Complex64, Complex64)>, EngineError> {
         let (mut dp, mut laws) = (Vec::new(), Vec::with_capacity(self.rows.len()));
         for (e, first) in self.same.iter().enumerate() {
             let (z, by_x) = if *first < e { laws[*first] } else { self.law(e, s, &mut dp).map(|(z, _, by_x)| (z, by_x))? };
             laws.push((z, by_x));
+        }
+        Ok(laws)
+    }
+
+    /// Adds `u' (dZ/dp_k) v` at `s`, because of the operating point, to `out[k]`. `law`: of each element, as in [`Small::laws`].
+    pub fn add_moved(
+        &self,
+        s: Complex64,
+        law: impl Fn(usize) -> (Complex64, Complex64),
+        u: &[Complex64],
+        v: &[Complex64],
+        out: &mut [Complex64],
+    ) {
+        if self.moved.is_empty() {
+            return;
         }
         let along = |row: &[(usize, f64)], w: &[Complex64]| row.iter().map(|(d, b)| w[*d] * *b).sum::<Complex64>();
         let form = |m: &[Entry]| m.iter().map(|(i, j, x)| u[*i] * v[*j] * *x).sum::<Complex64>();
         let of = |moved: &Moved| {
             let mut sum = form(&moved.stiffness) + s * s * form(&moved.mass);
             for (e, dx) in &moved.dx {
-                sum += laws[*e].1 * *dx * self.relative(*e, u) * self.relative(*e, v);
+                sum += law(*e).1 * *dx * self.relative(*e, u) * self.relative(*e, v);
             }
             for (e, row) in &moved.rows {
-                sum += laws[*e].0 * (along(row, u) * self.relative(*e, v) + self.relative(*e, u) * along(row, v));
+                sum += law(*e).0 * (along(row, u) * self.relative(*e, v) + self.relative(*e, u) * along(row, v));
             }
             sum
         };
@@ -289,7 +301,6 @@ impl<'a> Small<'a> {
         for (out, by) in out.iter_mut().zip(self.by.chunks_exact(self.moved.len())) {
             *out += by.iter().zip(&values).map(|(by, value)| value * *by).sum::<Complex64>();
         }
-        Ok(())
     }
 }
 

@@ -10,7 +10,7 @@ use crate::data::{TestKind, harmonic_of};
 use crate::effect::{Kind, Role};
 use crate::model::{FreeParam, System};
 use crate::parallel;
-use crate::response::{BlockKind, Coefficients, Computed, Plan, instruments};
+use crate::response::{BlockKind, Coefficients, Computed, Plan, instruments, resonances};
 
 use super::facts::smooth;
 use super::{Settings, beside};
@@ -30,6 +30,8 @@ pub struct Channel {
     pub harmonics: Vec<usize>,
     /// Relative error below which no model is claimed here.
     pub least: f64,
+    /// What of that the study allows the model: 0 where it says nothing.
+    pub allowed: f64,
     /// Dimensions that the model's error has for each coefficient: 1 where it is white, fewer where it is a smooth function of few.
     pub free: f64,
     /// Variance of a mean over many coefficients by noise, over that if neighbours were independent.
@@ -339,8 +341,19 @@ fn channel(plan: &Plan, block: &crate::response::Block, range: Range<usize>, sys
     let line = block.kind == BlockKind::Frf;
     // Damped modes that are close to each other make one maximum.
     let modes = if line { resonances(measured, s.rises).max(plan.modes_within(system).unwrap_or(0)) } else { 0 };
-    let least = if line { s.frf_error_least } else { s.model_error_least };
-    Channel { range, label: block.label.clone(), kind: block.kind, modes, harmonics, least, free: 1.0, colour: 1.0 }
+    // What the study allows the model to be off by is its error, and no error of a law.
+    let least = if line { s.frf_error_least.max(plan.allowed) } else { s.model_error_least };
+    Channel {
+        range,
+        label: block.label.clone(),
+        kind: block.kind,
+        modes,
+        harmonics,
+        least,
+        allowed: if line { plan.allowed } else { 0.0 },
+        free: 1.0,
+        colour: 1.0,
+    }
 }
 
 /// What a relative error of 1, alike in all coefficients, is in each: of a loop and a record of their rms about the mean, of an FRF of its
@@ -365,26 +378,6 @@ pub(super) fn sizes(measured: &[f64], computed: &[f64], channel: &Channel, neigh
             (0..h.len()).flat_map(|k| [near(k); 2]).collect()
         }
     }
-}
-
-/// Maxima of an FRF's magnitude that stand above the minima on either side; one at least.
-fn resonances(lines: &[f64], rises: f64) -> usize {
-    let h: Vec<f64> = lines.chunks(2).map(|c| c.iter().map(|v| v * v).sum::<f64>().sqrt()).collect();
-    let (mut count, mut low, mut high, mut rising) = (0, f64::INFINITY, 0.0f64, true);
-    for v in h {
-        if rising {
-            (low, high) = (low.min(v), if v < low { 0.0 } else { high.max(v) });
-            if high > rises * low && v < high / rises {
-                (count, rising, low) = (count + 1, false, v);
-            }
-        } else {
-            low = low.min(v);
-            if v > rises * low {
-                (rising, high) = (true, v);
-            }
-        }
-    }
-    count.max(1)
 }
 
 /// Colour of the noise along the lines of FRFs: windows and leakage make neighbours alike. Third differences of what was measured are noise alone where

@@ -29,6 +29,7 @@ fn evidence(tests: usize) -> Evidence {
             modes: 0,
             harmonics: crate::data::harmonic_of(200),
             least: 0.003,
+            allowed: 0.0,
             free: 1.0,
             colour: 1.0,
         }],
@@ -201,6 +202,23 @@ fn a_displaced_mode_is_likelier_than_none() {
         likelihood(&displaced) - likelihood(&still)
     };
     assert!(gains(&displaced) > 0.0 && gains(&measured) < 0.0, "{} {}", gains(&displaced), gains(&measured));
+}
+
+/// What a study allows its model along the lines of an FRF is an error of the model: who takes it away gains little, and beyond it there is none.
+#[test]
+fn what_is_allowed_along_lines_is_no_effect() {
+    let of = |smooth: f64, allowed: f64| {
+        let (mut e, seen, ..) = lines(smooth);
+        let c = &mut e.records[0].channels[0];
+        (c.least, c.allowed) = (c.least.max(allowed), allowed);
+        let v = estimated(&e, &seen);
+        (e.likelihood(&seen, &e.independent(), &v), v.model_error(&e))
+    };
+    let gains = |allowed: f64| of(0.0, allowed).0 - of(4e-4, allowed).0;
+    assert!(gains(0.0) > 10.0 && gains(0.03) < 2.0, "{} {}", gains(0.0), gains(0.03));
+    assert!(of(4e-4, 0.0).1 > 0.008 && of(4e-4, 0.03).1 == 0.0);
+    // An error beyond what is allowed is one.
+    assert!(of(0.04, 0.03).1 > 0.05, "{}", of(0.04, 0.03).1);
 }
 
 /// An error of twice the noise's power is seen with its size, though it lies in one of the six directions: a fact of it shows in many lines.

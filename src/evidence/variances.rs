@@ -48,10 +48,14 @@ impl Variances {
         self.own[test].iter().zip(&record.channels).map(|(g, c)| (self.tau + g).exp().max(c.least)).collect()
     }
 
-    /// Root mean square of the model's relative error over channels and tests.
+    /// Root mean square of the model's relative error over channels and tests, beyond what a study allows it there.
     pub fn model_error(&self, evidence: &Evidence) -> f64 {
-        let all: Vec<f64> = evidence.records.iter().enumerate().flat_map(|(t, record)| self.own_errors(t, record)).collect();
-        (all.iter().map(|e| e * e).sum::<f64>() / all.len().max(1) as f64).sqrt()
+        let of = |(t, record): (usize, &Record)| -> Vec<f64> {
+            let errors = self.own_errors(t, record).into_iter().zip(&record.channels);
+            errors.map(|(e, c)| (e * e - c.allowed * c.allowed).max(0.0)).collect()
+        };
+        let squares: Vec<f64> = evidence.records.iter().enumerate().flat_map(of).collect();
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
 
     /// The same in other tests: a channel errs there as channels of its name and kind do where the model was fitted, or, where there is none, as all do.

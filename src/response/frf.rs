@@ -95,6 +95,11 @@ impl FrfPlan {
         self.omega.len()
     }
 
+    /// Whether every line takes more than its share of one sweep: a balance, or a system about a point.
+    pub(super) fn dear(&self) -> bool {
+        self.excitation.is_some() || self.standing.is_some()
+    }
+
     /// Peak of the exciting force.
     pub(super) fn excitation(&self) -> Option<f64> {
         self.excitation

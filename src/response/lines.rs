@@ -5,16 +5,18 @@ use std::sync::Arc;
 use super::{Plan, Work};
 
 impl Plan {
-    /// An FRF under a declared excitation, where every line is a balance of its own, at no more than about `most` of its lines; `None` for other tests and where
-    /// it has no more. A line that stands for others counts as they do. They lie as densely as the measured curve turns.
-    pub fn fewer_lines(&self, most: usize) -> Option<Plan> {
+    /// An FRF whose lines are dear, each a balance of its own or about where a model stands under its loads, at no more than about so many lines for each of its
+    /// resonances, of which it has three at least; `None` for other tests and where it has no more. A line that stands for others counts as they do. They
+    /// lie as densely as the measured curve turns. `rises`: see [`resonances`].
+    pub fn fewer_lines(&self, of_each: usize, rises: f64) -> Option<Plan> {
         let Work::Frf(frf) = &self.work else { return None };
         let [block] = self.blocks.as_slice() else { return None };
-        if frf.excitation().is_none() || block.abscissa.len() <= most {
+        let measured = &self.measured[block.range.clone()];
+        let most = of_each.max(1) * resonances(measured, rises).max(3);
+        if !frf.dear() || block.abscissa.len() <= most {
             return None;
         }
-        let kept = along(&self.measured[block.range.clone()], most.max(1));
-        Some(self.of_lines(&kept))
+        Some(self.of_lines(&along(measured, most)))
     }
 
     /// The same FRF at these lines, each with the number of lines it stands for.
@@ -37,6 +39,26 @@ impl Plan {
             ..self.clone()
         }
     }
+}
+
+/// Maxima of an FRF's magnitude that stand above the minima on either side by the factor `rises`; one at least. `lines`: real and imaginary parts in turn.
+pub fn resonances(lines: &[f64], rises: f64) -> usize {
+    let h: Vec<f64> = lines.chunks(2).map(|c| c.iter().map(|v| v * v).sum::<f64>().sqrt()).collect();
+    let (mut count, mut low, mut high, mut rising) = (0, f64::INFINITY, 0.0f64, true);
+    for v in h {
+        if rising {
+            (low, high) = (low.min(v), if v < low { 0.0 } else { high.max(v) });
+            if high > rises * low && v < high / rises {
+                (count, rising, low) = (count + 1, false, v);
+            }
+        } else {
+            low = low.min(v);
+            if v > rises * low {
+                (rising, high) = (true, v);
+            }
+        }
+    }
+    count.max(1)
 }
 
 /// At most `most` lines of a curve of real and imaginary parts in turn, in order, each with the number of lines that are nearest to it. Half of them follow

@@ -37,6 +37,7 @@ pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
 pub use family::Family;
 pub use frf::FrfPlan;
+pub use lines::resonances;
 pub use modal::{ModalPlan, TableModes};
 pub use settling::Transient;
 pub use transient::TransientPlan;
@@ -109,6 +110,8 @@ pub struct Plan {
     pub notes: Vec<String>,
     /// Variance of each row within `sigma` that is granted to the model and no noise ([`Plan::tolerant`]); empty where none is.
     pub granted: Vec<f64>,
+    /// The relative error of an FRF that this is; 0 where none is granted.
+    pub allowed: f64,
     /// Rows that are computed and shown, and held against nothing.
     pub left_out: Vec<usize>,
     /// Channels of a cycle test whose kept cycles still change.
@@ -166,6 +169,7 @@ impl Plan {
             blocks: vec![],
             notes: vec![],
             granted: vec![],
+            allowed: 0.0,
             left_out: vec![],
             unsettled: vec![],
             clipped: vec![],
@@ -463,7 +467,7 @@ impl Plan {
     /// An FRF test whose model is known to be off by itself by this part of |H|, root mean square; others as they are. The variance of each
     /// line becomes `sigma^2 + (part |H|)^2 / 2`, of the real and of the imaginary part alike.
     pub fn tolerant(mut self, part: f64) -> Plan {
-        self.granted = vec![0.0; self.len()];
+        (self.granted, self.allowed) = (vec![0.0; self.len()], part);
         for block in self.blocks.iter().filter(|b| b.kind == BlockKind::Frf) {
             for line in block.range.clone().step_by(2) {
                 let rows = line..(line + 2).min(block.range.end);

@@ -148,20 +148,39 @@ on("moved", async moved => {
   }
 });
 
+/** Errors of the tests that have followed the sliders, by test. */
+let followed = new Map(), telling = null;
+
 /** The first line: does it fit? */
 export function answer() {
-  const seen = visibleTests();
-  if (!seen.length) return say("No test can be shown.");
+  telling = null;
+  const all = visibleTests(), moved = Object.keys(state.values).length > 0;
+  if (!all.length) return say("No test can be shown.");
+  const seen = moved && followed.size < all.length ? all.filter(t => followed.has(t.id)) : all;
+  if (!seen.length) return;
   const pooled = split => {
     const here = seen.filter(t => t.split === split);
     if (!here.length) return null;
-    const rms = f => Math.sqrt(here.reduce((s, t) => s + f(t) ** 2, 0) / here.length);
+    const rms = f => Math.sqrt(here.reduce((s, t) => s + f(moved ? followed.get(t.id) : t) ** 2, 0) / here.length);
     return { error: rms(t => t.error), floor: rms(t => t.floor) };
   };
   const words = ["fit", "select", "held_out"].map(s => [s, pooled(s)]).filter(p => p[1]);
   const worst = Math.max(...words.map(([, p]) => p.error / p.floor));
   const verdict = worst < 1.3 ? "The model agrees with the tests to within the noise." : worst < 3 ? "The model is close, and more than the noise is left." : "The model fails: the error is many times the noise.";
-  const unfitted = state.model === "study" ? " These are its starting values, not a fit." : "";
-  say(`${verdict}${unfitted} Error ${words.map(([s, p]) => `${percent(p.error)} on the ${splitWords[s]} tests (floor ${percent(p.floor)})`).join(", ")}.`);
+  const unfitted = moved ? " These are the sliders' values, not a fit." : state.model === "study" ? " These are its starting values, not a fit." : "";
+  const those = seen.length < all.length ? ` Of ${seen.map(t => t.id).join(", ")} alone, which follows the sliders:` : "";
+  say(`${verdict}${unfitted}${those} Error ${words.map(([s, p]) => `${percent(p.error)} on the ${splitWords[s]} tests (floor ${percent(p.floor)})`).join(", ")}.`);
 }
-on("tests", answer);
+on("tests", () => { followed = new Map(); answer(); });
+on("moved", t => {
+  // The curves of a fit that runs are told by its cost.
+  if (state.job && !state.job.ended) return;
+  if (Object.keys(state.values).length) {
+    followed.set(t.id, t);
+    // Four times a second at most: it is read aloud.
+    telling ??= setTimeout(answer, 250);
+  } else if (followed.size) {
+    followed = new Map();
+    answer();
+  }
+});

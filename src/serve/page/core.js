@@ -112,9 +112,15 @@ export function ask(text) {
 export function command(text) { document.getElementById("command").textContent = text; }
 export function node(id = state.model) { return state.about?.models.find(m => m.id === id) || null; }
 
-/** What a model is called: what was added, or how it was made. */
+/** What a model is called: what was added, or how it was made; the later ones of a name are numbered in the order in which they were made. */
 export function modelName(m) {
   if (!m) return "";
+  const alike = (state.about?.models || []).filter(o => made(o) === made(m)).map(o => o.id).sort();
+  const at = alike.indexOf(m.id);
+  return made(m) + (at > 0 ? ` (${at + 1})` : "");
+}
+
+function made(m) {
   if (m.id === "study") return "the study as it stands";
   if (m.verb === "add" && m.added) return `+ ${m.added.effect} at ${m.added.at}`;
   if (m.verb === "ladder") return `ladder${m.stopped ? ", stopped" : ""}: ` + found(m);

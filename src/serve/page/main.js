@@ -45,6 +45,7 @@ let source = null;
 async function openStudy(id, model, view) {
   state.study = id; state.model = "study"; state.about = null; state.described = null; state.tests = []; state.job = null; state.exported = null; state.place = null; state.before = null;
   document.getElementById("study").value = id;
+  readable(true);
   say("Reading the study …");
   await attempt(async () => {
     state.about = await api(of(""));
@@ -57,6 +58,14 @@ async function openStudy(id, model, view) {
     show(view);
     await showModel();
   });
+  if (state.study === id && !state.tests.length) readable(false);
+}
+
+/** What shows or computes a model, where its data can be read; else the line that answers says why not. */
+function readable(yes) {
+  for (const id of ["do-fit", "do-score"]) document.getElementById(id).disabled = !yes;
+  for (const tab of tabs) if (tab.dataset.view !== "new") tab.disabled = !yes;
+  if (!yes) for (const v of views) if (v !== "new") document.getElementById("view-" + v).replaceChildren();
 }
 
 function listen() {
@@ -96,6 +105,7 @@ async function showModel() {
     const model = state.model;
     await Promise.all([load(), api(of(`models/${model}`)).then(d => { if (model === state.model) { state.described = d; emit("described"); } })]);
     emit("about");
+    readable(true);
     suggest();
   });
 }
@@ -112,7 +122,7 @@ on("go", async ({ model, from, verb }) => {
   const now = node();
   if (verb === "add" && from && now?.errors?.fit) {
     const before = now.before || from.errors?.fit;
-    say(`Added ${modelName(now).slice(2)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (${digits(now.errors.fit.error / now.errors.fit.floor, 3)} × floor)${now.errors.select ? `, on the select tests it is ${percent(now.errors.select.error)} (${digits(now.errors.select.error / now.errors.select.floor, 3)} × floor)` : ""}. ${now.errors.fit.error > 1.3 * now.errors.fit.floor ? "More than the noise is left. " : ""}Undo goes back.`);
+    say(`Added ${now.added.effect} at ${now.added.at}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (${digits(now.errors.fit.error / now.errors.fit.floor, 3)} × floor)${now.errors.select ? `, on the select tests it is ${percent(now.errors.select.error)} (${digits(now.errors.select.error / now.errors.select.floor, 3)} × floor)` : ""}. ${now.errors.fit.error > 1.3 * now.errors.fit.floor ? "More than the noise is left. " : ""}Undo goes back.`);
   }
 });
 
@@ -125,9 +135,9 @@ function list(studies) {
 
 /** What needs a study. */
 function able(yes) {
-  for (const id of ["study", "do-fit", "do-score"]) document.getElementById(id).disabled = !yes;
+  document.getElementById("study").disabled = !yes;
   document.getElementById("study").parentElement.hidden = !yes;
-  for (const tab of tabs) tab.disabled = !yes && tab.dataset.view !== "new";
+  readable(yes);
 }
 
 /** A folder without a study: the first one is made here. */

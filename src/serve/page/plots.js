@@ -114,8 +114,8 @@ export function large(curve, computed, before) {
       points(curve.abscissa, m.magnitude, "measured", ink), points(curve.abscissa, m.phase, "measured", ink, { yaxis: "y2", showlegend: false }),
       ...(o ? [line(curve.abscissa, o.magnitude, "before", orange), line(curve.abscissa, o.phase, "before", orange, { yaxis: "y2", showlegend: false })] : []),
       line(curve.abscissa, c.magnitude, "computed", blue), line(curve.abscissa, c.phase, "computed", blue, { yaxis: "y2", showlegend: false }),
-      points(curve.abscissa, r.filter((_, k) => k % 2 === 0), "residual, real", blue, { yaxis: "y3", showlegend: false }),
-      points(curve.abscissa, r.filter((_, k) => k % 2 === 1), "residual, imaginary", orange, { yaxis: "y3", showlegend: false }),
+      points(curve.abscissa, r.filter((_, k) => k % 2 === 0), "residual, real", blue, { yaxis: "y3" }),
+      points(curve.abscissa, r.filter((_, k) => k % 2 === 1), "residual, imaginary", orange, { yaxis: "y3" }),
     ];
     // One abscissa for the three: a zoom in one is a zoom in all.
     add("magnitude, phase, residual against frequency", 620, traces, {

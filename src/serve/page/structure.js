@@ -162,18 +162,19 @@ async function demonstrate(name, into) {
     const lx = log ? x.map(Math.log10) : x;
     return { x: lx, y };
   };
-  const small = (caption, series) => {
+  const small = (caption, abscissa, ordinate, series) => {
     const all = series.flatMap(s => s.y), allX = series.flatMap(s => s.x);
     const [x0, x1, y0, y1] = [Math.min(...allX), Math.max(...allX), Math.min(...all), Math.max(...all)];
     const to = s => s.x.map((x, k) => `${k ? "L" : "M"}${(4 + 152 * (x - x0) / ((x1 - x0) || 1)).toFixed(1)} ${(96 - 92 * (s.y[k] - y0) / ((y1 - y0) || 1)).toFixed(1)}`).join("");
-    return el("figure", {}, svg("svg", { viewBox: "0 0 160 100", class: "thumb demo", role: "img", "aria-label": caption }, ...series.filter(s => s.y.length).map(s => svg("path", { class: s.c, d: to(s) }))), el("figcaption", {}, caption));
+    return el("figure", {}, svg("svg", { viewBox: "0 0 160 100", class: "thumb demo", role: "img", "aria-label": caption }, ...series.filter(s => s.y.length).map(s => svg("path", { class: s.c, d: to(s) })),
+      svg("text", { class: "axis", x: 157, y: 97, "text-anchor": "end" }, abscissa), svg("text", { class: "axis", x: 4, y: 10 }, ordinate)), el("figcaption", {}, caption));
   };
   const mag = h => h.map(([a, b]) => Math.log10(Math.hypot(a, b)));
   const series = [{ ...path(d.loop.x, d.loop.with), c: "computed" }];
   if (d.loop.without.length) series.unshift({ ...path(d.loop.x, d.loop.without), c: "old" });
   const frf = [{ ...path(d.frf.omega, mag(d.frf.without), true), c: "old" }];
   if (d.frf.with.length) frf.push({ ...path(d.frf.omega, mag(d.frf.with), true), c: "computed" });
-  into.replaceChildren(small(`Loop: ${d.loop.of}`, series), small("FRF of an oscillator, without and with it", frf));
+  into.replaceChildren(small(`Loop: ${d.loop.of}`, "displacement", "force", series), small("FRF of an oscillator, without and with it", "frequency, log", "receptance, log", frf));
 }
 
 export function draw() {

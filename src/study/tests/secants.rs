@@ -21,8 +21,10 @@ fn a_slider_takes_from_the_spring_beside_it() {
     let plans = case.plans_of(SplitName::Fit);
     let (names, trials) = candidates(&case, &fitted.system, &plans, &Scene::new(&plans, &fitted.system));
     let scores = score(&plans, &fitted.system, &trials, &fitted.inside(), &[], 1, &case.search.settings.scoring).unwrap();
+    let rough = case.coarser(&fitted.system);
     let bench = Bench {
         case: &case,
+        rough: rough.as_ref(),
         base: &fitted.system,
         names: &names,
         trials: &trials,
@@ -31,6 +33,8 @@ fn a_slider_takes_from_the_spring_beside_it() {
         elsewhere: &[],
         squares: 0.0,
         tie: 0.0,
+        bound: &|_, nats| nats,
+        least: &|_| 0.0,
         monitor: &monitor,
     };
     let slider = |s: &&Score| names[trials[s.trial].candidate].effect == "elastic_slip" && names[trials[s.trial].candidate].at == "c5.x";
@@ -59,4 +63,8 @@ fn a_slider_takes_from_the_spring_beside_it() {
     assert_ne!(own(&study.system), own(&fitted.system));
     let alone = bench.together(&[best]).unwrap();
     assert!(alone.cost <= gives && secants.iter().any(|s| s.cost == alone.cost));
+    // What may not pay for itself stays where its look has left it.
+    let cost_of = |bench: Bench| bench.refit_all(&[best], None, &|_| {})[0].result.as_ref().unwrap().fitted.outcome.cost;
+    let (raced, left) = (cost_of(Bench { ..bench }), cost_of(Bench { least: &|_| f64::INFINITY, ..bench }));
+    assert!(raced < 0.5 * left && left < before, "{raced} {left} {before}");
 }

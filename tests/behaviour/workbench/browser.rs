@@ -67,6 +67,11 @@ fn a_reader_finds_adds_undoes_slides_and_saves() {
     browser.eval("{ const s = document.querySelector('#view-parameters input[type=range]'); s.value = 900; s.dispatchEvent(new Event('input', { bubbles: true })); }");
     browser.until(&format!("{curve} !== {before}"), 10);
     browser.until("performance.getEntriesByName('slider').length > 0", 10);
+    // The error over all tests follows, and goes back with the values.
+    browser.until(&format!("{ANSWER}?.includes(\"These are the sliders' values, not a fit.\")"), 5);
+    press(&mut browser, "Put back");
+    browser.until(&format!("!{ANSWER}?.includes('sliders')"), 5);
+    browser.until(&format!("{curve} === {before}"), 10);
 
     // Saved by name, found again after a reload.
     click(&mut browser, "#tab-models");
@@ -111,4 +116,10 @@ fn names_of_files_never_become_markup() {
     browser.until(&format!("{ANSWER}?.includes('<img src=x')"), 20);
     assert_eq!(browser.eval("document.querySelectorAll('img').length"), 0);
     assert_ne!(browser.eval("document.title"), "taken");
+    // Nothing can be looked at or computed; a new study can be made.
+    let live = "[...document.querySelectorAll('[role=tab], #do-fit, #do-score')].filter(b => !b.disabled).map(b => b.id).join()";
+    browser.until(&format!("{live} === 'tab-new'"), 5);
+    rig.change("study.toml", &format!("from = \"{hostile}\""), "from = \"ground\"");
+    browser.call("Page.reload", json!({}));
+    browser.until(&format!("{live}.split(',').length === 8"), 20);
 }
