@@ -202,6 +202,11 @@ pub fn ladder_keeping(
         if climb.exchange_first(taken, &mut rungs)? {
             continue;
         }
+        // Whether what stands should be another is not known where the time ended before it was held against what could stand in its place, or before all
+        // candidates beside it were refitted: what it leaves may be its own.
+        if !climb.added.is_empty() && (step.cut || trace::stopped(monitor)) {
+            break End::Stopped;
+        }
         rungs.push(climb.taken(taken, &step)?);
         rungs.extend(parallel::watched(&monitor.watch(), || climb.tighten(false)).unwrap_or_default());
     };

@@ -143,6 +143,7 @@ impl Climb<'_> {
 
     /// For every law that was added, what else could stand in its place.
     fn alternatives(&self) -> Vec<Alternatives> {
+        (self.watch)("holding what was added against what could stand in its place");
         let of = |k: usize| -> Option<Alternatives> {
             let instance = self.now.fitted.system.instances.get(self.base + k)?;
             if of_channel(instance) || trace::stopped(self.monitor) {

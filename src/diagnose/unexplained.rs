@@ -112,15 +112,15 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     let (settings, scene) = (&case.search.settings, Scene::new(&plans, &base.system));
     let told = &settings.telling;
     let sites: Vec<(String, Vec<usize>)> = sites(case, &base.system).into_iter().filter(|(_, places)| places.len() == 1).collect();
-    let (trials, kept) = terms(&base.system, &sites, &scene, told)?;
+    let (trials, columns) = terms(&base.system, &sites, &scene, told)?;
     let p = projected(&plans, &base.system, &trials, &base.inside(), &[], &settings.scoring).ok()?;
     let rows: usize = plans.iter().map(|p| p.len()).sum();
     let whole = 0.5 * p.r.norm_squared();
     let choices = (0..sites.len()).filter_map(|site| {
-        let own: Vec<usize> = (0..trials.len()).filter(|k| kept[*k].0 == site).collect();
-        choose(&p, &own, |k| TERMS[kept[k].1].1, rows, whole, told).map(|(list, left)| Choice {
+        let own: Vec<usize> = (0..trials.len()).filter(|k| columns[*k].site == site).collect();
+        choose(&p, &own, |k| TERMS[columns[k].term].1, rows, whole, told).map(|(list, left)| Choice {
             site,
-            terms: list.into_iter().map(|(k, c)| (kept[k].1, c)).collect(),
+            terms: list.into_iter().map(|(k, c)| (columns[k].term, c)).collect(),
             left,
         })
     });
@@ -152,9 +152,15 @@ pub fn unexplained(case: &Case, base: &Fitted, monitor: &Monitor) -> Option<Unex
     })
 }
 
+/// Place and term of a column.
+struct Column {
+    site: usize,
+    term: usize,
+}
+
 /// Every term at every place that moves, at strength 0, and which place and term each is; none where a formula is refused.
-fn terms(system: &System, sites: &[(String, Vec<usize>)], scene: &Scene, told: &Telling) -> Option<(Vec<Trial>, Vec<(usize, usize)>)> {
-    let (mut trials, mut kept): (Vec<Trial>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
+fn terms(system: &System, sites: &[(String, Vec<usize>)], scene: &Scene, told: &Telling) -> Option<(Vec<Trial>, Vec<Column>)> {
+    let (mut trials, mut columns) = (Vec::new(), Vec::new());
     for (s, (at, places)) in sites.iter().enumerate() {
         let scales = scene.at(places);
         if !(scales.x > 0.0 && scales.v > 0.0) {
@@ -165,10 +171,10 @@ fn terms(system: &System, sites: &[(String, Vec<usize>)], scene: &Scene, told: &
             let mut instance = instance(&[(t, 1.0)], at, places, &scales, rotational, told)?;
             instance.follower = true;
             trials.push(Trial { instance, candidate: trials.len() });
-            kept.push((s, t));
+            columns.push(Column { site: s, term: t });
         }
     }
-    Some((trials, kept))
+    Some((trials, columns))
 }
 
 fn is_formula(instance: &Instance) -> bool {

@@ -74,7 +74,7 @@ function picture(d) {
     const link = lines[0];
     const spot = svg("circle", { cx: mx, cy: my, r: 11, class: "spot" });
     const whole = labelled(button(c.places, c.name, [...lines, spot], heat),
-      svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name", "aria-hidden": "true" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count", "aria-hidden": "true" }, String(acts(c).length)));
+      svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name over", "aria-hidden": "true" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count", "aria-hidden": "true" }, String(acts(c).length)));
     posers.push(all => {
       const [ax, ay] = shift(all, c.from), [bx, by] = shift(all, c.to);
       const [dx, dy] = hangs ? (a.fixed ? [bx, by] : [ax, ay]) : [0.5 * (ax + bx), 0.5 * (ay + by)];
@@ -165,9 +165,9 @@ async function demonstrate(name, into) {
   const small = (caption, abscissa, ordinate, series) => {
     const all = series.flatMap(s => s.y), allX = series.flatMap(s => s.x);
     const [x0, x1, y0, y1] = [Math.min(...allX), Math.max(...allX), Math.min(...all), Math.max(...all)];
-    const to = s => s.x.map((x, k) => `${k ? "L" : "M"}${(4 + 152 * (x - x0) / ((x1 - x0) || 1)).toFixed(1)} ${(96 - 92 * (s.y[k] - y0) / ((y1 - y0) || 1)).toFixed(1)}`).join("");
-    return el("figure", {}, svg("svg", { viewBox: "0 0 160 100", class: "thumb demo", role: "img", "aria-label": caption }, ...series.filter(s => s.y.length).map(s => svg("path", { class: s.c, d: to(s) })),
-      svg("text", { class: "axis", x: 157, y: 97, "text-anchor": "end" }, abscissa), svg("text", { class: "axis", x: 4, y: 10 }, ordinate)), el("figcaption", {}, caption));
+    const to = s => s.x.map((x, k) => `${k ? "L" : "M"}${(18 + 152 * (x - x0) / ((x1 - x0) || 1)).toFixed(1)} ${(96 - 92 * (s.y[k] - y0) / ((y1 - y0) || 1)).toFixed(1)}`).join("");
+    return el("figure", {}, svg("svg", { viewBox: "0 0 174 112", class: "thumb demo", role: "img", "aria-label": caption }, ...series.filter(s => s.y.length).map(s => svg("path", { class: s.c, d: to(s) })),
+      svg("text", { class: "axis", x: 94, y: 108 }, abscissa), svg("text", { class: "axis", transform: "translate(11 50) rotate(-90)" }, ordinate)), el("figcaption", {}, caption));
   };
   const mag = h => h.map(([a, b]) => Math.log10(Math.hypot(a, b)));
   const series = [{ ...path(d.loop.x, d.loop.with), c: "computed" }];
