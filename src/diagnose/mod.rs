@@ -25,6 +25,7 @@ mod next;
 mod own_case;
 mod pairs;
 mod picks;
+mod plateau;
 mod proposals;
 mod race;
 mod reason;

@@ -47,21 +47,23 @@ pub fn first(
 /// A score whose law has a simpler one of its kind at its place, and the candidate that this is.
 pub type Richer = (Score, usize);
 
-/// Scores whose laws are the simplest of their kind at their places among them, and the others. Frictions with memory are a kind: all of them stick,
-/// slide and turn back as elastic slip does, the richer with a softer knee at twenty times the cost.
-pub fn by_kind(picked: &[Score], names: &[Name], trials: &[Trial]) -> (Vec<Score>, Vec<Richer>) {
+/// Scores whose laws are the simplest of their kind at their places among `best`, in place of those that were picked of it, and these. Frictions with
+/// memory are a kind: all of them stick, slide and turn back as elastic slip does, the richer with a softer knee at twenty times the cost.
+pub fn by_kind(picked: &[Score], best: &[Score], names: &[Name], trials: &[Trial]) -> (Vec<Score>, Vec<Richer>) {
     let candidate = |s: &Score| trials[s.trial].candidate;
     let simpler = |s: &Score| {
         let own = names[candidate(s)].params_with_memory()?;
-        let there = picked.iter().map(candidate).filter(|c| names[*c].at == names[candidate(s)].at);
-        let kin = there.filter_map(|c| Some((c, names[c].params_with_memory()?))).filter(|(_, params)| *params < own);
-        kin.min_by_key(|(_, params)| *params).map(|(c, _)| c)
+        let there = picked.iter().chain(best).filter(|b| names[candidate(b)].at == names[candidate(s)].at);
+        let kin = there.filter_map(|b| Some((*b, names[candidate(b)].params_with_memory()?))).filter(|(_, params)| *params < own);
+        kin.min_by_key(|(_, params)| *params).map(|(b, _)| b)
     };
-    let (mut simple, mut richer) = (Vec::new(), Vec::new());
+    let (mut simple, mut richer): (Vec<Score>, Vec<Richer>) = (Vec::new(), Vec::new());
     for s in picked {
-        match simpler(s) {
-            Some(of) => richer.push((*s, of)),
-            None => simple.push(*s),
+        let first = simpler(s);
+        richer.extend(first.map(|of| (*s, candidate(&of))));
+        let goes = first.unwrap_or(*s);
+        if !simple.iter().any(|o| candidate(o) == candidate(&goes)) {
+            simple.push(goes);
         }
     }
     (simple, richer)
@@ -186,7 +188,10 @@ mod tests {
         let names: Vec<Name> = of.iter().map(|(effect, at)| Name { effect, at: (*at).into(), of: None }).collect();
         let trials: Vec<Trial> = of.iter().enumerate().map(|(k, (law, _))| trial(law, k)).collect();
         let picked: Vec<Score> = (0..of.len()).map(|k| score(k, 0.5)).collect();
-        let (simple, richer) = by_kind(&picked, &names, &trials);
+        // Bouc and Wen alone were picked: elastic slip goes in their place where it may gain.
+        let (alone, follows) = by_kind(&picked[..1], &picked, &names, &trials);
+        assert_eq!((alone[0].trial, follows[0].0.trial, alone.len()), (1, 0, 1));
+        let (simple, richer) = by_kind(&picked, &picked, &names, &trials);
         assert_eq!(simple.iter().map(|s| s.trial).collect::<Vec<_>>(), [1, 2, 3, 4]);
         assert_eq!(richer.iter().map(|(s, of)| (s.trial, *of)).collect::<Vec<_>>(), [(0, 1)]);
         let failed = Refit { candidate: 1, score: picked[1], result: Err("no steady response".into()) };

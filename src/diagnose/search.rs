@@ -321,7 +321,7 @@ fn refitted(
     if picked.is_empty() {
         return vec![];
     }
-    let (simple, richer) = picks::by_kind(picked, bench.names, bench.trials);
+    let (simple, richer) = picks::by_kind(picked, hopeful, bench.names, bench.trials);
     watch(&format!("refitting the best {}", simple.len()));
     let mut refits = bench.refit_all(&simple, None, watch);
     sort(&mut refits);
