@@ -652,6 +652,8 @@ class Proposals(msgspec.Struct, kw_only=True):
     """...or parts of the largest force of a cycle, where it has none."""
     reach: float | None
     """...from the least tested over this factor to the largest times it: what a bench that ran those can be expected to run."""
+    rivals: int
+    """Tied laws at most that a test is to separate from the one that was taken."""
     share: float | None
     """Part of the time spent before that all of it may take: a third of that is a quarter of the whole."""
     simulated: int
@@ -687,6 +689,8 @@ class Race(msgspec.Struct, kw_only=True):
     further."""
     freeing: float | None
     """Part of the cost that a setting must take away to be fitted."""
+    gain_begins: list[float | None]
+    """Factors on a reading between which a gain begins: what its slope asks for may be no gain at all."""
     giving: int
     """Secants of a candidate that refits begin at: the cheapest alone is not always that of the best fit."""
     hopeful: float | None
@@ -706,8 +710,8 @@ class Race(msgspec.Struct, kw_only=True):
     level_with: float | None
     """...by this part of what it has gained, or by the way they have come: a start in the right valley may begin above all the others..."""
     lines: int
-    """Lines of an FRF under a declared excitation that a first look balances at most: a dozen for each of three modes. Every line is a balance
-    of its own."""
+    """Lines of an FRF that a look computes at most for each of its resonances, three at least, where every line is a balance of its own or
+    about where a model stands."""
     of_bound: int
     """Candidates refitted beside those for what they may gain at most."""
     of_opinion: int
@@ -776,6 +780,8 @@ class Scoring(msgspec.Struct, kw_only=True):
     """How candidates are scored."""
     apart: float | None
     """...and what may be left of a column beyond these, in parts of it."""
+    beyond_chance: float | None
+    """Level of the null distribution of the best score that is beyond chance..."""
     columns: int
     """Columns that the sparse combination weighs, those of the highest scores."""
     condensed: int
@@ -790,6 +796,8 @@ class Scoring(msgspec.Struct, kw_only=True):
     """Part of the largest weight below which a column has not entered."""
     passing: float | None
     """Trials that would pass, in a draw, the level at which candidates are counted as choices: what is taken lies far out."""
+    power: float | None
+    """...and the probability with which a strength that would have been seen passes it."""
     price: float | None
     """Price of a column there in parts of the best score, where chance does not ask for more."""
     shows: float | None
@@ -887,6 +895,8 @@ class Settings(msgspec.Struct, kw_only=True):
     """Grid of the logarithm of a channel's own model error over the common one: its reach to either side..."""
     pair_of: int
     """Candidates that stood best alone and are tried in pairs where none alone gains."""
+    pair_part: float | None
+    """Part of the strength that each had alone with which the two begin."""
     pairs_from: float | None
     """Model error, in parts of the least, from which pairs are tried."""
     parts_of_a_fit: list[float | None]
@@ -981,12 +991,16 @@ class Settings(msgspec.Struct, kw_only=True):
 
 class Telling(msgspec.Struct, kw_only=True):
     """What is told of a model beside the verdict."""
+    bands: int
+    """Bands into which an FRF is cut to say where its misfit is largest."""
     energy: float | None
     """Part of a mode's energy below which a place is not told."""
     falls: float | None
     """...where this part of every loss is left if it carries them all..."""
     finding: float | None
     """Standard deviations beyond which a statistic of the residuals is claimed; about 1 in 1000 by chance."""
+    finding_power: float | None
+    """Part of the measured signal whose chance of being found is told beside a finding."""
     fixture: float | None
     """Part of a mode's strain energy beyond which the fixture that holds it is told."""
     held_out_points: int
@@ -1013,6 +1027,8 @@ class Telling(msgspec.Struct, kw_only=True):
     """...part of the cost that a further one must take away..."""
     term_nats: float | None
     """...nats beyond half the logarithm of the data that it must gain, for the terms among which it was chosen..."""
+    term_reach: float | None
+    """...factor on the strength that its column has within which it is fitted..."""
     terms: int
     """Terms of a formula for what is unexplained at most..."""
     transient: float | None
