@@ -132,7 +132,11 @@ pub(super) fn sentence(verdict: Verdict, missing: &[(&str, &str)]) -> String {
         Verdict::Missing => format!("Missing: {}.", names.join(", ")),
         Verdict::NothingMissing => "Nothing is missing: no effect explains more of what is left than it costs.".into(),
         Verdict::Unexplained if !names.is_empty() => {
-            format!("Unexplained: {} take part of the misfit away on the fitted tests, and that is not the answer.", names.join(", "))
+            format!(
+                "Unexplained: {} {} a part of the misfit away on the fitted tests, and that is not the answer.",
+                names.join(", "),
+                if names.len() == 1 { "takes" } else { "take" }
+            )
         }
         Verdict::Unexplained => "Something is missing that no effect of the library explains.".into(),
         Verdict::Interrupted => "The search was interrupted before it had found anything; it says nothing about what is missing.".into(),

@@ -141,7 +141,7 @@ fn tests(path: &Path, data: Option<&Path>) -> (Vec<(String, Failure)>, Option<Da
         if let Err(e) = read(&|j| j == k) {
             let id = id_of(&text, *block).unwrap_or_default();
             bad.push(k);
-            problems.push((id, Failure::from(e)));
+            problems.push((id, Failure::from(e).counted("test", 0, k)));
         }
     }
     // An error outside the tests turns up in each of them; one that no test has alone (a doubled id) is the whole file's.
@@ -154,7 +154,7 @@ fn tests(path: &Path, data: Option<&Path>) -> (Vec<(String, Failure)>, Option<Da
 
 /// Problems of study.toml, block by block. `follows` tells what only comes from a test that is left out (its place in the split).
 fn effects(file: &Path, mut text: String, dataset: &Dataset, follows: &dyn Fn(&Failure) -> bool) -> Vec<Failure> {
-    let mut problems = Vec::new();
+    let (mut problems, whole) = (Vec::new(), text.clone());
     let (mut gone, mut cut) = (false, false);
     // Each round blanks a block or a line, so their number bounds the rounds.
     for _ in 0..=text.lines().count() {
@@ -173,6 +173,8 @@ fn effects(file: &Path, mut text: String, dataset: &Dataset, follows: &dyn Fn(&F
         let failure = Failure::from(error);
         let block = blocks(&text).into_iter().find(|b| b.0 < line && line <= b.1);
         let kind = block.map_or("", |b| header(&text, b.0)).to_string();
+        let nth = |text: &str| blocks(text).into_iter().filter(|b| b.1 < line && header(text, b.0) == kind).count();
+        let failure = failure.counted(&kind, nth(&text), nth(&whole));
         if follows(&failure) {
             if line == 0 {
                 break;
@@ -221,6 +223,22 @@ fn id_of(text: &str, block: (usize, usize)) -> Option<String> {
 #[cfg(test)]
 mod tests_of_blocks {
     use super::*;
+
+    /// A block that is read while others are blanked is named by its own number in the file.
+    #[test]
+    fn the_second_of_two_tests_is_named_as_the_second() {
+        let folder = tempfile::tempdir().unwrap();
+        let test = |id: &str, kind: &str| {
+            format!("[[test]]\nid = \"{id}\"\nkind = \"{kind}\"\nrows = [{{ mode = 1, natural_frequency = \"2 Hz\" }}]\n")
+        };
+        let path = folder.path().join("dataset.toml");
+        std::fs::write(&path, format!("schema = 1\n{}{}{}", test("a", "modal"), test("b", "nodal"), test("c", "nodal"))).unwrap();
+        let (problems, _) = tests(&path, None);
+        let places: Vec<&str> = problems.iter().map(|(_, f)| f.place()).collect();
+        // The first is at fault for another reason.
+        let named = places.iter().enumerate().all(|(k, p)| p.contains(&format!("key test[{k}].")));
+        assert!(places.len() == 3 && named, "{places:?}");
+    }
 
     #[test]
     fn blanking_keeps_the_lines() {

@@ -30,6 +30,12 @@ impl Failure {
         json!({ "stage": self.stage, "where": self.place, "message": self.message, "accepted": self.accepted })
     }
 
+    /// The same where the block of this kind that was the n-th when it was read is the m-th of the file: `key test[n].id`.
+    pub fn counted(mut self, kind: &str, n: usize, m: usize) -> Self {
+        self.place = self.place.replace(&format!(", key {kind}[{n}]"), &format!(", key {kind}[{m}]"));
+        self
+    }
+
     pub fn place(&self) -> &str {
         &self.place
     }

@@ -159,7 +159,9 @@ fn tabular(path: &Path, columns: Vec<FoundColumn>) -> Result<Vec<FoundItem>, Dat
             "neither a history (no column of time) nor an FRF (no frequency with real and imaginary part) among {}",
             names.join(", ")
         ),
-        accepted: "columns whose names or units say what they are, such as `time [s]`, `displacement [mm]`, `force [N]`".into(),
+        accepted: "columns whose names or units say what they are, such as `time [s]`, `displacement [mm]`, `force [N]`; a file without a column of time \
+                   is written into dataset.toml by hand, with `{ role = \"time\", rate = \"610.35 Hz\" }` among the channels of its test"
+            .into(),
     }
     .into())
 }
