@@ -7,8 +7,8 @@ use crate::parallel;
 use super::refit::{Bench, Refit, proof};
 
 impl Bench<'_> {
-    /// Fits every refitted candidate that stands behind its kin at its place from the values of the best of them, where these might come first; what that betters takes
-    /// its place. `unexplained`: the cost without a candidate.
+    /// Fits every refitted candidate that stands behind its kin at its place from the values of the best of them, where these might come first; what
+    /// that betters takes its place. `unexplained`: the cost without a candidate.
     pub fn begin_at_kin(&self, refits: &mut [Refit], unexplained: f64, watch: &(dyn Fn(&str) + Sync)) {
         let starts: Vec<(usize, System)> = (0..refits.len()).filter_map(|k| Some((k, self.of_kin(refits, k, unexplained)?))).collect();
         if starts.is_empty() || self.monitor.stops() {

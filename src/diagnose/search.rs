@@ -266,13 +266,9 @@ impl<'a> Price<'a> {
         self.price(candidate) - self.against.scale.settings.tie
     }
 
+    /// Whether what takes this part of the cost away in the race may be worth a fit under variances of its own.
     pub fn promises(&self, candidate: usize, drop: f64) -> bool {
-        self.pays(candidate, promised(self.squares, drop))
-    }
-
-    /// Whether so many nats in the race may be worth a fit under variances of its own.
-    pub fn pays(&self, candidate: usize, nats: f64) -> bool {
-        self.factor(candidate) * nats >= self.least(candidate)
+        self.bound(candidate, drop) >= self.least(candidate)
     }
 
     /// The factor by which what stands gained more than its slope promises here, where it did: a slope at strength zero says little of a friction
