@@ -48,7 +48,7 @@ fn told(result: &LadderResult) -> String {
             k.to_string(),
             rung.added.as_ref().map_or("-".into(), name),
             rung.removed.iter().map(name).collect::<Vec<_>>().join(", "),
-            significant(rung.cost, 4),
+            rung.nats.map_or("-".into(), |nats| significant(nats, 3)),
         ];
         row.extend(error(SplitName::Fit));
         row.extend(error(SplitName::Select));
@@ -56,7 +56,7 @@ fn told(result: &LadderResult) -> String {
         row
     };
     let rows: Vec<Vec<String>> = result.rungs.iter().enumerate().map(row).collect();
-    let header = ["rung", "added", "removed", "cost", "fit error", "/floor", "select error", "/floor", "held-out error", "/floor"];
+    let header = ["rung", "added", "removed", "nats", "fit error", "/floor", "select error", "/floor", "held-out error", "/floor"];
     let mut text = format!("{}\n\n{}\n", result.study, table(&header, &rows));
     if !result.began_with.is_empty() {
         let had: Vec<String> = result.began_with.iter().map(|e| format!("{} at {}", e.effect, e.at)).collect();
@@ -79,7 +79,7 @@ fn told(result: &LadderResult) -> String {
         text += &format!("Second opinion on what rung {k} misses: {remark}.\n");
     }
     if result.proven || !(result.missing.is_empty() && result.instruments.is_empty()) {
-        text += &format!("{}: {}.\n", if result.proven { "Proven" } else { "Not proven" }, result.why);
+        text += &format!("{}: {}.\n", super::text::proven(result.proven, result.verdict), result.why);
     }
     for i in &result.instruments {
         text += &format!("Instrument: {} at {}: {}.\n", i.effect, i.at, i.why);
@@ -92,6 +92,9 @@ fn told(result: &LadderResult) -> String {
             &format!("They leave a model error of {} beyond the noise that nothing in the library explains.\n", percent(result.remainder));
     }
     text += &text::errors(&result.model_error, &result.scatter, result.noise);
+    for (k, rung) in result.rungs.iter().enumerate() {
+        text += &rung.readings.iter().map(|r| format!("Rung {k}: {}.\n", r.describe())).collect::<String>();
+    }
     if let Some(u) = &result.unexplained {
         text += &super::diagnose::suggestion(u);
     }

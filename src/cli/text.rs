@@ -1,6 +1,6 @@
 //! Results as an engineer reads them on the terminal.
 
-use crate::diagnose::results::{FitResult, ModeEnergy, OwnError, ParameterResult, ScatterOf, SplitName, TestResult, words};
+use crate::diagnose::results::{FitResult, ModeEnergy, OwnError, ParameterResult, ScatterOf, SplitName, TestResult, Verdict, words};
 
 use super::table::{percent, significant, table};
 
@@ -128,6 +128,15 @@ pub(super) fn errors(model: &[OwnError], scatter: &[ScatterOf], noise: f64) -> S
     format!("Model error: {}{scatter}{noise}.\n", each.join(", "))
 }
 
+/// What the held-out tests say of what was added; where most of the misfit is left, proven is but the part.
+pub(super) fn proven(proven: bool, verdict: Verdict) -> &'static str {
+    match (proven, verdict) {
+        (true, Verdict::Unexplained) => "Proven, as a part of it",
+        (true, _) => "Proven",
+        (false, _) => "Not proven",
+    }
+}
+
 pub(super) fn notes(all: &[String]) -> String {
     let mut grouped: Vec<(&str, Vec<&str>)> = Vec::new();
     for (test, what) in all.iter().map(|n| n.split_once(": ").unwrap_or(("", n))) {
@@ -158,6 +167,7 @@ pub(super) fn fit(fit: &FitResult, study: &str) -> String {
         text += &format!("not determined by these data: {combination}\n");
     }
     text += &errors(&fit.model_error, &fit.scatter, fit.noise);
+    text += &fit.readings.iter().map(|r| format!("{}.\n", r.describe())).collect::<String>();
     text += &notes(&fit.notes);
     text += "\n";
     text + &verdict(&fit.tests, study)

@@ -22,7 +22,7 @@ use super::compare::compare;
 use super::results::*;
 use super::slack::Slack;
 use super::spread;
-use super::weigh::Scale;
+use super::weigh::{Scale, Weighed};
 
 /// What the search for missing effects may use.
 #[derive(Clone, Debug, Default)]
@@ -319,11 +319,12 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     let away = ran_away(&fitted, &parameters, start, case.search.settings.fitting.ran_away);
     let termination = if away.is_empty() { fitted.outcome.termination.name() } else { "failed" };
     notes.splice(0..0, away);
-    let (model_error, scatter, noise) = errors(case, &fitted);
+    let (scale, stands) = as_it_stands(case, &fitted);
     let result = FitResult {
-        model_error,
-        scatter,
-        noise,
+        model_error: stands.as_ref().map_or_else(Vec::new, |w| scale.model_error(w)),
+        readings: stands.as_ref().map_or_else(Vec::new, |w| scale.readings(w)),
+        scatter: stands.as_ref().map_or_else(Vec::new, |w| scale.scatter(w)),
+        noise: stands.as_ref().map_or(1.0, |w| w.v.kappa.exp()),
         study: case.name.clone(),
         termination: termination.into(),
         cost: fitted.outcome.cost,
@@ -362,10 +363,11 @@ fn ran_away(fitted: &Fitted, parameters: &[ParameterResult], began: &System, tim
     fitted.free.iter().filter_map(one).collect()
 }
 
-/// What the likelihood makes of the residuals on the fitted tests: the model's error, the scatter of strengths, the scale of the noise.
-fn errors(case: &Case, fitted: &Fitted) -> (Vec<OwnError>, Vec<ScatterOf>, f64) {
+/// What the likelihood makes of the residuals on the fitted tests.
+fn as_it_stands(case: &Case, fitted: &Fitted) -> (Scale, Option<Weighed>) {
     let scale = Scale::of_fitted(case, &fitted.system, &case.search.settings);
-    scale.as_it_stands(fitted).map_or((vec![], vec![], 1.0), |w| (scale.model_error(&w), scale.scatter(&w), w.v.kappa.exp()))
+    let stands = scale.as_it_stands(fitted);
+    (scale, stands)
 }
 
 /// The effects of a system with their places.

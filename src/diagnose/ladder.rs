@@ -245,7 +245,7 @@ impl Climb<'_> {
             (self.watch)(&format!("added {} at {}: {:.1} nats", n.effect, n.at, taken.gain));
         }
         let removed = parallel::watched(&watch, || self.remove(1));
-        self.rung(taken.names.last().map(named), removed)
+        Ok(Rung { nats: Some(taken.gain), ..self.rung(taken.names.last().map(named), removed)? })
     }
 
     pub(super) fn rung(&self, added: Option<EffectAt>, removed: Vec<EffectAt>) -> Result<Rung, DiagnoseError> {
@@ -255,6 +255,7 @@ impl Climb<'_> {
         let deviates = |name: &str| fitted.free.iter().any(|f| f.name == name && self.slack.has(f.instance));
         Ok(Rung {
             added,
+            nats: None,
             removed,
             tests: compare(&self.case, &fitted.system, &SEEN, &self.monitor.watch())?,
             parameters: parameters(&self.case, fitted)?.0.into_iter().filter(|p| !deviates(&p.name)).collect(),
@@ -264,6 +265,7 @@ impl Climb<'_> {
             effort: Effort::default(),
             termination: fitted.outcome.termination.name().into(),
             cost: fitted.outcome.cost,
+            readings: self.scale.readings(&self.now),
         })
     }
 
@@ -271,7 +273,7 @@ impl Climb<'_> {
     pub(super) fn refresh(&self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
         let Some(last) = rungs.pop() else { return Ok(()) };
         let now = self.rung(last.added, last.removed)?;
-        rungs.push(Rung { candidates: last.candidates, second_opinion: last.second_opinion, effort: last.effort, ..now });
+        rungs.push(Rung { candidates: last.candidates, second_opinion: last.second_opinion, effort: last.effort, nats: last.nats, ..now });
         Ok(())
     }
 
@@ -452,6 +454,17 @@ impl Scale {
             }
         }
         list.into_iter().map(|(m, n)| OwnError { relative: (m.relative / n).sqrt(), ..m }).collect()
+    }
+
+    /// What instruments read wrong by a model, beyond what they may err by.
+    pub fn readings(&self, w: &Weighed) -> Vec<Reading> {
+        let plans = self.case.plans_of(SplitName::Fit);
+        let mut list = Vec::new();
+        for ((plan, record), all) in plans.iter().zip(&self.evidence.records).zip(self.evidence.readings(&w.seen, &self.counts, &w.v)) {
+            let beyond = record.instruments.of.iter().zip(all).filter(|(_, x)| x.abs() > self.settings.telling.finding);
+            list.extend(beyond.map(|(&(block, what, std), x)| Reading::new(&plan.id, &plan.blocks[block].label, what, x * std, x)));
+        }
+        list
     }
 
     /// How much each strength differs from test to test, in tests of every kind; none in one test.

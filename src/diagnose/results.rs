@@ -8,7 +8,7 @@ mod errors;
 
 pub use candidate::{Candidate, NextTest, SecondOpinion, Share};
 pub use energy::{EnergyShare, ModeEnergy, words};
-pub use errors::{BETWEEN, Correction, END, Instrument, OwnError, ScatterOf};
+pub use errors::{BETWEEN, Correction, END, Instrument, OwnError, Reading, ScatterOf};
 
 use super::settings::Settings;
 use super::unexplained::Unexplained;
@@ -272,6 +272,8 @@ pub struct FitResult {
     pub effects: Vec<EffectAt>,
     /// The model's own error, channel by channel, on the fitted tests.
     pub model_error: Vec<OwnError>,
+    /// What instruments read wrong by this model, beyond what they may err by.
+    pub readings: Vec<Reading>,
     /// How much strengths differ from test to test.
     pub scatter: Vec<ScatterOf>,
     /// True noise over that seen between cycles or stated; 1 where it is not estimated. Below 1 it is no finding: where the model errs in some harmonics
@@ -352,6 +354,8 @@ pub struct Effort {
 pub struct Rung {
     /// Effect added; none on the first rung.
     pub added: Option<EffectAt>,
+    /// Nats that it gained on the rung before beyond its price; none where it came in exchange for another.
+    pub nats: Option<f64>,
     /// Effects pruned.
     pub removed: Vec<EffectAt>,
     /// Tests after the refit; held-out tests stand only on the first and last rung.
@@ -368,8 +372,10 @@ pub struct Rung {
     pub effort: Effort,
     /// Termination of the refit.
     pub termination: String,
-    /// Cost after the refit.
+    /// Cost after the refit, under the variances of this rung's own model: that of another rung counts in other units.
     pub cost: f64,
+    /// What instruments read wrong by this model, beyond what they may err by.
+    pub readings: Vec<Reading>,
 }
 
 /// A missing effect with what it cannot be told from.

@@ -146,7 +146,7 @@ impl Evidence {
         let of = |((record, s), z): ((&Record, &Seen), &DVector<f64>)| {
             let mut j = s.j.clone();
             j.column_iter_mut().zip(&size).for_each(|(mut c, size)| c /= *size);
-            let b = beside(&beside(&record.instruments, &s.strengths), &s.bends);
+            let b = beside(&beside(&record.instruments.columns, &s.strengths), &s.bends);
             Gram::of(record, z, &beside(&column(&s.r), &j), &b)
         };
         self.records.iter().zip(seen).zip(&counts.z).map(of).collect()
@@ -235,11 +235,29 @@ impl Evidence {
 /// What is left of a residual without what its coefficients share, `D V^-1 r`.
 pub(super) fn cleaned(record: &Record, seen: &Seen, parts: &[Part], z: &DVector<f64>, omega: f64) -> DVector<f64> {
     let b = record.shared(seen, omega);
+    taken(&b, &seen.r, parts, z).map_or_else(|| seen.r.clone(), |x| &seen.r - b * x)
+}
+
+/// What each column of B takes of a residual, in standard deviations: `(1 + B'WB)^-1 B'W r`, the mean of x given `r = B x + ...`, x ~ N(0, 1).
+fn taken(b: &DMatrix<f64>, r: &DVector<f64>, parts: &[Part], z: &DVector<f64>) -> Option<DVector<f64>> {
     let w = weights(parts, z);
     let mut bw = b.clone();
     bw.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
-    let mut inner = bw.tr_mul(&b);
+    let mut inner = bw.tr_mul(b);
     (0..inner.nrows()).for_each(|k| inner[(k, k)] += 1.0);
-    let Some(factor) = inner.cholesky() else { return seen.r.clone() };
-    &seen.r - &b * factor.solve(&bw.tr_mul(&seen.r))
+    Some(inner.cholesky()?.solve(&bw.tr_mul(r)))
+}
+
+impl Evidence {
+    /// What the instruments of each test read wrong by this model, most likely, in standard deviations of what each may err by, one for each of
+    /// [`crate::response::Instruments::of`]. Above 0: they read less than there is.
+    pub fn readings(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> Vec<Vec<f64>> {
+        let of = |(t, record): (usize, &Record)| {
+            let parts = record.parts(v.kappa, &v.own_errors(t, record));
+            let all = taken(&record.shared(&seen[t], v.scatter(record)), &seen[t].r, &parts, &counts.z[t]);
+            let n = record.instruments.of.len();
+            all.map_or_else(|| vec![0.0; n], |x| x.iter().take(n).copied().collect())
+        };
+        self.records.iter().enumerate().map(of).collect()
+    }
 }

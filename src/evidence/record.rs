@@ -10,7 +10,7 @@ use crate::data::{TestKind, harmonic_of};
 use crate::effect::{Kind, Role};
 use crate::model::{FreeParam, System};
 use crate::parallel;
-use crate::response::{BlockKind, Coefficients, Computed, Plan, instruments, resonances};
+use crate::response::{BlockKind, Coefficients, Computed, Instruments, Plan, resonances};
 
 use super::facts::smooth;
 use super::{Settings, beside};
@@ -165,8 +165,8 @@ pub struct Record {
     pub noise: Vec<f64>,
     /// Variance of each coefficient by a relative error of 1 of the model.
     pub size: Vec<f64>,
-    /// Columns of instruments within tolerance.
-    pub instruments: DMatrix<f64>,
+    /// Its instruments within tolerance.
+    pub instruments: Instruments,
     /// Whether strengths may be others in this test than in those that they are fitted to.
     pub scatters: bool,
     /// In how many directions of these the curvature of a record is told, and over which part of the strengths.
@@ -233,7 +233,7 @@ impl Record {
     /// The columns that coefficients share, strengths scattering by `w = e^omega`: instruments, `w df/ds`, and `w^2 / sqrt(2) d2f/ds2`, the standard deviation of
     /// `1/2 s^2 d2f/ds2`.
     pub fn shared(&self, seen: &Seen, omega: f64) -> DMatrix<f64> {
-        let first = beside(&self.instruments, &(&seen.strengths * omega.exp()));
+        let first = beside(&self.instruments.columns, &(&seen.strengths * omega.exp()));
         beside(&first, &(&seen.bends * ((2.0 * omega).exp() * FRAC_1_SQRT_2)))
     }
 
@@ -309,7 +309,7 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
             size[channel.range.clone()].copy_from_slice(&sizes(measured, computed, channel, settings.neighbours));
         }
         let noise = coefficients.noise(plan);
-        let instruments = instruments(plan, &coefficients, &signal, &peaks[t]);
+        let instruments = Instruments::new(plan, &coefficients, &signal, &peaks[t]);
         Record {
             kind: plan.kind,
             coefficients,

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::data::TestKind;
-use crate::response::{BlockKind, Plan};
+use crate::response::{BlockKind, Instruments, Misreading, Plan};
 
 use super::record::Channel;
 use super::{Evidence, Record, Seen, Settings, Variances, beside};
@@ -35,7 +35,7 @@ fn evidence(tests: usize) -> Evidence {
         }],
         noise: vec![1e-4 / n as f64; n],
         size: vec![1.0 / n as f64; n],
-        instruments: DMatrix::zeros(n, 0),
+        instruments: Instruments::none(n),
         scatters: true,
         curved: (2, 0.01),
         kind: TestKind::Cycle,
@@ -191,7 +191,7 @@ fn a_displaced_mode_is_likelier_than_none() {
         let c = &mut e.records[0].channels[0];
         (c.kind, c.modes, c.least, c.range) = (BlockKind::Frf, 1, 0.001, 0..400);
         let size = super::record::sizes(&measured, signal, c, e.settings.neighbours);
-        (e.records[0].noise, e.records[0].size, e.records[0].instruments) = (vec![1e-4; 400], size, DMatrix::zeros(400, 0));
+        (e.records[0].noise, e.records[0].size, e.records[0].instruments) = (vec![1e-4; 400], size, Instruments::none(400));
         super::facts::smooth(&mut e.records, &e.settings);
         let likelihood = |computed: &[f64]| {
             let r = DVector::from_iterator(400, computed.iter().zip(&measured).map(|(c, m)| c - m));
@@ -384,4 +384,23 @@ fn the_curvature_of_a_record_takes_what_its_slope_leaves_of_a_stiffer_spring() {
     };
     let (slope, both) = (left(&seen.strengths), left(&beside(&seen.strengths, &seen.bends)));
     assert!(slope > 0.05 && both < 0.25 * slope, "{slope} {both}");
+}
+
+/// An instrument that is four standard deviations off is read as such, shrunk by what noise leaves open; beside it a good one is at rest.
+#[test]
+fn a_reading_beyond_tolerance_is_told_in_its_standard_deviations() {
+    let mut e = evidence(2);
+    let (n, std) = (81, 0.01);
+    let column = DMatrix::from_fn(n, 1, |i, _| if i == 0 { std } else { 0.0 });
+    e.records.iter_mut().for_each(|r| r.instruments = Instruments { columns: column.clone(), of: vec![(0, Misreading::Offset, std)] });
+    let mut seen = seen(2, 0.0);
+    seen[0].r[0] = 4.0 * std;
+    seen[1].r[0] = 0.0;
+    let v = Variances { tau: -30.0, ..Variances::start(&e, &seen) };
+    let read = e.readings(&seen, &e.independent(), &v);
+    // (B'WB) / (1 + B'WB) of it, noise of variance 1e-4 / 81 beside the least error of the model.
+    let noise = (1e-4 + 0.003f64.powi(2)) / n as f64;
+    let part = std * std / (std * std + noise);
+    assert!((read[0][0] - 4.0 * part).abs() < 0.05, "{read:?}, {part}");
+    assert!(read[1][0].abs() < 1e-9);
 }

@@ -34,7 +34,7 @@ pub fn rungs(input: &ReportInput, stages: &[Stage], _charts: &mut Charts) -> Str
             split(SplitName::Fit),
             split(SplitName::Select),
             split(SplitName::HeldOut),
-            digits(rung.cost, 4),
+            rung.nats.map_or("-".into(), |nats| digits(nats, 3)),
             rung.parameters.len().to_string(),
             esc(&rung.termination),
         ]
@@ -48,7 +48,7 @@ pub fn rungs(input: &ReportInput, stages: &[Stage], _charts: &mut Charts) -> Str
         "Error, fit",
         "Error, select",
         "Error, held out",
-        "Cost",
+        "Nats",
         "Parameters",
         "Fit ended",
     ];

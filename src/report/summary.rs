@@ -282,11 +282,12 @@ fn missing(input: &ReportInput) -> String {
     card("bad", TITLE, &list(&big), &small)
 }
 
-/// What a ladder found that is not missing physics: instruments at fault, corrections of what the study ties or fixes.
+/// What a ladder found that is not missing physics: instruments at fault or read beyond tolerance, corrections of what the study ties or fixes.
 fn not_physics(input: &ReportInput) -> Vec<String> {
     let Some(l) = input.ladder else { return vec![] };
     let instruments = l.instruments.iter().map(|i| format!("Instrument: {}", esc(&i.why)));
-    instruments.chain(l.corrections.iter().map(|c| format!("Correction: {}", esc(&c.describe())))).collect()
+    let readings = l.rungs.last().into_iter().flat_map(|r| &r.readings).map(|r| esc(&r.describe()));
+    instruments.chain(l.corrections.iter().map(|c| format!("Correction: {}", esc(&c.describe())))).chain(readings).collect()
 }
 
 /// The p-value of a missing effect.

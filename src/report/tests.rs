@@ -228,6 +228,7 @@ fn fit(tests: Vec<TestResult>) -> FitResult {
         unidentifiable: vec!["c2.x.linear_stiffness.k <rigid>".into()],
         effects: vec![at("linear_stiffness", "c1.x")],
         model_error: vec![],
+        readings: vec![],
         scatter: vec![],
         noise: 1.0,
         notes: vec!["loop-1Hz: scatter of 4 cycles".into()],
@@ -237,6 +238,7 @@ fn fit(tests: Vec<TestResult>) -> FitResult {
 fn ladder(n: usize) -> LadderResult {
     let rung = |added: Option<EffectAt>, tests: Vec<TestResult>, cost: f64, candidates: Vec<Candidate>| Rung {
         added,
+        nats: None,
         removed: vec![],
         tests,
         parameters: parameters(),
@@ -246,6 +248,7 @@ fn ladder(n: usize) -> LadderResult {
         effort: Effort::default(),
         termination: "converged".into(),
         cost,
+        readings: vec![],
     };
     let mut second = rung(
         Some(at("coulomb", "c3<.x")),

@@ -23,7 +23,8 @@ pub struct Tolerances {
     pub gain: f64,
     /// The same of an FRF, whose sensors are calibrated one by one.
     pub calibration: f64,
-    /// Offset, in parts of the largest reading of the test.
+    /// Offset, in parts of the amplitude of what the channel reads in the test: that of the sine of its rms about its mean. Errors are told in parts of that
+    /// rms, and what an instrument may err by must be little beside them: of a multisine the largest reading is several times as much.
     pub offset: f64,
     /// Quadratic and cubic part of a sensor's characteristic at its largest reading in any test.
     pub linearity: f64,
@@ -220,32 +221,68 @@ impl Covariance {
     }
 }
 
-/// What instruments within tolerance add to the covariance of a test, in its coefficients, one column for one standard deviation of each.
-/// `signal`: what the channels read, computed: the noise of a measured one would stand in the columns and in the residuals, and the two would
-/// agree. `peaks`: largest reading of the channel of each block in any test.
-pub fn instruments(plan: &Plan, coefficients: &Coefficients, signal: &[f64], peaks: &[f64]) -> DMatrix<f64> {
-    let mut columns: Vec<DVector<f64>> = Vec::new();
-    for (block, peak) in plan.blocks.iter().zip(peaks) {
-        let mut add = |values: Vec<f64>| {
-            let mut whole = DVector::zeros(plan.len());
-            whole.rows_mut(block.range.start, block.range.len()).copy_from_slice(&values);
-            columns.push(whole);
-        };
-        of_block(plan, block, &signal[block.range.clone()], *peak).into_iter().for_each(&mut add);
-    }
-    if columns.is_empty() {
-        return DMatrix::zeros(coefficients.count, 0);
-    }
-    coefficients.turned(&DMatrix::from_columns(&columns))
+/// How an instrument may misread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Misreading {
+    /// By a factor.
+    Gain,
+    /// By a constant, in parts of the amplitude.
+    Offset,
+    /// Late, in parts of the period (of the shortest one of an FRF).
+    Delay,
+    /// By a quadratic or a cubic part, in parts of the largest reading.
+    Bend,
+    /// A sample beside a jump.
+    Jump,
 }
 
-fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64) -> Vec<Vec<f64>> {
+/// What instruments within tolerance add to the covariance of a test.
+#[derive(Clone, Debug)]
+pub struct Instruments {
+    /// In the test's coefficients, one column for one standard deviation of each.
+    pub columns: DMatrix<f64>,
+    /// Of each column the block, the misreading, and its standard deviation.
+    pub of: Vec<(usize, Misreading, f64)>,
+}
+
+impl Instruments {
+    /// Those of a test. `signal`: what the channels read, computed: the noise of a measured one would stand in the columns and in the residuals, and the two
+    /// would agree. `peaks`: largest reading of the channel of each block in any test.
+    pub fn new(plan: &Plan, coefficients: &Coefficients, signal: &[f64], peaks: &[f64]) -> Instruments {
+        let (mut columns, mut of) = (Vec::<DVector<f64>>::new(), Vec::new());
+        for (k, (block, peak)) in plan.blocks.iter().zip(peaks).enumerate() {
+            for (misreading, std, values) in of_block(plan, block, &signal[block.range.clone()], *peak) {
+                let mut whole = DVector::zeros(plan.len());
+                whole.rows_mut(block.range.start, block.range.len()).copy_from_slice(&values);
+                columns.push(whole);
+                of.push((k, misreading, std));
+            }
+        }
+        let none = columns.is_empty();
+        let columns = if none { DMatrix::zeros(coefficients.count, 0) } else { coefficients.turned(&DMatrix::from_columns(&columns)) };
+        Instruments { columns, of }
+    }
+
+    /// A test without any.
+    #[cfg(test)]
+    pub fn none(count: usize) -> Instruments {
+        Instruments { columns: DMatrix::zeros(count, 0), of: vec![] }
+    }
+}
+
+/// Amplitude of the sine of this signal's rms about its mean.
+fn amplitude(signal: &[f64]) -> f64 {
+    let n = signal.len().max(1) as f64;
+    let mean = signal.iter().sum::<f64>() / n;
+    (2.0 * signal.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64) -> Vec<(Misreading, f64, Vec<f64>)> {
     let by = &plan.tolerances;
     // In parts of a period of this frequency.
     let delayed = |frequency: f64| by.delay_time.map_or(by.delay, |t| t * frequency);
-    let largest = signal.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    let gain = |by: f64| signal.iter().map(|v| by * v).collect::<Vec<f64>>();
-    let constant = vec![by.offset * largest; signal.len()];
+    let gain = |by: f64| (Misreading::Gain, by, signal.iter().map(|v| by * v).collect::<Vec<f64>>());
+    let constant = (Misreading::Offset, by.offset, vec![by.offset * amplitude(signal); signal.len()]);
     match block.kind {
         BlockKind::Table => vec![],
         // A record's longest period is its length, of which a delay is no part.
@@ -258,11 +295,12 @@ fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64) -> Vec<Vec<f6
             let late = delayed(plan.cycle_drive().map_or(1.0, |d| d.frequency));
             let delay = block.abscissa.iter().map(|p| -late * wave.at_phase(*p).1).collect();
             let bent = |power: i32| signal.iter().map(|v| by.linearity * peak * (v / peak).powi(power)).collect::<Vec<f64>>();
-            let mut columns = vec![gain(by.gain), constant, delay];
+            let mut columns = vec![gain(by.gain), constant, (Misreading::Delay, late, delay)];
             if peak > 0.0 && block.role == "force" {
-                columns.extend([bent(2), bent(3)]);
+                columns.extend([2, 3].map(|power| (Misreading::Bend, by.linearity, bent(power))));
             }
-            columns.extend(jumps(&beside_jumps(&plan.measured[block.range.clone()], sigma)));
+            let jumps = jumps(&beside_jumps(&plan.measured[block.range.clone()], sigma));
+            columns.extend(jumps.into_iter().map(|column| (Misreading::Jump, BESIDE, column)));
             columns
         }
         BlockKind::Frf => {
@@ -273,7 +311,7 @@ fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64) -> Vec<Vec<f6
                 [re, im] => [-turn(*f) * im, turn(*f) * re],
                 _ => [0.0; 2],
             });
-            vec![gain(by.calibration), delay.collect()]
+            vec![gain(by.calibration), (Misreading::Delay, delayed(top), delay.collect())]
         }
     }
 }
@@ -313,6 +351,15 @@ mod tests {
         for clean in [triangle, loop_of(0.0)] {
             assert!(beside_jumps(&clean, &[1e-7; 128]).iter().all(|s| *s == 0.0));
         }
+    }
+
+    /// The amplitude of a sine is its own, whatever it stands on and however it is sampled; of a signal of few large readings it is little beside these.
+    #[test]
+    fn what_an_offset_is_part_of_is_the_amplitude_of_the_rms() {
+        let sine: Vec<f64> = (0..64).map(|k| 7.0 + 2.0 * (std::f64::consts::TAU * f64::from(k) / 64.0).sin()).collect();
+        assert!((amplitude(&sine) - 2.0).abs() < 1e-12);
+        let rare: Vec<f64> = (0..200).map(|k| if k % 100 == 0 { 1.0 } else { 0.0 }).collect();
+        assert!(amplitude(&rare) < 0.15);
     }
 
     /// Rows whitened by the square root of `(D + B B')^-1` have its inverse as their product, in the coefficients of a loop and of lines.

@@ -31,7 +31,7 @@ use crate::model::{Bound, FreeParam, Model, System};
 use crate::units::Unit;
 
 pub use amplitude::Amplitude;
-pub use covariance::{Coefficients, Covariance, Scatter, Tolerances, instruments};
+pub use covariance::{Coefficients, Covariance, Instruments, Misreading, Scatter, Tolerances};
 pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
@@ -237,7 +237,7 @@ impl Plan {
     /// computed.
     pub fn with_instruments(&self, signal: &[f64]) -> Plan {
         let coefficients = Coefficients::of(self);
-        let shared = instruments(self, &coefficients, signal, &self.peaks());
+        let shared = Instruments::new(self, &coefficients, signal, &self.peaks()).columns;
         let noise = coefficients.noise(self);
         Plan { covariance: Some(Arc::new(Covariance::new(coefficients, &noise, &shared))), ..self.clone() }
     }

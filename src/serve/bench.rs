@@ -337,7 +337,7 @@ impl Loaded {
                     said[key] = r[key].clone();
                 }
                 let rung = |g: &Value| {
-                    json!({ "added": g["added"], "removed": g["removed"], "cost": g["cost"],
+                    json!({ "added": g["added"], "removed": g["removed"], "nats": g["nats"],
                                                "errors": g["tests"].as_array().map(|t| { let mut e = pooled(t); if sealed { e["held_out"] = Value::Null; } e }) })
                 };
                 said["rungs"] = r["rungs"].as_array().map(|all| all.iter().map(rung).collect::<Vec<_>>()).into();

@@ -58,6 +58,7 @@ pub fn as_it_stands(case: &Case, tests: &[TestResult]) -> FitResult {
         tests: tests.to_vec(),
         parameters: vec![],
         model_error: vec![],
+        readings: vec![],
         scatter: vec![],
         noise: 1.0,
         unidentifiable: vec![],

@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::response::Misreading;
+
 /// An instrument at fault.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct Instrument {
@@ -75,4 +77,53 @@ pub struct ScatterOf {
     pub kind: String,
     /// Standard deviation, relative.
     pub relative: f64,
+}
+
+/// What an instrument reads wrong by a model, beyond what it may err by.
+#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
+pub struct Reading {
+    /// Test.
+    pub test: String,
+    /// `force at c1.x`.
+    pub channel: String,
+    /// gain, offset, delay, bend, jump.
+    pub misreading: String,
+    /// How much, most likely: gain relative, offset in parts of the amplitude, delay in parts of the period (of the shortest one of an FRF), bend in parts of the
+    /// largest reading, jump in parts of it. Above 0 it reads less, or later.
+    pub part: f64,
+    /// The same in standard deviations of what the instrument may err by.
+    pub deviations: f64,
+}
+
+impl Reading {
+    /// One reading of a test's channel.
+    pub fn new(test: &str, channel: &str, misreading: Misreading, part: f64, deviations: f64) -> Reading {
+        let misreading = match misreading {
+            Misreading::Gain => "gain",
+            Misreading::Offset => "offset",
+            Misreading::Delay => "delay",
+            Misreading::Bend => "bend",
+            Misreading::Jump => "jump",
+        };
+        Reading { test: test.into(), channel: channel.into(), misreading: misreading.into(), part, deviations }
+    }
+
+    /// In words.
+    pub fn describe(&self) -> String {
+        let (low, size) = (self.part > 0.0, 100.0 * self.part.abs());
+        let how = match self.misreading.as_str() {
+            "gain" => format!("{size:.2} % too {}", if low { "little" } else { "much" }),
+            "offset" => format!("{size:.2} % of its amplitude too {}", if low { "low" } else { "high" }),
+            "delay" => format!("{size:.2} % of a period too {}", if low { "late" } else { "early" }),
+            "bend" => format!("{size:.2} % of its largest reading off a straight line"),
+            _ => format!("{size:.0} % of a jump too {}", if low { "low" } else { "high" }),
+        };
+        format!(
+            "{} of {} reads {how} by this model, {:.1} standard deviations of what its instrument may err by: the instrument is off, or physics that the \
+             model lacks looks like that. The errors of the tests hold this reading against the model, its model error does not",
+            self.channel,
+            self.test,
+            self.deviations.abs()
+        )
+    }
 }
