@@ -38,7 +38,7 @@ pub use fourier::FourierInput;
 pub use frequency::{SineFit, estimate as estimate_frequency};
 pub use frf::{Frf, FrfQuantity};
 pub use frf_signs::{FrfDoubt, frf_doubts};
-pub use history::{Derivatives, History, HistoryError, Motion, derivatives};
+pub use history::{Derivatives, History, HistoryError, Motion, derivatives, quietest};
 pub use loops::{
     Estimate, HARMONICS, LoopChannel, LoopEnergy, LoopError, Note, RecordedArea, SettledLoop, Unsettled, harmonic_of, harmonics,
     recognised_control,

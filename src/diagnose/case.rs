@@ -315,6 +315,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
                 .into(),
         );
     }
+    notes.extend(too_quiet(&tests, fitted.free.len(), &case.search.settings.fitting));
     notes.extend(case.notes());
     let away = ran_away(&fitted, &parameters, start, case.search.settings.fitting.ran_away);
     let termination = if away.is_empty() { fitted.outcome.termination.name() } else { "failed" };
@@ -339,6 +340,20 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         notes,
     };
     Ok((case.clone(), fitted, result))
+}
+
+/// Fitted tests that leave much less than their sigma, of which a model that is wrong would leave no more than noise.
+fn too_quiet(tests: &[TestResult], free: usize, s: &super::method::Fitting) -> Vec<String> {
+    let quiet = |t: &&TestResult| t.split == SplitName::Fit && t.whitened_rms < s.too_quiet && t.n >= s.per_parameter * free.max(1);
+    let say = |t: &TestResult| {
+        format!(
+            "{}: what is left is {} of its sigma: the noise is less than was stated or estimated, and an error of the model that is no larger stays unseen; \
+             a `sigma` of its channels closer to the noise shows it",
+            t.id,
+            digits(t.whitened_rms, 2)
+        )
+    };
+    tests.iter().filter(quiet).map(say).collect()
 }
 
 /// Free parameters that have run away from where they began, each with what may be done.

@@ -1,9 +1,8 @@
 //! The ladder: score, weigh, add, take out, exchange, until nothing gains more than it costs; then the held-out tests have the last word.
 
 use crate::effect::Dim;
-use crate::evidence::{Record, scatters};
 use crate::identify::Monitor;
-use crate::model::{FreeParam, System};
+use crate::model::System;
 use crate::parallel;
 use crate::response::Plan;
 
@@ -18,7 +17,7 @@ use super::righted::{phased, righted, unclipped};
 use super::search::Step;
 use super::unexplained::{Unexplained, unexplained};
 use super::verdict::{Grounds, Judged, judged};
-use super::weigh::{Scale, Weighed};
+use super::weigh::Weighed;
 use super::{DiagnoseError, trace};
 
 type Watch<'a> = &'a (dyn Fn(&str) + Sync);
@@ -336,6 +335,54 @@ impl Climb<'_> {
         if !self.added.is_empty() {
             self.refresh(&mut rungs)?;
         }
+        let LastWord { before, after, held_out, missing, remainder, seen, judged, ended } = self.last_word(&mut rungs, end)?;
+        let (next_test, no_next_test) = self.next_test(started);
+        // What was added is no part of the answer where it leaves most of the question.
+        let of = if judged.remainder.is_some_and(|r| r > self.settings.remainder) { &self.first } else { &self.now };
+        let formula = if judged.verdict == Verdict::Unexplained { self.suggestion(of) } else { None };
+        let system = &self.now.fitted.system;
+        let would = if judged.verdict == Verdict::NothingMissing { detectable(&self.case, system, &visible) } else { vec![] };
+        if rungs.len() > 1
+            && let Some(rung) = rungs.first_mut()
+        {
+            rung.tests.extend(before);
+        }
+        if let Some(rung) = rungs.last_mut() {
+            rung.tests.extend(after);
+        }
+        let result = LadderResult {
+            study: self.case.name.clone(),
+            began_with: vec![],
+            findings: all_findings(&self.case, system)?,
+            rungs,
+            verdict: judged.verdict,
+            proven: judged.proven,
+            why: judged.why,
+            missing,
+            instruments: self.instruments(),
+            corrections: self.corrections(),
+            remainder,
+            model_error: self.scale.model_error(&self.now),
+            scatter: self.scale.scatter(&self.now),
+            noise: self.now.v.kappa.exp(),
+            settings: self.settings.clone(),
+            held_out,
+            unexplained_remainder: seen,
+            unexplained: formula,
+            whitened_rms: (!stopped).then(|| self.scale.evidence.over_noise(&self.now.seen, &self.now.v)),
+            would_have_been_seen: would,
+            next_test,
+            no_next_test,
+            ended,
+            interrupted: stopped,
+            wall_s: started.elapsed().as_secs_f64(),
+            result_study: None,
+        };
+        Ok((result, self.slack.held(system)))
+    }
+
+    /// What the held-out tests say, and the verdict that follows; what they do not bear out at all is withdrawn.
+    fn last_word(&mut self, rungs: &mut Vec<Rung>, end: &End) -> Result<LastWord, DiagnoseError> {
         // Whoever stops it before anything was added has nothing to hold against them, and they stay unseen.
         let unseen = self.monitor.cancelled() && self.added.is_empty();
         let read = |w: &Weighed| if unseen { Ok(vec![]) } else { self.held_out(w) };
@@ -352,57 +399,17 @@ impl Climb<'_> {
             floor: pooled(&before, |t| t.floor),
         };
         let mut held_out = errors(&after);
-        let grounds = self.grounds(word.zip(held_out.before).zip(held_out.after).map(|((w, b), a)| (w, b, a)), stopped);
-        let Judged { verdict, proven, why, remainder, withdrawn } = judged(&grounds, &self.settings);
-        if withdrawn {
+        let heard = word.zip(held_out.before).zip(held_out.after).map(|((w, b), a)| (w, b, a));
+        let grounds = self.grounds(heard, matches!(end, End::Stopped));
+        let judged = judged(&grounds, &self.settings);
+        if judged.withdrawn {
             rungs.push(self.withdraw()?);
             (missing, after) = (vec![], before.clone());
             held_out = errors(&after);
         }
-        let (next_test, no_next_test) = self.next_test(started);
-        // What was added is no part of the answer where it leaves most of the question.
-        let of = if remainder.is_some_and(|r| r > self.settings.remainder) { &self.first } else { &self.now };
-        let formula = if verdict == Verdict::Unexplained { self.suggestion(of) } else { None };
-        let system = &self.now.fitted.system;
-        let would = if verdict == Verdict::NothingMissing { detectable(&self.case, system, &visible) } else { vec![] };
-        if rungs.len() > 1
-            && let Some(rung) = rungs.first_mut()
-        {
-            rung.tests.extend(before);
-        }
-        if let Some(rung) = rungs.last_mut() {
-            rung.tests.extend(after);
-        }
-        let left = word.map_or(grounds.model_error, |w| w.left.1);
-        let result = LadderResult {
-            study: self.case.name.clone(),
-            began_with: vec![],
-            findings: all_findings(&self.case, system)?,
-            rungs,
-            verdict,
-            proven,
-            why,
-            missing,
-            instruments: self.instruments(),
-            corrections: self.corrections(),
-            remainder: left,
-            model_error: self.scale.model_error(&self.now),
-            scatter: self.scale.scatter(&self.now),
-            noise: self.now.v.kappa.exp(),
-            settings: self.settings.clone(),
-            held_out,
-            unexplained_remainder: grounds.seen(left, &self.settings),
-            unexplained: formula,
-            whitened_rms: (!stopped).then(|| self.scale.evidence.over_noise(&self.now.seen, &self.now.v)),
-            would_have_been_seen: would,
-            next_test,
-            no_next_test,
-            ended,
-            interrupted: stopped,
-            wall_s: started.elapsed().as_secs_f64(),
-            result_study: None,
-        };
-        Ok((result, self.slack.held(system)))
+        let remainder = word.map_or(grounds.model_error, |w| w.left.1);
+        let seen = grounds.seen(remainder, &self.settings);
+        Ok(LastWord { before, after, held_out, missing, remainder, seen, judged, ended })
     }
 
     /// What the held-out tests say of the first and of the last model, and of every effect that was added.
@@ -439,52 +446,17 @@ impl Climb<'_> {
     }
 }
 
-impl Scale {
-    /// The model's own error, channel by channel.
-    pub fn model_error(&self, w: &Weighed) -> Vec<OwnError> {
-        let mut list: Vec<(OwnError, f64)> = Vec::new();
-        let plans = self.case.plans_of(SplitName::Fit);
-        for (t, (plan, record)) in plans.iter().zip(&self.evidence.records).enumerate() {
-            for (channel, error) in record.channels.iter().zip(w.v.own_errors(t, record)) {
-                let kind = plan.kind.word();
-                match list.iter_mut().find(|(m, _)| m.kind == kind && m.channel == channel.label) {
-                    Some((m, n)) => (m.relative, *n) = (m.relative + error * error, *n + 1.0),
-                    None => list.push((OwnError { kind: kind.into(), channel: channel.label.clone(), relative: error * error }, 1.0)),
-                }
-            }
-        }
-        list.into_iter().map(|(m, n)| OwnError { relative: (m.relative / n).sqrt(), ..m }).collect()
-    }
-
-    /// What instruments read wrong by a model, beyond what they may err by.
-    pub fn readings(&self, w: &Weighed) -> Vec<Reading> {
-        let plans = self.case.plans_of(SplitName::Fit);
-        let mut list = Vec::new();
-        for ((plan, record), all) in plans.iter().zip(&self.evidence.records).zip(self.evidence.readings(&w.seen, &self.counts, &w.v)) {
-            let beyond = record.instruments.of.iter().zip(all).filter(|(_, x)| x.abs() > self.settings.telling.finding);
-            list.extend(beyond.map(|(&(block, what, std), x)| Reading::new(&plan.id, &plan.blocks[block].label, what, x * std, x)));
-        }
-        list
-    }
-
-    /// How much each strength differs from test to test, in tests of every kind; none in one test.
-    pub fn scatter(&self, w: &Weighed) -> Vec<ScatterOf> {
-        if self.evidence.records.len() < 2 {
-            return vec![];
-        }
-        let system = &w.fitted.system;
-        let mut kinds: Vec<&Record> = vec![];
-        for record in &self.evidence.records {
-            if kinds.iter().all(|k| k.kind != record.kind) {
-                kinds.push(record);
-            }
-        }
-        let free = w.fitted.free.iter().filter(|f| scatters(system, f));
-        let of = |f: &FreeParam, of: &Record| ScatterOf {
-            parameter: f.name.clone(),
-            kind: of.kind.word().into(),
-            relative: w.v.scatter(of).exp(),
-        };
-        free.flat_map(|f| kinds.iter().map(move |k| of(f, k))).collect()
-    }
+/// What the held-out tests say of a climb.
+struct LastWord {
+    /// Held-out tests with the first and with the last model.
+    before: Vec<TestResult>,
+    after: Vec<TestResult>,
+    held_out: HeldOut,
+    missing: Vec<Missing>,
+    /// Model error that is left, and whether it is seen beside the noise.
+    remainder: f64,
+    seen: bool,
+    judged: Judged,
+    /// Why the climb ended, in words.
+    ended: String,
 }

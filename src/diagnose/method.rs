@@ -23,6 +23,10 @@ pub struct Fitting {
     pub coarse: f64,
     /// Root mean square of the whitened residuals from which intervals do not hold.
     pub misses: f64,
+    /// Root mean square of the whitened residuals of a test below which its sigma is told to be too large: noise leaves 1...
+    pub too_quiet: f64,
+    /// ...of so many residuals for each free parameter: few are fitted closely.
+    pub per_parameter: usize,
     /// A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
     /// any more: the data do not hold it, or they contradict the model.
     pub ran_away: f64,
@@ -123,6 +127,8 @@ impl Default for Fitting {
             worth_no_step: 1e-5,
             coarse: 1e-5,
             misses: 1.5,
+            too_quiet: 0.5,
+            per_parameter: 10,
             ran_away: 1e9,
             known: 100.0,
         }

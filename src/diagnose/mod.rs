@@ -15,6 +15,7 @@ mod held_out;
 mod horizon;
 mod kin;
 mod ladder;
+mod left;
 mod listed;
 mod loosened;
 mod map;

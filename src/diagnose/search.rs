@@ -135,22 +135,15 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
     let (stood, mut reasons) = Survivors { held: &held, refits: &refits }.weighed(cut);
-    let single = stood.iter().filter(|s| s.admissible && a.need.is_none()).max_by(|a, b| a.gain.total_cmp(&b.gain));
-    let mut taken = None;
-    if let Some(s) = single {
-        let better = scale.better(s.gain, &s.weighed, base, a.monitor);
-        if let Some(turns) = better.turns {
-            let of = |r: &Refit| names[r.candidate] == s.name;
-            refits.iter().zip(&mut reasons).filter(|(r, _)| of(r)).for_each(|(_, w)| *w = Reason::InTurn { nats: s.gain, turns });
-        }
-        taken = better.yes.then(|| Move { names: vec![s.name.clone()], weighed: s.weighed.clone(), gain: s.gain });
-    }
+    let mut because = |of: &[Name], reason: Reason| {
+        refits.iter().zip(&mut reasons).filter(|(r, _)| of.contains(&names[r.candidate])).for_each(|(_, w)| *w = reason.clone());
+    };
+    let mut taken = alone(a, &stood, &mut because);
     // That none gains alone is not known of a race that was cut.
     if taken.is_none() && a.need.is_none() && !cut {
         taken = in_pairs(a, &stood, &bench, price.physics, picks::pair(&hopeful, &scores.selected, &names, &trials, bench.race()));
         if let Some(pair) = &taken {
-            let of = |r: &Refit| pair.names.contains(&names[r.candidate]);
-            refits.iter().zip(&mut reasons).filter(|(r, _)| of(r)).for_each(|(_, w)| *w = Reason::InPair { nats: pair.gain });
+            because(&pair.names, Reason::InPair { nats: pair.gain });
         }
     }
     let listed = Listed { names: &names, trials: &trials, selected: &scores.selected, error: error_of(scale, base) };
@@ -158,6 +151,16 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let (candidates, second_opinion) = listed.all(&raced, &best, scale, &price);
     let visible = visible(&scores.list, &names, &trials);
     Ok(Step { candidates, second_opinion, stood, taken, effort, visible, tried: price.all, cut })
+}
+
+/// The candidate that gains most by itself, if the fitted tests in turn bear it out where it gains little.
+fn alone(a: &Against, stood: &[Stood], because: &mut impl FnMut(&[Name], Reason)) -> Option<Move> {
+    let best = stood.iter().filter(|s| s.admissible && a.need.is_none()).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+    let (names, better) = (vec![best.name.clone()], a.scale.better(best.gain, &best.weighed, a.base, a.monitor));
+    if let Some(turns) = better.turns {
+        because(&names, Reason::InTurn { nats: best.gain, turns });
+    }
+    better.yes.then(|| Move { names, weighed: best.weighed.clone(), gain: best.gain })
 }
 
 /// Every candidate with its score.

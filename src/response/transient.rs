@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::data::{Control, TimeRecord};
+use crate::data::{Control, TimeRecord, quietest};
 use crate::effect::Moment;
 use crate::engine::march::{Loads, March, Probe, State};
 use crate::engine::{EngineError, equilibrium};
@@ -75,7 +75,11 @@ impl TransientPlan {
             let start = plan.measured.len();
             let sigma = c.sigma.unwrap_or_else(|| sample_noise(&c.values));
             if c.sigma.is_none() {
-                plan.notes.push(format!("{}: sigma {sigma:.3e} from the scatter between neighbouring samples", c.label()));
+                plan.notes.push(format!(
+                    "{}: sigma {} from the scatter between neighbouring samples and the quietest band of the spectrum",
+                    c.label(),
+                    c.unit.print_difference(sigma)
+                ));
             }
             let pick = |which: usize| if driven_motion { samples.iter().map(|s| s[which]).collect() } else { vec![] };
             let block = Block {
@@ -374,12 +378,13 @@ fn quintic(a: [f64; 3], b: [f64; 3], dt: f64, t: f64) -> [f64; 3] {
     ]
 }
 
-/// Standard deviation of white noise on a smooth signal, from third differences (variance factor 20) and their median, which jumps do
-/// not move.
+/// Standard deviation of white noise on a signal: from third differences (variance factor 20) and their median, which jumps do not move, where the signal is
+/// smooth from sample to sample; where it is not, they are the signal's, and the quietest band of the spectrum holds less ([`quietest`]).
 pub(super) fn sample_noise(values: &[f64]) -> f64 {
     let mut d: Vec<f64> = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).collect();
     d.sort_by(f64::total_cmp);
     let range = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let median = d.get(d.len() / 2).copied().unwrap_or(0.0);
-    (median / 0.6745 / 20f64.sqrt()).max(1e-6 * range).max(f64::MIN_POSITIVE)
+    let smooth = median / 0.6745 / 20f64.sqrt();
+    quietest(values).map_or(smooth, |band| band.min(smooth)).max(1e-6 * range).max(f64::MIN_POSITIVE)
 }

@@ -58,3 +58,17 @@ fn a_velocity_that_was_low_passed_is_not_used() {
     let error = rms(middle.clone().map(|k| derived.acceleration[k] - expected[k])) / rms(middle.map(|k| expected[k]));
     assert!(error < 0.15, "{error}");
 }
+
+/// White noise on a sine of seven samples a period, where third differences are the sine's: the quietest band knows it. A low-pass against aliasing at the top of
+/// the band, where it has taken the noise away, is not taken for quiet.
+#[test]
+fn the_quietest_band_knows_the_noise_of_a_coarse_record() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let sigma = 0.01;
+    let values: Vec<f64> = (0..4000).map(|k| (f64::from(k) * 0.9).sin() + sigma * 12f64.sqrt() * (rng.random::<f64>() - 0.5)).collect();
+    let seen = quietest(&values).unwrap();
+    assert!((0.85..1.05).contains(&(seen / sigma)), "{seen}");
+    let smoothed: Vec<f64> = values.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
+    assert!(quietest(&smoothed).unwrap() > 0.3 * sigma);
+    assert_eq!(quietest(&values[..200]), None);
+}
