@@ -126,11 +126,14 @@ pub(super) fn suggestion(u: &Unexplained) -> String {
 }
 
 /// A verdict in a sentence.
-pub(super) fn sentence(verdict: Verdict, missing: &[(&str, &str)]) -> String {
+pub(super) fn sentence(verdict: Verdict, proven: bool, missing: &[(&str, &str)]) -> String {
     let names: Vec<String> = missing.iter().map(|(effect, at)| format!("{effect} at {at}")).collect();
     match verdict {
         Verdict::Missing => format!("Missing: {}.", names.join(", ")),
         Verdict::NothingMissing => "Nothing is missing: no effect explains more of what is left than it costs.".into(),
+        Verdict::Unexplained if proven && !names.is_empty() => {
+            format!("Missing in part: {}. The rest of the misfit is unexplained: no effect of the library takes it away.", names.join(", "))
+        }
         Verdict::Unexplained if !names.is_empty() => {
             format!(
                 "Unexplained: {} {} a part of the misfit away on the fitted tests, and that is not the answer.",
@@ -160,7 +163,7 @@ fn told(d: &Diagnosis, study: &str) -> String {
         text += &format!("Second opinion: {remark}.\n");
     }
     let missing: Vec<(&str, &str)> = d.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
-    text += &sentence(d.verdict, &missing);
+    text += &sentence(d.verdict, false, &missing);
     text += "\n";
     if let Some(u) = &d.unexplained {
         text += &suggestion(u);

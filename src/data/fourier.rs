@@ -15,11 +15,11 @@ pub struct FourierInput {
 
 impl FourierInput {
     /// Fits n equidistant phases; keeps the fundamental and the harmonics whose amplitude exceeds 4 standard deviations of a coefficient,
-    /// sigma_mean sqrt(2 / n).
-    pub fn fit(phase: &[f64], values: &[f64], sigma_mean: f64, omega: f64) -> Self {
+    /// `sigma(k) sqrt(2 / n)`, sigma(k) that of a point by what the noise has at harmonic k: of noise that is correlated along the cycle the low harmonics hold several
+    /// times as much as if it were white, and a mass multiplies them by k^2.
+    pub fn fit(phase: &[f64], values: &[f64], sigma: impl Fn(usize) -> f64, omega: f64) -> Self {
         let n = values.len().min(phase.len());
         let mean = values.iter().take(n).sum::<f64>() / n.max(1) as f64;
-        let threshold = 4.0 * sigma_mean * (2.0 / n.max(1) as f64).sqrt();
         let (mut cos, mut sin) = (Vec::new(), Vec::new());
         for k in 1..=n.saturating_sub(1) / 2 {
             let (mut a, mut b) = (0.0, 0.0);
@@ -29,7 +29,7 @@ impl FourierInput {
                 b += v * s;
             }
             let (a, b) = (2.0 * a / n as f64, 2.0 * b / n as f64);
-            let keep = k == 1 || a.hypot(b) > threshold;
+            let keep = k == 1 || a.hypot(b) > 4.0 * sigma(k) * (2.0 / n.max(1) as f64).sqrt();
             cos.push(if keep { a } else { 0.0 });
             sin.push(if keep { b } else { 0.0 });
         }

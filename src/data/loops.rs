@@ -84,6 +84,15 @@ pub struct LoopChannel {
     pub scatter: Vec<f64>,
 }
 
+impl LoopChannel {
+    /// Standard deviation of a point of the mean cycle by what its noise has at harmonic k: that over all harmonics, or more where the scatter between cycles has
+    /// more there.
+    pub fn sigma_at(&self, k: usize) -> f64 {
+        let seen = self.scatter.get(k.min(self.scatter.len().saturating_sub(1))).map_or(0.0, |v| v.sqrt());
+        seen.max(self.sigma_mean)
+    }
+}
+
 /// Something done to the data, or found in them, that the reader should know.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Note {
@@ -194,7 +203,7 @@ pub(super) fn settle(record: &TimeRecord) -> Result<SettledLoop, LoopError> {
     let phase = (0..grid.n).map(|j| (theta[(j + turn) % grid.n] + shift).rem_euclid(TAU)).collect::<Vec<_>>();
     channels.iter_mut().for_each(|c| c.mean.rotate_left(turn));
 
-    let input = FourierInput::fit(&phase, &channels[controlled].mean, channels[controlled].sigma_mean, TAU * grid.frequency);
+    let input = FourierInput::fit(&phase, &channels[controlled].mean, |k| channels[controlled].sigma_at(k), TAU * grid.frequency);
     let first = (grid.n - turn) % grid.n.max(1);
     let (frequency, n, cycles, left_out) = (grid.frequency, grid.n, grid.cycles, grid.before);
     Ok(SettledLoop { frequency, n, cycles, phase, first, left_out, channels, controlled, input, recorded, unsettled, notes })

@@ -92,7 +92,7 @@ impl<'a> HeldOutTests<'a> {
     pub fn look<'w>(&self, w: &'w Weighed) -> Option<Look<'w>> {
         let (seen, values) = self.see(&w.fitted.system)?;
         let v = Variances { kappa: self.kappa, ..w.v.carried(self.fitted, &self.evidence) };
-        let density = self.evidence.likelihood(&seen, &self.counts, &v) - self.evidence.prior(&self.counts, &v);
+        let density = self.evidence.predictive(&seen, &self.counts, &v);
         density.is_finite().then_some(Look { of: w, seen, values, density })
     }
 

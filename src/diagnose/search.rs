@@ -243,9 +243,9 @@ impl<'a> Price<'a> {
         Price { against, names, squares, physics, all }
     }
 
-    /// What was tried where this candidate was.
+    /// What was tried where this candidate was. A fault of an instrument counts as more choices, by the odds against it before any test is read.
     pub fn tried(&self, candidate: usize) -> f64 {
-        if role(&self.names[candidate]) == Some(Role::Channel) { self.all } else { self.physics }
+        if role(&self.names[candidate]) == Some(Role::Channel) { self.all * self.against.scale.settings.fault_odds } else { self.physics }
     }
 
     pub fn price(&self, candidate: usize) -> f64 {

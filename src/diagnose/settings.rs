@@ -98,6 +98,9 @@ pub struct Settings {
     pub correction_least: f64,
     /// The same in standard deviations.
     pub correction_sure: f64,
+    /// Odds, before any test is read, that what a model lacks is physics and no fault of an instrument: of studies that miss something one in twenty has an
+    /// instrument at fault. Where few tests speak, physics and the gain of one test are worth the same within a nat.
+    pub fault_odds: f64,
     /// Part of a channel's rms that a gain of one test must move: less is scatter between tests.
     pub fault_gain: f64,
     /// The same of other faults of a channel.
@@ -141,7 +144,7 @@ pub struct Stated {
 }
 
 /// Every constant that a study may state.
-pub const STATED: [Stated; 17] = [
+pub const STATED: [Stated; 18] = [
     Stated { key: "model_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.model_error_least },
     Stated { key: "frf_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.frf_error_least },
     Stated { key: "model_error_spread", range: (1e-3, 5.0), field: |s| &mut s.evidence.model_error_spread },
@@ -157,6 +160,7 @@ pub const STATED: [Stated; 17] = [
     Stated { key: "held_out_nats", range: (0.0, 50.0), field: |s| &mut s.held_out_nats },
     Stated { key: "held_out_fall", range: (0.0, 0.9), field: |s| &mut s.held_out_fall },
     Stated { key: "remainder", range: (0.0, 1.0), field: |s| &mut s.remainder },
+    Stated { key: "fault_odds", range: (1.0, 1e6), field: |s| &mut s.fault_odds },
     Stated { key: "fault_gain", range: (0.0, 1.0), field: |s| &mut s.fault_gain },
     Stated { key: "fault_least", range: (0.0, 1.0), field: |s| &mut s.fault_least },
 ];
@@ -215,6 +219,7 @@ impl Default for Settings {
             slack_softer: 3.0,
             correction_least: 0.01,
             correction_sure: 2.5,
+            fault_odds: 20.0,
             fault_gain: 0.03,
             fault_least: 0.01,
             fault_over: 3.0,

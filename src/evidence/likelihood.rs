@@ -166,6 +166,30 @@ impl Evidence {
 }
 
 impl Evidence {
+    /// Logarithm of the density of tests that a model was not fitted to, its variances those of the tests it was: the sum over tests of
+    /// `ln of the integral of l_z(v, g) N(g; 0, s^2) dg`, where in such a test the model errs by `e^g` times what it errs by on average: laws fail unevenly, and
+    /// a model that foretold a test within twice its error would be held to have failed by hundreds of nats. On the grid of the own errors.
+    pub fn predictive(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> f64 {
+        let s = &self.settings;
+        let of = |(t, (record, seen)): (usize, (&Record, &Seen))| {
+            let (x, shared) = (column(&seen.r), record.shared(seen, v.scatter(record)));
+            let mut at = v.clone();
+            let mut density = |g: f64| {
+                at.own[t] = v.own[t].iter().map(|own| own + g).collect();
+                let parts = record.parts(v.kappa, &at.own_errors(t, record));
+                let fitted = of_parts(&x, &shared, &parts, &counts.z[t]);
+                fitted.map_or(f64::NEG_INFINITY, |(inner, ld)| -0.5 * (ld + inner[(0, 0)] + (g / s.model_error_spread).powi(2)))
+            };
+            let all: Vec<f64> = s.own_grid().map(&mut density).collect();
+            let weight: f64 = s.own_grid().map(|g| (-0.5 * (g / s.model_error_spread).powi(2)).exp()).sum();
+            let most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            if most.is_finite() { most + (all.iter().map(|l| (l - most).exp()).sum::<f64>() / weight).ln() } else { most }
+        };
+        self.records.iter().zip(seen).enumerate().map(of).sum()
+    }
+}
+
+impl Evidence {
     /// `r'V^-1 r` over all tests.
     pub fn squares(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> f64 {
         let of = |t: usize| {

@@ -69,6 +69,12 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Logarithms of a channel's own model error over the common one that are tried.
+    pub(super) fn own_grid(&self) -> impl Iterator<Item = f64> {
+        let (reach, points) = (self.own_reach, self.own_points);
+        (0..points).map(move |k| reach * (2.0 * k as f64 / (points - 1) as f64 - 1.0))
+    }
+
     /// Least error of any channel.
     pub fn least(&self) -> f64 {
         self.model_error_least.min(self.frf_error_least)

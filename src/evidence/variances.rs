@@ -232,8 +232,7 @@ impl Evidence {
                     };
                     lots.iter().filter(|(lot, _)| lot.channel == b).map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
                 };
-                let grid = (0..s.own_points).map(|k| s.own_reach * (2.0 * k as f64 / (s.own_points - 1) as f64 - 1.0));
-                let costs: Vec<(f64, f64)> = grid.map(|g| (g, cost(g))).collect();
+                let costs: Vec<(f64, f64)> = s.own_grid().map(|g| (g, cost(g))).collect();
                 v.own[t][b] = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |c| c.0);
             }
         }

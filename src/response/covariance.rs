@@ -291,7 +291,7 @@ fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64) -> Vec<(Misre
             let sigma = &plan.sigma[block.range.clone()];
             // Over a period of 1, so that the derivative is per period.
             let noise = sigma.iter().sum::<f64>() / sigma.len().max(1) as f64;
-            let wave = FourierInput::fit(&block.abscissa, signal, noise, std::f64::consts::TAU);
+            let wave = FourierInput::fit(&block.abscissa, signal, |_| noise, std::f64::consts::TAU);
             let late = delayed(plan.cycle_drive().map_or(1.0, |d| d.frequency));
             let delay = block.abscissa.iter().map(|p| -late * wave.at_phase(*p).1).collect();
             let bent = |power: i32| signal.iter().map(|v| by.linearity * peak * (v / peak).powi(power)).collect::<Vec<f64>>();

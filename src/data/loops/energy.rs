@@ -50,7 +50,7 @@ const MIDDLE: f64 = 0.6;
 
 /// Fourier coefficients of a channel that stand out of its noise: (harmonic, cos, sin, variance of each).
 pub(super) fn series(l: &SettledLoop, c: &LoopChannel) -> (f64, Vec<[f64; 4]>) {
-    let fit = FourierInput::fit(&l.phase, &c.mean, c.sigma_mean, TAU * l.frequency);
+    let fit = FourierInput::fit(&l.phase, &c.mean, |k| c.sigma_at(k), TAU * l.frequency);
     let kept = fit.cos.iter().zip(&fit.sin).enumerate().filter(|(_, (a, b))| **a != 0.0 || **b != 0.0);
     (fit.mean, kept.map(|(k, (a, b))| [(k + 1) as f64, *a, *b, variance(l, c, k + 1)]).collect())
 }

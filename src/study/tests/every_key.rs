@@ -153,6 +153,7 @@ tie = 2
 held_out_nats = 2
 held_out_fall = 0.05
 remainder = 0.5
+fault_odds = 10
 fault_gain = 0.05
 fault_least = 0.02
 [[body]]
@@ -347,6 +348,7 @@ pub const OPTIONAL: &[&str] = &[
     "search.held_out_nats",
     "search.held_out_fall",
     "search.remainder",
+    "search.fault_odds",
     "search.fault_gain",
     "search.fault_least",
     "body.mass",
