@@ -79,6 +79,8 @@ class FitResult(msgspec.Struct, kw_only=True):
     """Notes on data and fit."""
     parameters: list[ParameterResult]
     """Free parameters."""
+    readings: list[Reading]
+    """What instruments read wrong by this model, beyond what they may err by."""
     scatter: list[ScatterOf]
     """How much strengths differ from test to test."""
     study: str
@@ -164,6 +166,21 @@ class ParameterResult(msgspec.Struct, kw_only=True):
     """SI unit."""
     value: float | None
     """Value [SI]."""
+
+
+class Reading(msgspec.Struct, kw_only=True):
+    """What an instrument reads wrong by a model, beyond what it may err by."""
+    channel: str
+    """`force at c1.x`."""
+    deviations: float | None
+    """The same in standard deviations of what the instrument may err by."""
+    misreading: str
+    """gain, offset, delay, bend, jump."""
+    part: float | None
+    """How much, most likely: gain relative, offset in parts of the amplitude, delay in parts of the period (of the shortest one of an FRF),
+    bend in parts of the largest reading, jump in parts of it. Above 0 it reads less, or later."""
+    test: str
+    """Test."""
 
 
 class ScatterOf(msgspec.Struct, kw_only=True):
@@ -525,6 +542,8 @@ class Fit(Run, kw_only=True, dict=True):
     """Free parameters."""
     profiles: list[Any] | None = None
     """Profile likelihoods, where asked for."""
+    readings: list[Reading]
+    """What instruments read wrong by this model, beyond what they may err by."""
     run: str
     """Folder of the run."""
     scatter: list[ScatterOf]
@@ -584,9 +603,13 @@ class Fitting(msgspec.Struct, kw_only=True):
     """What a parameter may be off from its start for one unit of the approach's prior, as part of it or, of a logarithm, in the logarithm."""
     near_enough: float | None
     """Relative change of the cost at which the approach ends..."""
+    per_parameter: int
+    """...of so many residuals for each free parameter: few are fitted closely."""
     ran_away: float | None
     """A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
     any more: the data do not hold it, or they contradict the model."""
+    too_quiet: float | None
+    """Root mean square of the whitened residuals of a test below which its sigma is told to be too large: noise leaves 1..."""
     worth_no_step: float | None
     """Fall of the cost that is worth no step: residuals are in units of their noise, so that it moves no parameter by more than `sqrt(2e-5)`,
     half a hundredth, of its standard deviation."""
@@ -759,13 +782,17 @@ class Rung(msgspec.Struct, kw_only=True):
     candidates: list[Candidate]
     """Candidates weighed on top of this rung."""
     cost: float | None
-    """Cost after the refit."""
+    """Cost after the refit, under the variances of this rung's own model: that of another rung counts in other units."""
     effects: list[EffectAt]
     """Effects of the model."""
     effort: Effort
     """What weighing them took."""
+    nats: float | None
+    """Nats that it gained on the rung before beyond its price; none where it came in exchange for another."""
     parameters: list[ParameterResult]
     """Parameters after the refit."""
+    readings: list[Reading]
+    """What instruments read wrong by this model, beyond what they may err by."""
     removed: list[EffectAt]
     """Effects pruned."""
     second_opinion: SecondOpinion
@@ -842,6 +869,9 @@ class Settings(msgspec.Struct, kw_only=True):
     """Part of a channel's rms that a gain of one test must move: less is scatter between tests."""
     fault_least: float | None
     """The same of other faults of a channel."""
+    fault_odds: float | None
+    """Odds, before any test is read, that what a model lacks is physics and no fault of an instrument: of studies that miss something one in
+    twenty has an instrument at fault. Where few tests speak, physics and the gain of one test are worth the same within a nat."""
     fault_over: float | None
     """Times the model's own error in a test that a fault must move it: physics first."""
     fault_tests: int

@@ -36,7 +36,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let value = fit::json(&result, &folder)?;
     folder.result(&value)?;
     let text = told(&result) + &format!("The study with these effects and values: {}\n", folder.path.display());
-    Ok(Outcome { json: value, text, code: if session.interrupted() { INTERRUPTED } else { 0 } })
+    Ok(Outcome { json: value, text, code: if result.interrupted { INTERRUPTED } else { 0 } })
 }
 
 fn told(result: &LadderResult) -> String {

@@ -76,3 +76,20 @@ impl FourierInput {
         self.at_phase(self.omega * t).2
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A harmonic is kept where it stands out of what the noise has there: of coloured noise the second and third harmonic hold as much as a motion might.
+    #[test]
+    fn what_is_kept_stands_out_of_the_noise_at_its_own_harmonic() {
+        let n = 200;
+        let phase: Vec<f64> = (0..n).map(|k| TAU * f64::from(k) / 200.0).collect();
+        let x: Vec<f64> = phase.iter().map(|p| p.sin() + 0.004 * (2.0 * p).cos() + 0.004 * (9.0 * p).sin()).collect();
+        let white = FourierInput::fit(&phase, &x, |_| 0.004, 1.0);
+        assert!(white.cos[1] != 0.0 && white.harmonics() == 9);
+        let coloured = FourierInput::fit(&phase, &x, |k| if k < 5 { 0.02 } else { 0.004 }, 1.0);
+        assert!(coloured.cos[1] == 0.0 && coloured.harmonics() == 9 && (coloured.sin[0] - 1.0).abs() < 1e-12);
+    }
+}

@@ -10,7 +10,7 @@ use crate::identify::{
     self, Constraints, FitOptions, FitOutcome, IdentifyError, Loss, LossBlock, Measure, Monitor, Prior, Termination, Uncertainty,
     UncertaintyOptions,
 };
-use crate::model::{FreeParam, ModelError, ParamValue, Site, System, Target};
+use crate::model::{FreeParam, Instance, ModelError, ParamValue, Site, System, Target};
 use crate::parallel;
 use crate::residual::{Memo, Problem};
 use crate::response::Plan;
@@ -72,6 +72,8 @@ pub struct Case {
     pub memo: Option<Arc<Memo>>,
     /// What deviates in its system of what the study ties or fixes.
     pub deviations: Slack,
+    /// Effects that an earlier ladder has found, which goes on with them as its own.
+    pub found: Vec<Instance>,
 }
 
 /// A fitted case.

@@ -10,7 +10,7 @@ use super::case::{Case, Fitted, begin};
 use super::fault::of_channel;
 use super::horizon;
 use super::loosened::{Beside, Offer};
-use super::results::Rung;
+use super::results::{EffectAt, Rung};
 use super::search::{Against, Move, Step, Stood, step};
 use super::settings::Settings;
 use super::slack::{self, Slack};
@@ -126,6 +126,21 @@ impl<'a> Climb<'a> {
             tried: 1.0,
             turned: vec![],
         })
+    }
+
+    /// Stands again where an earlier ladder has ended: what it had found, fitted once more beside the study's own model.
+    pub fn take_up(&mut self, start: &System, found: &[Instance]) -> Result<Rung, DiagnoseError> {
+        let mut system = self.now.fitted.system.clone();
+        for (now, left) in system.instances.iter_mut().zip(&start.instances) {
+            now.params.iter_mut().zip(&left.params).for_each(|(now, left)| now.value = left.value);
+        }
+        system.instances.extend(found.iter().cloned());
+        self.now = self.scale.weigh(&system, &self.now.v, self.monitor).map_err(DiagnoseError::start_fails)?;
+        let name = |i: &Instance| Name { effect: i.effect.info().name, at: i.at.clone(), of: None };
+        self.added.extend(found.iter().map(|i| Added::new(name(i))));
+        self.forget();
+        let last = found.last().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() });
+        self.rung(last, vec![])
     }
 
     /// Gives slack to what the study ties or fixes where that gains more than what a step has found. Whether it did.

@@ -163,6 +163,9 @@ pub fn ladder_keeping(
     let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
     climb.turned = turned;
     let mut rungs = vec![climb.rung(None, vec![])?];
+    if !case.found.is_empty() {
+        rungs.push(climb.take_up(&case.system, &case.found)?);
+    }
     let mut visible = Vec::new();
     let end = loop {
         if trace::stopped(monitor) {

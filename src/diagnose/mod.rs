@@ -62,7 +62,7 @@ pub use proposals::Proposals;
 pub use race::Race;
 pub use reason::{Fault, Reason};
 pub use settings::{STATED, Settings, Stated};
-pub use slack::Slack;
+pub use slack::{Slack, deviates};
 pub use unexplained::{Missed, Unexplained};
 
 /// What tests of whole studies look into.

@@ -28,6 +28,7 @@ impl Case {
             worth: None,
             memo: None,
             deviations: Slack::default(),
+            found: vec![],
         }
     }
 

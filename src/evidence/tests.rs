@@ -404,3 +404,23 @@ fn a_reading_beyond_tolerance_is_told_in_its_standard_deviations() {
     assert!((read[0][0] - 4.0 * part).abs() < 0.05, "{read:?}, {part}");
     assert!(read[1][0].abs() < 1e-9);
 }
+
+/// A test that was foretold within twice the error of the fitted ones tells little against a model; under that error alone it would refute it by a hundred nats.
+/// Where the error is as on the fitted ones the two say the same, but for what the spread of errors costs.
+#[test]
+fn a_held_out_test_allows_for_how_unevenly_models_err() {
+    let e = evidence(1);
+    let counts = e.independent();
+    let v = Variances { kappa: 0.0, tau: 0.01f64.ln(), omega: e.settings.no_scatter, apart: Default::default(), own: vec![vec![0.0]] };
+    let erring = |by: f64| {
+        let r = DVector::from_fn(81, |i, _| by / 9.0 * if i % 2 == 0 { 1.0 } else { -1.0 });
+        let none = DMatrix::zeros(81, 0);
+        vec![Seen { r, strengths: none.clone(), bends: none.clone(), j: none }]
+    };
+    let plug = |seen: &[Seen]| e.likelihood(seen, &counts, &v) - e.prior(&counts, &v);
+    // Error of 1 % beside noise of 1 %.
+    let (as_fitted, thrice) = (erring(0.01 * 2f64.sqrt()), erring(0.03 * 2f64.sqrt()));
+    assert!((e.predictive(&as_fitted, &counts, &v) - plug(&as_fitted)).abs() < 4.0);
+    assert!(plug(&as_fitted) - plug(&thrice) > 300.0);
+    assert!(e.predictive(&as_fitted, &counts, &v) - e.predictive(&thrice, &counts, &v) < 120.0);
+}

@@ -6,7 +6,7 @@ use crate::data::toml_strict::TomlFile;
 use crate::diagnose::results::{EffectAt, LadderResult};
 use crate::diagnose::{self, Case};
 use crate::identify::Monitor;
-use crate::model::System;
+use crate::model::{Instance, System};
 use crate::study::run::RunFolder;
 use crate::study::{Study, StudyError};
 
@@ -30,7 +30,20 @@ pub fn gone_on(study: &Study, case: &Case, run: &Path) -> Result<Case, Failure> 
         let message = "no rung of an earlier ladder is kept here";
         return Err(Failure::new("study", run.display().to_string(), message, "the folder of a `ladder` that had added an effect"));
     };
-    Ok(Case { system: model(study, &file)?, ..case.clone() })
+    let left = model(study, &file)?;
+    let found: Vec<Instance> = left.beyond(&study.system).into_iter().filter(|i| !diagnose::deviates(i.effect)).cloned().collect();
+    // Laws that act on others know these by their place in the model: with them it is begun with as a whole.
+    let own = study.system.instances.len();
+    if found.iter().any(|i| i.target.is_some()) {
+        return Ok(Case { system: left, ..case.clone() });
+    }
+    let is = |i: &Instance| found.iter().any(|f| (f.name(), &f.at) == (i.name(), &i.at));
+    let mut system = left.clone();
+    for k in (own..left.instances.len()).rev().filter(|k| is(&left.instances[*k])) {
+        let Some(less) = system.without(k) else { return Ok(Case { system: left, ..case.clone() }) };
+        system = less;
+    }
+    Ok(Case { system, found, ..case.clone() })
 }
 
 /// Climbs from the model of `case`, and writes study, residuals and report into the folder. What is there at a rung is kept as soon as it stands.
@@ -44,7 +57,7 @@ pub fn ladder(
     monitor: &Monitor,
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<(LadderResult, System), Failure> {
-    let began = case.system.beyond(&study.system);
+    let began: Vec<&Instance> = case.system.beyond(&study.system).into_iter().chain(&case.found).collect();
     let began_with: Vec<EffectAt> = began.iter().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() }).collect();
     let keep = |system: &System| {
         if let Err(e) = folder.rung(study, system) {
@@ -53,7 +66,9 @@ pub fn ladder(
     };
     say("first fit");
     if !began.is_empty() {
-        keep(&case.system);
+        let mut system = case.system.clone();
+        system.instances.extend(case.found.iter().cloned());
+        keep(&system);
     }
     let (mut result, system) = diagnose::ladder_keeping(case, monitor, &|step: &str| say(step), &keep)?;
     result.began_with = began_with;

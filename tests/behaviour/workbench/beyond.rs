@@ -203,7 +203,7 @@ fn a_ladder_killed_on_the_command_line_goes_on_there_and_on_the_page() {
     let killed = killed_ladder(&rig);
     let name = killed.file_name().unwrap().to_str().unwrap().to_string();
     let had = |result: &Value| (result["began_with"].clone(), result["missing"].as_array().unwrap().len(), result["verdict"].clone());
-    let wanted = (json!([{ "effect": "coulomb", "at": "c1.x" }]), 0, json!("nothing_missing"));
+    let wanted = (json!([{ "effect": "coulomb", "at": "c1.x" }]), 1, json!("missing"));
     let run = killed.display().to_string();
     let second = rig.path("second");
     let of_verb = rig.json("ladder", &["--resume", &run, "--out", &second.display().to_string()]);
