@@ -178,7 +178,7 @@ class Reading(msgspec.Struct, kw_only=True):
     """gain, offset, delay, bend, jump."""
     part: float | None
     """How much, most likely: gain relative, offset in parts of the amplitude, delay in parts of the period (of the shortest one of an FRF),
-    bend in parts of the largest reading, jump in parts of it. Above 0 it reads less, or later."""
+    bend in parts of the largest reading, jump in parts of it. Above 0 it reads less, or late."""
     test: str
     """Test."""
 

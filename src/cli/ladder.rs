@@ -112,6 +112,9 @@ fn told(result: &LadderResult) -> String {
             percent(floor),
             significant(after / floor, 3)
         );
+        if result.verdict == Verdict::NothingMissing && after > result.settings.fitting.misses * floor {
+            text += "It stands above the noise by strengths that differ from test to test, and by what instruments may err by: within these nothing is missing.\n";
+        }
     }
     if let Some(next) = &result.next_test {
         text += &format!("A test that would separate the tied: {}\n", next.describe);

@@ -229,13 +229,19 @@ fn windowed_power(values: &[f64]) -> Option<Vec<f64>> {
 /// Bands into which the spectrum of a record is cut to find the quietest...
 const QUIET: usize = 16;
 /// ...the lines that each of them holds at least...
-const LINES: usize = 8;
+const LINES: usize = 24;
 /// ...and the part of the band above which the filter against aliasing has taken the noise away (a sampling rate of 2.56 times the highest frequency).
 const PASSES: f64 = 2.0 / 2.56;
 
+/// Standard deviations of a band's level by which the quietest is below what it would be of white noise...
+const CLEARLY: f64 = 4.0;
+/// ...and lines of a Hann window that are one independent line.
+const ALIKE: f64 = 1.94;
+
 /// Standard deviation of the noise of a sample, were it white and the quietest band of the record's spectrum nothing else: the median of that band's lines,
-/// exponentially distributed, over what the Hann window leaves of a variance of 1, `3 n / 8`. None of records too short for bands.
-pub fn quietest(values: &[f64]) -> Option<f64> {
+/// exponentially distributed, over what the Hann window leaves of a variance of 1, `3 n / 8`. None of records too short for bands, and where the quietest of so many bands
+/// is no quieter than that of white noise of `smooth` may be by chance: the median of L independent lines is known to `1 / (ln 2 sqrt(L))` of itself.
+pub fn quietest(values: &[f64], smooth: f64) -> Option<f64> {
     if values.len() < 2 * QUIET * LINES {
         return None;
     }
@@ -246,8 +252,10 @@ pub fn quietest(values: &[f64]) -> Option<f64> {
         lines.sort_by(f64::total_cmp);
         lines[lines.len() / 2] / std::f64::consts::LN_2
     };
-    let least = power[1..passed].chunks_exact(power.len() / QUIET).map(level).fold(f64::INFINITY, f64::min);
-    Some((least / (0.375 * values.len() as f64)).sqrt())
+    let lines = power.len() / QUIET;
+    let least = power[1..passed].chunks_exact(lines).map(level).fold(f64::INFINITY, f64::min) / (0.375 * values.len() as f64);
+    let chance = (ALIKE / lines as f64).sqrt() / std::f64::consts::LN_2;
+    (least * (1.0 + CLEARLY * chance) < smooth * smooth).then(|| least.sqrt())
 }
 
 /// Noise power of a line: the median over the upper quarter of the band, where the median of an exponential distribution is the mean

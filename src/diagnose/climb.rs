@@ -139,6 +139,7 @@ impl<'a> Climb<'a> {
         let name = |i: &Instance| Name { effect: i.effect.info().name, at: i.at.clone(), of: None };
         self.added.extend(found.iter().map(|i| Added::new(name(i))));
         self.forget();
+        self.refine();
         let last = found.last().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() });
         self.rung(last, vec![])
     }
@@ -235,7 +236,12 @@ impl<'a> Climb<'a> {
         }
         self.now = taken.weighed.clone();
         self.order = (0..self.added.len()).collect();
-        // A new effect may ask for finer steps.
+        self.refine();
+        self.revive();
+    }
+
+    /// A new effect may ask for finer steps.
+    fn refine(&mut self) {
         if let Some(finer) = self.case.refined(&self.now.fitted.system).filter(|_| !trace::stopped(self.monitor)) {
             let counts = self.scale.counts.clone();
             self.case = finer;
@@ -244,7 +250,6 @@ impl<'a> Climb<'a> {
                 self.now = again;
             }
         }
-        self.revive();
     }
 
     /// What was weighed before the model changed no longer holds.

@@ -2,6 +2,7 @@
 
 use crate::evidence::{Record, scatters};
 use crate::model::FreeParam;
+use crate::response::Misreading;
 
 use super::results::{OwnError, Reading, ScatterOf, SplitName};
 use super::weigh::{Scale, Weighed};
@@ -29,7 +30,13 @@ impl Scale {
         let mut list = Vec::new();
         for ((plan, record), all) in plans.iter().zip(&self.evidence.records).zip(self.evidence.readings(&w.seen, &self.counts, &w.v)) {
             let beyond = record.instruments.of.iter().zip(all).filter(|(_, x)| x.abs() > self.settings.telling.finding);
-            list.extend(beyond.map(|(&(block, what, std), x)| Reading::new(&plan.id, &plan.blocks[block].label, what, x * std, x)));
+            // What reads less than there is has a part above 0, and is early.
+            let late = |what, x: f64| if what == Misreading::Delay { -x } else { x };
+            let told = |(&(block, what, std), x): (&(usize, Misreading, f64), f64)| {
+                let x = late(what, x);
+                Reading::new(&plan.id, &plan.blocks[block].label, what, x * std, x)
+            };
+            list.extend(beyond.map(told));
         }
         list
     }

@@ -250,21 +250,9 @@ fn ladder(n: usize) -> LadderResult {
         cost,
         readings: vec![],
     };
-    let mut second = rung(
-        Some(at("coulomb", "c3<.x")),
-        tests(n, 1.7, 0.06, false),
-        900.0,
-        (0..20)
-            .map(|k| {
-                candidate(
-                    ["coulomb", "film", "maxwell", "backlash"][k % 4],
-                    if k == 0 { "c3<.x" } else { "c1.x" },
-                    0.9 / (k + 1) as f64,
-                    k == 0,
-                )
-            })
-            .collect(),
-    );
+    let law = |k: usize| ["coulomb", "film", "maxwell", "backlash"][k % 4];
+    let weighed = |k: usize| candidate(law(k), if k == 0 { "c3<.x" } else { "c1.x" }, 0.9 / (k + 1) as f64, k == 0);
+    let mut second = rung(Some(at("coulomb", "c3<.x")), tests(n, 1.7, 0.06, false), 900.0, (0..20).map(weighed).collect());
     second.removed.push(at("viscous", "c1.x"));
     let third = rung(Some(at("film", "c2.x")), tests(n, 2.0, 0.0301, true), 610.0, vec![candidate("film", "c2.x", 0.4, true)]);
     LadderResult {

@@ -386,5 +386,5 @@ pub(super) fn sample_noise(values: &[f64]) -> f64 {
     let range = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let median = d.get(d.len() / 2).copied().unwrap_or(0.0);
     let smooth = median / 0.6745 / 20f64.sqrt();
-    quietest(values).map_or(smooth, |band| band.min(smooth)).max(1e-6 * range).max(f64::MIN_POSITIVE)
+    quietest(values, smooth).unwrap_or(smooth).max(1e-6 * range).max(f64::MIN_POSITIVE)
 }

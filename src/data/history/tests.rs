@@ -66,9 +66,14 @@ fn the_quietest_band_knows_the_noise_of_a_coarse_record() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let sigma = 0.01;
     let values: Vec<f64> = (0..4000).map(|k| (f64::from(k) * 0.9).sin() + sigma * 12f64.sqrt() * (rng.random::<f64>() - 0.5)).collect();
-    let seen = quietest(&values).unwrap();
+    let seen = quietest(&values, 0.3).unwrap();
     assert!((0.85..1.05).contains(&(seen / sigma)), "{seen}");
     let smoothed: Vec<f64> = values.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
-    assert!(quietest(&smoothed).unwrap() > 0.3 * sigma);
-    assert_eq!(quietest(&values[..200]), None);
+    assert!(quietest(&smoothed, 0.3).unwrap() > 0.3 * sigma);
+    assert_eq!(quietest(&values[..200], 0.3), None);
+    // Of white noise alone one band in sixteen is the quietest, and says nothing.
+    for n in [300, 1000, 4000] {
+        let white: Vec<f64> = (0..n).map(|_| sigma * 12f64.sqrt() * (rng.random::<f64>() - 0.5)).collect();
+        assert_eq!(quietest(&white, sigma), None, "{n}");
+    }
 }

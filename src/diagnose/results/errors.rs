@@ -89,7 +89,7 @@ pub struct Reading {
     /// gain, offset, delay, bend, jump.
     pub misreading: String,
     /// How much, most likely: gain relative, offset in parts of the amplitude, delay in parts of the period (of the shortest one of an FRF), bend in parts of the
-    /// largest reading, jump in parts of it. Above 0 it reads less, or later.
+    /// largest reading, jump in parts of it. Above 0 it reads less, or late.
     pub part: f64,
     /// The same in standard deviations of what the instrument may err by.
     pub deviations: f64,

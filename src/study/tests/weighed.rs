@@ -111,3 +111,34 @@ fn what_is_weighed_is_worth_no_less_than_where_it_stands() {
         now = if stands.likelihood > now.likelihood { stands } else { now };
     }
 }
+
+/// Of three loops of a spring the force of one is read late by 0.3 % of a period, and 0.2 N (2.5 % of its amplitude) too high. Priors of good instruments, the damper and the
+/// least error of a model take a part of both.
+#[test]
+fn an_instrument_beyond_its_tolerance_is_told_with_its_sign() {
+    let folder = Folder::one(ONE);
+    for hz in [1.0, 2.0, 5.0] {
+        let (late, high) = if hz == 2.0 { (0.003, 0.2) } else { (0.0, 0.0) };
+        let row = |i: usize| {
+            let part = f64::from(i as u32) * 0.01;
+            let noise = 0.002 * (12.9898 * f64::from(i as u32) + 78.233 * hz).sin();
+            let (x, felt) = (0.4 * (TAU * part).sin(), 0.4 * (TAU * (part - late)).sin());
+            format!("{:.6},{x:.8},{:.8}\n", part / hz, 20.0 * felt + high + noise)
+        };
+        let csv = "t,x,F\n".to_string() + &(0..400).map(row).collect::<String>();
+        std::fs::write(folder.path().join(format!("data/loop-{hz}.csv")), csv).unwrap();
+    }
+    let case = Case::from_study(&folder.load().unwrap(), 1).unwrap();
+    let mut scale = Scale::new(&case, &case.system, &Settings::default());
+    let mut base = scale.begin(&case.system, &Monitor::default()).unwrap();
+    // By a model without an error of its own, whose strengths do not scatter.
+    (base.v.tau, base.v.omega) = (-30.0, scale.settings.evidence.no_scatter);
+    base.v.own.iter_mut().flatten().for_each(|own| *own = 0.0);
+    let told = scale.readings(&base);
+    let part = |what: &str| told.iter().find(|r| r.misreading == what && r.channel.starts_with("force")).map(|r| (r.test.clone(), r.part));
+    let (test, delay) = part("delay").unwrap_or_else(|| panic!("{told:?}"));
+    assert!(test == "loop-2Hz" && (0.001..0.0035).contains(&delay), "{told:?}");
+    let (test, offset) = part("offset").unwrap_or_else(|| panic!("{told:?}"));
+    assert!(test == "loop-2Hz" && (-0.026..-0.01).contains(&offset), "{told:?}");
+    assert!(told.iter().any(|r| r.describe().contains("% of a period too late by this model")));
+}
