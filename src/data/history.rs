@@ -247,23 +247,22 @@ pub fn quietest(values: &[f64], smooth: f64) -> Option<f64> {
     }
     let power = windowed_power(values)?;
     let passed = (PASSES * power.len() as f64) as usize;
-    let level = |lines: &[f64]| {
-        let mut lines = lines.to_vec();
-        lines.sort_by(f64::total_cmp);
-        lines[lines.len() / 2] / std::f64::consts::LN_2
-    };
     let lines = power.len() / QUIET;
-    let least = power[1..passed].chunks_exact(lines).map(level).fold(f64::INFINITY, f64::min) / (0.375 * values.len() as f64);
+    let least = power[1..passed].chunks_exact(lines).map(middle).fold(f64::INFINITY, f64::min) / (0.375 * values.len() as f64);
     let chance = (ALIKE / lines as f64).sqrt() / std::f64::consts::LN_2;
     (least * (1.0 + CLEARLY * chance) < smooth * smooth).then(|| least.sqrt())
 }
 
-/// Noise power of a line: the median over the upper quarter of the band, where the median of an exponential distribution is the mean
-/// times ln 2.
+/// Noise power of a line: that over the upper quarter of the band.
 fn floor(power: &[f64]) -> f64 {
-    let mut top: Vec<f64> = power[power.len() - power.len() / 4..].to_vec();
-    top.sort_by(f64::total_cmp);
-    top.get(top.len() / 2).copied().unwrap_or(0.0) / std::f64::consts::LN_2
+    middle(&power[power.len() - power.len() / 4..])
+}
+
+/// Mean power of lines of noise by their median, which single lines of a signal do not move: of an exponential distribution it is the mean times ln 2.
+fn middle(lines: &[f64]) -> f64 {
+    let mut lines = lines.to_vec();
+    lines.sort_by(f64::total_cmp);
+    lines.get(lines.len() / 2).copied().unwrap_or(0.0) / std::f64::consts::LN_2
 }
 
 /// The lowest line above which no more is left than noise would leave: the power beyond it is at most `SURPLUS` times what the noise floor
