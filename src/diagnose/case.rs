@@ -144,10 +144,9 @@ impl Case {
         self.in_other_steps(|p, split| if split == SplitName::Fit { p.expanded(system) } else { None })
     }
 
-    /// The case about what this system does in it, or else in fewer time steps, and at fewer lines ([`Plan::coarser`], [`Plan::fewer_lines`]), for a first look at what
+    /// The case as it was `expanded` about a system, or else in fewer time steps, and at fewer lines ([`Plan::coarser`], [`Plan::fewer_lines`]), for a first look at what
     /// it may say; `None` where there is nothing to spare.
-    pub fn coarser(&self, system: &System) -> Option<Case> {
-        let expanded = self.expanded(system);
+    pub fn coarser(&self, expanded: Option<Case>) -> Option<Case> {
         let (steps, settings) = (expanded.is_none(), &self.search.settings);
         let fewer = expanded.as_ref().unwrap_or(self).in_other_steps(|p, _| {
             let coarser = p.coarser().filter(|_| steps);

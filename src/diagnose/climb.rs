@@ -30,6 +30,8 @@ pub struct Added {
     pub gain: f64,
     /// The model without it, once that was weighed.
     pub without: Option<Weighed>,
+    /// Where the model without it stood when that was last fitted.
+    pub smaller: Option<System>,
     /// Squared error of that.
     pub loss: f64,
 }
@@ -37,7 +39,7 @@ pub struct Added {
 impl Added {
     /// Nothing else is known of it.
     pub fn new(name: Name) -> Added {
-        Added { name, tied: vec![], rivals: vec![], gain: 0.0, without: None, loss: 0.0 }
+        Added { name, tied: vec![], rivals: vec![], gain: 0.0, without: None, smaller: None, loss: 0.0 }
     }
 
     /// Laws that are as good a statement: a larger one contains what was added, or nearly, and an instrument reads so in every test, so that none of them
@@ -152,7 +154,7 @@ impl<'a> Climb<'a> {
         }
         self.refresh(rungs)?;
         // What was added stands beside slack now: some of it may be superfluous, something else may do its work better, and its ties are others.
-        let gone = parallel::watched(&watch, || self.remove(0));
+        let gone = parallel::watched(&watch, || self.remove(self.added.len()));
         if !gone.is_empty() {
             rungs.push(self.rung(None, gone)?);
         }
@@ -168,8 +170,7 @@ impl<'a> Climb<'a> {
     pub fn step(&mut self) -> Result<Step, DiagnoseError> {
         let system = self.now.fitted.system.clone();
         if !self.added.is_empty() {
-            let mut scale = Scale::new(&self.case, &system, &self.settings);
-            scale.counts = self.scale.counts.clone();
+            let mut scale = self.scale.renewed(&system);
             let now = scale.tempered(&self.now, self.monitor).map_err(DiagnoseError::start_fails)?;
             self.now = scale.finished(now, self.monitor).map_err(DiagnoseError::start_fails)?;
             self.scale = scale;
@@ -230,7 +231,7 @@ impl<'a> Climb<'a> {
                 // A tie at its own place may be broken by what is added next.
                 let alike = others().filter(here).filter(|s| tied(s) == Some(Tied::Alike));
                 added.rivals.extend(alike.filter_map(rival).take(self.settings.ties));
-                added.without = Some(self.now.clone());
+                (added.without, added.smaller) = (Some(self.now.clone()), Some(self.now.fitted.system.clone()));
             }
             self.added.push(added);
         }

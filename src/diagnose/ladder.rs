@@ -246,7 +246,8 @@ impl Climb<'_> {
         for n in &taken.names {
             (self.watch)(&format!("added {} at {}: {:.1} nats", n.effect, n.at, taken.gain));
         }
-        let removed = parallel::watched(&watch, || self.remove(1));
+        let before = self.added.len() - taken.names.len();
+        let removed = parallel::watched(&watch, || self.remove(before));
         Ok(Rung { nats: Some(taken.gain), ..self.rung(taken.names.last().map(named), removed)? })
     }
 

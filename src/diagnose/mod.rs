@@ -22,6 +22,7 @@ mod map;
 mod method;
 mod mode_energy;
 mod named;
+mod nearby;
 mod next;
 mod own_case;
 mod pairs;

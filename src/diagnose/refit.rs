@@ -96,6 +96,8 @@ pub struct Bench<'a> {
     pub case: &'a Case,
     /// The same as it is looked at ([`Case::coarser`]), where that is cheaper.
     pub rough: Option<&'a Case>,
+    /// The case about the system without a candidate, where that is cheaper: by which a candidate that was no more than looked at is told.
+    pub near: Option<&'a Case>,
     /// The fitted system without a candidate.
     pub base: &'a System,
     /// Names of the candidates.
@@ -132,6 +134,7 @@ impl Bench<'_> {
     pub fn refit_all(&self, picked: &[Score], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         // Which is worth it shows in coarser steps as well.
         let (look, whole) = (self.look(), self.unexplained());
+        let mut seen = vec![self.case; picked.len()];
         let mut fitted = if self.rough.is_some() {
             // The way is gone where it is cheap; in all its steps only the end of it is.
             let unexplained = look.unexplained();
@@ -140,6 +143,7 @@ impl Bench<'_> {
             look.run(picked, &mut fitted, (leader, unexplained), watch);
             look.moved_on(picked, &mut fitted, leader, watch);
             let may = look.may_lead(picked, &fitted, leader, unexplained);
+            seen.iter_mut().zip(&may).filter(|(_, may)| !**may).for_each(|(case, _)| *case = self.near.unwrap_or(self.case));
             // What stays in the look has taken the part of the cost that it has taken there.
             let stays = |mut f: Fitted| {
                 f.outcome.cost *= whole / unexplained;
@@ -157,7 +161,7 @@ impl Bench<'_> {
         parallel::map_into(fitted, |k, fitted| {
             let score = &picked[k];
             let candidate = self.trials[score.trial].candidate;
-            let (name, result) = (&self.names[candidate], fitted.and_then(|f| proof(self.case, f)));
+            let (name, result) = (&self.names[candidate], fitted.and_then(|f| proof(seen[k], f)));
             match &result {
                 Ok(p) => watch(&format!("  refit {} at {}: cost {:.4e}", name.effect, name.at, p.fitted.outcome.cost)),
                 // What was stopped has not failed.

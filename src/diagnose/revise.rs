@@ -1,7 +1,7 @@
 //! What stands is looked at again: taken out, or exchanged for what does its work better.
 
 use crate::effect::Role;
-use crate::model::System;
+use crate::model::{Instance, System};
 use crate::parallel;
 
 use super::DiagnoseError;
@@ -27,30 +27,34 @@ struct Alternatives {
 }
 
 impl Climb<'_> {
-    /// The model without an addition and the present one, both under the counts of the smaller.
+    /// The model without an addition and the present one, both under the counts of the smaller. That begins where it was last fitted, from which it need
+    /// not go the way that the addition has led it.
     fn beside_smaller(&self, k: usize) -> Option<(Scale, Weighed, Weighed)> {
         let mut scale = self.scale.again();
-        let small = scale.weigh(&self.now.fitted.system.without(self.base + k)?, &self.now.v, self.monitor).ok()?;
+        let without = self.now.fitted.system.without(self.base + k)?;
+        let begun = self.added[k].smaller.as_ref().filter(|s| same_effects(s, &without)).unwrap_or(&without);
+        let small = scale.weigh(begun, &self.now.v, self.monitor).ok()?;
         let small = scale.tempered(&small, self.monitor).ok()?;
         let whole = scale.weigh(&self.now.fitted.system, &self.now.v, self.monitor).ok()?;
         Some((scale, small, whole))
     }
 
-    /// Takes out what would not be added again to what else is there, the worst first, and what has fallen to zero, as long as more than `kept` are
-    /// there; the effects that are gone.
-    pub fn remove(&mut self, kept: usize) -> Vec<EffectAt> {
+    /// Takes out what would not be added again to what else is there, the worst first, and what has fallen to zero, among the first so many additions: what
+    /// was just added has just been weighed. The effects that are gone.
+    pub fn remove(&mut self, mut among: usize) -> Vec<EffectAt> {
         let mut removed = Vec::new();
-        while self.added.len() > kept && !trace::stopped(self.monitor) {
+        while among > 0 && !trace::stopped(self.monitor) {
             let weigh = |k: usize| -> Option<(f64, Weighed)> {
                 let (scale, small, whole) = self.beside_smaller(k)?;
                 let gain = scale.gain(&whole, &small, self.tried);
                 let stays = gain > -self.settings.tie || scale.in_turn(gain, &whole, &small, self.monitor).yes;
                 (!stays).then_some((gain, small))
             };
-            let found = parallel::over(self.added.len(), weigh);
+            let found = parallel::over(among, weigh);
             let worst = found.into_iter().enumerate().filter_map(|(k, f)| Some((k, f?)));
             let Some((k, (gain, small))) = worst.min_by(|a, b| a.1.0.total_cmp(&b.1.0)) else { break };
             let gone = self.added.remove(k);
+            among -= 1;
             (self.watch)(&format!("removed {} at {}: it would gain {gain:.1} nats", gone.name.effect, gone.name.at));
             removed.push(EffectAt { effect: gone.name.effect.into(), at: gone.name.at });
             self.now = small;
@@ -131,6 +135,7 @@ impl Climb<'_> {
         for a in found {
             let loss = super::search::error_of(&self.scale, &a.without).powi(2);
             let added = &mut self.added[a.of];
+            added.smaller = Some(a.without.fitted.system.clone());
             (added.tied, added.without, added.loss) = (a.tied, Some(a.without), loss);
         }
         // What costs most to leave out comes first; instances follow.
@@ -200,4 +205,10 @@ impl Climb<'_> {
         };
         parallel::over(self.added.len(), of).into_iter().flatten().collect()
     }
+}
+
+/// Whether the same effects act at the same places of two systems.
+fn same_effects(a: &System, b: &System) -> bool {
+    let same = |(a, b): (&Instance, &Instance)| std::ptr::eq(a.effect, b.effect) && (&a.site, &a.target) == (&b.site, &b.target);
+    a.instances.len() == b.instances.len() && a.instances.iter().zip(&b.instances).all(same)
 }

@@ -91,22 +91,25 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let (scale, base, watch) = (a.scale, a.base, a.watch);
     let system = &base.fitted.system;
     let Survey { loose, squares, race, names, trials, scores, mut effort } = survey(a)?;
+    let under = |near: Scale| near.under(&base.seen, &loose, &scale.evidence.independent());
+    let near = scale.about(system).map(|near| Case { worth: race.worth, ..under(near) });
     let best = best_per_candidate(&scores.list, &trials);
     let price = Price::new(a, &names, squares, &scores);
     let off = price.slopes_are_off(&best, &trials);
     let hopes = |candidate: usize, drop: f64| off * price.bound(candidate, drop) >= price.least(candidate);
     let hopeful: Vec<Score> = best.iter().filter(|s| hopes(trials[s.trial].candidate, s.drop)).copied().collect();
-    let wanted = states::wanted(scale, &race, base, &trials, a.monitor);
+    let wanted = states::wanted(scale, near.as_ref().unwrap_or(&race), base, &trials, a.monitor);
     let wanted: Vec<Wanted> = wanted.into_iter().filter(|w| hopes(trials[w.trial].candidate, w.drop)).collect();
     let bound = |s: &Score| price.bound(trials[s.trial].candidate, s.drop);
     let picked =
         if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &wanted, &scores.selected, bound, &trials, &scale.settings) };
     let hurried = a.monitor.hurried(scale.settings.race.share);
     let (gains, least) = (|candidate: usize, nats: f64| price.factor(candidate) * nats, |candidate: usize| price.least(candidate));
-    let rough = if picked.is_empty() { None } else { race.coarser(system) };
+    let rough = if picked.is_empty() { None } else { race.coarser(near.clone()) };
     let bench = Bench {
         case: &race,
         rough: rough.as_ref(),
+        near: near.as_ref(),
         base: system,
         names: &names,
         trials: &trials,
@@ -153,9 +156,14 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     Ok(Step { candidates, second_opinion, stood, taken, effort, visible, tried: price.all, cut })
 }
 
-/// The candidate that gains most by itself, if the fitted tests in turn bear it out where it gains little.
+/// The candidate that gains most by itself, or the smallest at its place that gains as much within a tie: a larger law may be at the end of its range, where it
+/// says what a smaller one does. If the fitted tests in turn bear it out where it gains little.
 fn alone(a: &Against, stood: &[Stood], because: &mut impl FnMut(&[Name], Reason)) -> Option<Move> {
-    let best = stood.iter().filter(|s| s.admissible && a.need.is_none()).max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+    let able = || stood.iter().filter(|s| s.admissible && a.need.is_none());
+    let most = able().max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+    let alike = |s: &&Stood| (&s.name.at, &s.name.of) == (&most.name.at, &most.name.of) && s.gain >= most.gain - a.scale.settings.tie;
+    let order = |a: &&Stood, b: &&Stood| a.weighed.size().cmp(&b.weighed.size()).then(b.gain.total_cmp(&a.gain));
+    let best = able().filter(alike).min_by(order).filter(|s| s.gain > 0.0).unwrap_or(most);
     let (names, better) = (vec![best.name.clone()], a.scale.better(best.gain, &best.weighed, a.base, a.monitor));
     if let Some(turns) = better.turns {
         because(&names, Reason::InTurn { nats: best.gain, turns });

@@ -54,7 +54,8 @@ impl Wanted {
 /// A parameter that laws may follow: instance and parameter.
 type Followed = (usize, usize);
 
-/// The laws over conditions among the trials, what explains most first. None where no law is tried, or all tests are in one state.
+/// The laws over conditions among the trials, what explains most first. None where no law is tried, or all tests are in one state. `race`: the tests as
+/// they are looked at, about where the model stands where that is cheaper.
 pub fn wanted(scale: &Scale, race: &Case, base: &Weighed, trials: &[Trial], monitor: &Monitor) -> Vec<Wanted> {
     let system = &base.fitted.system;
     let laws: Vec<usize> = (0..trials.len()).filter(|t| trials[*t].instance.target.is_some()).collect();
@@ -65,7 +66,7 @@ pub fn wanted(scale: &Scale, race: &Case, base: &Weighed, trials: &[Trial], moni
         return vec![];
     }
     let apart = parallel::map(&states, |tests| by_themselves(race, system, &followed, tests.iter().map(|t| plans[*t]).collect(), monitor));
-    let about = About::new(scale, base, &followed, &states, &apart, plans.len());
+    let about = About::new((scale, race), base, &followed, &states, &apart);
     let Some(about) = about else { return vec![] };
     let mut found: Vec<Wanted> = laws.iter().filter_map(|t| about.wants(*t, &trials[*t], race, base)).collect();
     found.sort_by(|a, b| b.drop.total_cmp(&a.drop));
@@ -134,8 +135,15 @@ struct About {
 }
 
 impl About {
-    fn new(scale: &Scale, base: &Weighed, followed: &[Followed], states: &[Vec<usize>], apart: &[Vec<f64>], tests: usize) -> Option<About> {
+    fn new(
+        (scale, race): (&Scale, &Case),
+        base: &Weighed,
+        followed: &[Followed],
+        states: &[Vec<usize>],
+        apart: &[Vec<f64>],
+    ) -> Option<About> {
         let system = &base.fitted.system;
+        let tests = race.plans_of(SplitName::Fit).len();
         let mut whole = system.clone();
         followed.iter().for_each(|(i, k)| whole.instances[*i].params[*k].free = true);
         let free = whole.free();
@@ -146,7 +154,7 @@ impl About {
             there
         };
         let there: Vec<System> = (0..states.len()).map(at).collect();
-        let plans = scale.case.plans_of(SplitName::Fit);
+        let plans = race.plans_of(SplitName::Fit);
         let computed = parallel::over(tests, |t| plans[t].evaluate(&there[of_state[t]], &free, true).ok());
         let computed: Vec<Computed> = computed.into_iter().collect::<Option<_>>()?;
         if computed.iter().any(|c| c.values.iter().chain(&c.slopes).any(|v| !v.is_finite())) {

@@ -10,6 +10,7 @@ use crate::residual::{Memo, Problem};
 use crate::response::Plan;
 
 use super::case::{Case, Fitted};
+use super::nearby::Nearby;
 use super::refit::some;
 use super::results::SplitName;
 use super::settings::Settings;
@@ -79,6 +80,8 @@ pub struct Scale {
     pub selects: bool,
     /// Constants.
     pub settings: Settings,
+    /// Its tests about the models that were weighed last.
+    pub nearby: Arc<Nearby>,
 }
 
 impl Scale {
@@ -94,13 +97,19 @@ impl Scale {
     pub fn of_fitted(case: &Case, system: &System, settings: &Settings) -> Scale {
         let case = case.clone();
         let evidence = Evidence::of_fitted(&case.plans_of(SplitName::Fit), system, &settings.evidence);
-        Scale { counts: evidence.independent(), evidence, case, selects: false, settings: settings.clone() }
+        Scale { counts: evidence.independent(), evidence, case, selects: false, settings: settings.clone(), nearby: Arc::default() }
     }
 
     /// The same once more, for counts of its own.
     pub fn again(&self) -> Scale {
         let (case, evidence, counts, settings) = (self.case.clone(), self.evidence.clone(), self.counts.clone(), self.settings.clone());
-        Scale { case, evidence, counts, selects: self.selects, settings }
+        Scale { case, evidence, counts, selects: self.selects, settings, nearby: self.nearby.clone() }
+    }
+
+    /// The same once more, what instruments may misread computed from this system.
+    pub fn renewed(&self, system: &System) -> Scale {
+        let evidence = Evidence::of_fitted(&self.case.plans_of(SplitName::Fit), system, &self.settings.evidence);
+        Scale { evidence, ..self.again() }
     }
 
     /// The case under the covariance that a weighed model has.
@@ -164,8 +173,8 @@ impl Scale {
     }
 
     /// The same scale with its tests computed about this system; `None` where none of them is cheaper so.
-    fn about(&self, system: &System) -> Option<Scale> {
-        Some(Scale { case: self.case.expanded(system)?, ..self.again() })
+    pub fn about(&self, system: &System) -> Option<Scale> {
+        Some(Scale { case: self.nearby.about(&self.case, system)?, ..self.again() })
     }
 
     /// The same with every test computed as it is.

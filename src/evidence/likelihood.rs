@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::record::{Alike, Part, Varied};
 use super::{Counts, Evidence, Record, Seen, Variances, beside};
+use crate::parallel;
 
 /// A test with its columns `A = [X, B]`, `X = [r, J / ||J||]`. What varies alike has the same weight `w` under all variances, and of such a lot `w A'A` needs no row:
 /// its squares are formed once, where it has more rows than a few.
@@ -32,6 +33,11 @@ enum Lot {
 const FEW: usize = 8;
 
 impl Gram {
+    /// Numbers that are added up when it is weighed, roughly.
+    fn size(&self) -> usize {
+        (self.columns.0 + self.columns.1).pow(2) * (self.lots.len() + self.rows.nrows())
+    }
+
     fn of(record: &Record, z: &DVector<f64>, x: &DMatrix<f64>, b: &DMatrix<f64>) -> Gram {
         let (all, alike) = (beside(x, b), record.alike(z));
         let (mut lots, mut few) = (Vec::new(), Vec::new());
@@ -68,6 +74,14 @@ impl Gram {
     }
 }
 
+/// `work` for every test, on all threads where it is long enough for them to be woken.
+fn spread<T: Send>(size: usize, tests: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    if size < WORTH_A_THREAD { (0..tests).map(work).collect() } else { parallel::over(tests, work) }
+}
+
+/// Numbers to be added up that take as long as it takes to wake a thread, some tens of microseconds.
+const WORTH_A_THREAD: usize = 200_000;
+
 /// The lower triangle of `A'A`.
 fn squared(a: &DMatrix<f64>) -> DMatrix<f64> {
     let n = a.ncols();
@@ -89,8 +103,8 @@ pub(super) struct Squares {
 impl Squares {
     /// Those of all tests.
     pub fn of(e: &Evidence, grams: &[Gram], v: &Variances) -> Vec<Squares> {
-        let of = |(t, gram): (usize, &Gram)| gram.weighed(&e.records[t].varied(v.kappa), &v.own_errors(t, &e.records[t]));
-        grams.iter().enumerate().map(of).collect()
+        let of = |t: usize| grams[t].weighed(&e.records[t].varied(v.kappa), &v.own_errors(t, &e.records[t]));
+        spread(grams.iter().map(Gram::size).sum(), grams.len(), of)
     }
 
     /// `(X'V^-1X, ln|V|)`, coefficients with the columns of B in common, each times its factor.
@@ -218,13 +232,17 @@ impl Evidence {
 pub(super) fn restricted(e: &Evidence, squares: &[Squares], seen: &[Seen], v: &Variances) -> Option<f64> {
     let p = squares.first()?.columns.0;
     let (mut whole, mut ld) = (DMatrix::zeros(p, p), 0.0);
-    for (t, (record, own)) in e.records.iter().zip(squares).enumerate() {
+    let of = |t: usize| {
+        let (record, own) = (&e.records[t], &squares[t]);
         let (scattering, bending) = (seen[t].strengths.ncols(), seen[t].bends.ncols());
         let (from, w) = (own.columns.1 - scattering - bending, v.scatter(record).exp());
         let mut factors = vec![1.0; from];
         factors.resize(from + scattering, w);
         factors.resize(from + scattering + bending, w * w * std::f64::consts::FRAC_1_SQRT_2);
-        let (inner, own) = own.information(&factors)?;
+        own.information(&factors)
+    };
+    for own in spread(squares.iter().map(|s| s.squares.len() * s.squares.ncols()).sum(), squares.len(), of) {
+        let (inner, own) = own?;
         (whole, ld) = (whole + inner, ld + own);
     }
     let mut k = whole.view((1, 1), (p - 1, p - 1)).into_owned();

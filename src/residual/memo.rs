@@ -46,7 +46,7 @@ impl Memo {
 }
 
 /// Whether these are the same effects at the same places with the same values.
-fn alike(a: &[Instance], b: &[Instance]) -> bool {
+pub fn alike(a: &[Instance], b: &[Instance]) -> bool {
     let value = |x: f64, y: f64| x == y || (x - y).abs() <= SAME * x.abs();
     let one = |a: &Instance, b: &Instance| {
         std::ptr::eq(a.effect, b.effect)

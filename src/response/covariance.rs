@@ -23,8 +23,9 @@ pub struct Tolerances {
     pub gain: f64,
     /// The same of an FRF, whose sensors are calibrated one by one.
     pub calibration: f64,
-    /// Offset, in parts of the amplitude of what the channel reads in the test: that of the sine of its rms about its mean. Errors are told in parts of that
-    /// rms, and what an instrument may err by must be little beside them: of a multisine the largest reading is several times as much.
+    /// Offset, in parts of the amplitude of what the channel reads in the test: that of the sine of its rms, its mean with it, since the zero of a sensor is as
+    /// good as its range, and the range covers where it stands. Of a multisine the largest reading is several times as much, and what an instrument may err
+    /// by must be little beside the rms in parts of which errors are told.
     pub offset: f64,
     /// Quadratic and cubic part of a sensor's characteristic at its largest reading in any test.
     pub linearity: f64,
@@ -270,11 +271,10 @@ impl Instruments {
     }
 }
 
-/// Amplitude of the sine of this signal's rms about its mean.
+/// Amplitude of the sine of this signal's rms.
 fn amplitude(signal: &[f64]) -> f64 {
     let n = signal.len().max(1) as f64;
-    let mean = signal.iter().sum::<f64>() / n;
-    (2.0 * signal.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+    (2.0 * signal.iter().map(|v| v * v).sum::<f64>() / n).sqrt()
 }
 
 fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64) -> Vec<(Misreading, f64, Vec<f64>)> {
@@ -353,11 +353,13 @@ mod tests {
         }
     }
 
-    /// The amplitude of a sine is its own, whatever it stands on and however it is sampled; of a signal of few large readings it is little beside these.
+    /// The amplitude of a sine is its own, however it is sampled; what it stands on is read by the same sensor; of a signal of few large readings it is
+    /// little beside these.
     #[test]
     fn what_an_offset_is_part_of_is_the_amplitude_of_the_rms() {
-        let sine: Vec<f64> = (0..64).map(|k| 7.0 + 2.0 * (std::f64::consts::TAU * f64::from(k) / 64.0).sin()).collect();
-        assert!((amplitude(&sine) - 2.0).abs() < 1e-12);
+        let about = |mean: f64| (0..64).map(|k| mean + 2.0 * (std::f64::consts::TAU * f64::from(k) / 64.0).sin()).collect::<Vec<f64>>();
+        assert!((amplitude(&about(0.0)) - 2.0).abs() < 1e-12);
+        assert!((amplitude(&about(7.0)) - (4.0f64 + 2.0 * 49.0).sqrt()).abs() < 1e-12);
         let rare: Vec<f64> = (0..200).map(|k| if k % 100 == 0 { 1.0 } else { 0.0 }).collect();
         assert!(amplitude(&rare) < 0.15);
     }

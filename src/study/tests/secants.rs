@@ -21,8 +21,9 @@ fn a_slider_takes_from_the_spring_beside_it() {
     let plans = case.plans_of(SplitName::Fit);
     let (names, trials) = candidates(&case, &fitted.system, &plans, &Scene::new(&plans, &fitted.system));
     let scores = score(&plans, &fitted.system, &trials, &fitted.inside(), &[], 1, &case.search.settings.scoring).unwrap();
-    let rough = case.coarser(&fitted.system);
+    let rough = case.coarser(case.expanded(&fitted.system));
     let bench = Bench {
+        near: None,
         case: &case,
         rough: rough.as_ref(),
         base: &fitted.system,
