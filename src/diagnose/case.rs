@@ -222,8 +222,8 @@ impl Case {
     }
 
     /// Where fits of the tests computed about a system lead from here ([`Case::expanded`]), for a fit in full to begin at: the way there costs little.
-    /// The system itself where none is cheaper so, or it leads nowhere.
-    pub(super) fn led_about(&self, system: &System, monitor: &Monitor) -> System {
+    /// None where nothing is cheaper so, or it leads nowhere.
+    pub(super) fn led_about(&self, system: &System, monitor: &Monitor) -> Option<System> {
         let mut led: Option<System> = None;
         for _ in 0..self.search.settings.rounds {
             let from = led.as_ref().unwrap_or(system);
@@ -233,11 +233,11 @@ impl Case {
                 _ => break,
             }
         }
-        let Some(there) = led else { return system.clone() };
+        let there = led?;
         // Where the tests themselves cannot be computed there, or are no better met, it led nowhere.
         let plans = self.plans_of(SplitName::Fit);
         let misses = |system: &System| super::refit::whitened(&plans, system).map_or(f64::INFINITY, |w| super::refit::cost(&w));
-        if misses(&there) < misses(system) { there } else { system.clone() }
+        (misses(&there) < misses(system)).then_some(there)
     }
 
     /// More iterations for a fit to these tests that has used up its own.
@@ -267,8 +267,8 @@ pub struct Began {
 pub fn led(case: &Case, monitor: &Monitor) -> Result<(Fitted, bool), DiagnoseError> {
     let nearer = approached(case, monitor)?;
     let start = nearer.as_ref().unwrap_or(&case.system);
-    let about = if case.starts > 1 || monitor.resumes() { start.clone() } else { case.led_about(start, monitor) };
-    let fitted = case.fit_system(&about, case.plans_of(SplitName::Fit), monitor)?;
+    let about = if case.starts > 1 || monitor.resumes() { None } else { case.led_about(start, monitor) };
+    let fitted = case.fit_system(about.as_ref().unwrap_or(start), case.plans_of(SplitName::Fit), monitor)?;
     Ok((fitted, nearer.is_some()))
 }
 

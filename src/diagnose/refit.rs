@@ -250,7 +250,7 @@ impl Bench<'_> {
         looks
     }
 
-    /// A refit in all its steps from where its way in the coarser ones has led. What cannot be computed there begins a part of the way there, and anew from
+    /// A refit in all its steps, or about where it stands, from where its way in the look has led. What cannot be computed there begins a part of the way there, and anew from
     /// the model itself.
     fn in_full(&self, score: &Score, look: Fitted) -> Result<Fitted, String> {
         let race = self.race();
@@ -330,13 +330,21 @@ impl Bench<'_> {
 
     /// A fit from here.
     fn from(&self, system: &System, iterations: u64) -> Result<Fitted, String> {
-        fit_some(self.case, system, iterations, self.monitor)
+        fit_some(self.about(system).as_ref().unwrap_or(self.case), system, iterations, self.monitor)
+    }
+
+    /// The case about where a refit stands, where one about the base is known: what stays is weighed about where it ends, until that moves it no more.
+    fn about(&self, system: &System) -> Option<Case> {
+        self.rough.and(self.near).and_then(|_| self.case.expanded(system))
     }
 
     /// More iterations for what has used up its own.
     fn go_on(&self, fitted: Fitted, iterations: u64) -> Result<Fitted, String> {
         if fitted.outcome.termination != Termination::MaxIterations {
             return Ok(fitted);
+        }
+        if self.rough.and(self.near).is_some() {
+            return self.from(&fitted.system, iterations);
         }
         let some = some(self.case, iterations);
         ended(some.go_on(fitted, self.case.plans_of(SplitName::Fit), &self.monitor.quiet()))

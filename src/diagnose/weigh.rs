@@ -316,8 +316,11 @@ impl Scale {
             return Ok(system.clone());
         }
         let case = Case { starts: 1, ..self.case.clone() };
-        let about = case.led_about(system, monitor);
-        let fitted = case.fit_system(&about, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
+        // What is led about where it stands is weighed so as well.
+        if let Some(there) = case.led_about(system, monitor) {
+            return Ok(there);
+        }
+        let fitted = case.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).map_err(|e| e.to_string())?;
         match fitted.outcome.termination {
             Termination::Failed(reason) => Err(reason),
             _ => Ok(fitted.system),
