@@ -22,6 +22,8 @@ use super::{DiagnoseError, trace};
 pub struct Added {
     /// Its name.
     pub name: Name,
+    /// Whether it was held against what could stand in its place since the model changed last.
+    pub held: bool,
     /// What it cannot be told from, what is alike first.
     pub tied: Vec<(Tied, Name, Weighed)>,
     /// What came closest to it at other places and what was tied with it at its own, as it was fitted there.
@@ -30,8 +32,8 @@ pub struct Added {
     pub gain: f64,
     /// The model without it, once that was weighed.
     pub without: Option<Weighed>,
-    /// Where the model without it stood when that was last fitted.
-    pub smaller: Option<System>,
+    /// The same as it was weighed last, before whatever was done to the model since.
+    pub smaller: Option<Weighed>,
     /// Squared error of that.
     pub loss: f64,
 }
@@ -39,7 +41,7 @@ pub struct Added {
 impl Added {
     /// Nothing else is known of it.
     pub fn new(name: Name) -> Added {
-        Added { name, tied: vec![], rivals: vec![], gain: 0.0, without: None, smaller: None, loss: 0.0 }
+        Added { name, held: false, tied: vec![], rivals: vec![], gain: 0.0, without: None, smaller: None, loss: 0.0 }
     }
 
     /// Laws that are as good a statement: a larger one contains what was added, or nearly, and an instrument reads so in every test, so that none of them
@@ -231,7 +233,8 @@ impl<'a> Climb<'a> {
                 // A tie at its own place may be broken by what is added next.
                 let alike = others().filter(here).filter(|s| tied(s) == Some(Tied::Alike));
                 added.rivals.extend(alike.filter_map(rival).take(self.settings.ties));
-                (added.without, added.smaller) = (Some(self.now.clone()), Some(self.now.fitted.system.clone()));
+                added.held = true;
+                (added.without, added.smaller) = (Some(self.now.clone()), Some(self.now.clone()));
             }
             self.added.push(added);
         }
@@ -256,7 +259,7 @@ impl<'a> Climb<'a> {
     /// What was weighed before the model changed no longer holds.
     pub fn forget(&mut self) {
         for added in &mut self.added {
-            (added.tied, added.without) = (vec![], None);
+            (added.held, added.tied, added.without) = (false, vec![], None);
         }
         self.order = (0..self.added.len()).collect();
     }

@@ -10,6 +10,7 @@ impl Bench<'_> {
     /// Fits every refitted candidate that stands behind its kin at its place from the values of the best of them, where these might come first; what
     /// that betters takes its place. `unexplained`: the cost without a candidate.
     pub fn begin_at_kin(&self, refits: &mut [Refit], unexplained: f64, watch: &(dyn Fn(&str) + Sync)) {
+        let least = refits.iter().filter_map(|r| r.result.as_ref().ok()).map(|p| p.fitted.outcome.cost / unexplained).fold(1.0, f64::min);
         let starts: Vec<(usize, System)> = (0..refits.len()).filter_map(|k| Some((k, self.of_kin(refits, k, unexplained)?))).collect();
         if starts.is_empty() || self.monitor.stops() {
             return;
@@ -18,7 +19,7 @@ impl Bench<'_> {
         let bettered = parallel::map_into(starts, |_, (k, start)| {
             let stands = refits[k].result.as_ref().ok()?;
             // A fit that the select tests cannot be computed with leaves what stands.
-            let found = self.bettered(&refits[k].score, &stands.fitted, start)?;
+            let found = self.bettered(&refits[k].score, &stands.fitted, start, least)?;
             Some((k, proof(self.case, found).ok()?))
         });
         for (k, proof) in bettered.into_iter().flatten() {

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use crate::parallel;
 
 use crate::effect::{Grid, Kind, Role};
-use crate::identify::{Monitor, Termination};
+use crate::identify::{FitOutcome, Monitor, Termination};
 use crate::model::System;
 use crate::residual::test_error;
 use crate::response::Plan;
@@ -100,6 +100,8 @@ pub struct Bench<'a> {
     pub near: Option<&'a Case>,
     /// The fitted system without a candidate.
     pub base: &'a System,
+    /// A candidate that stands there already, and the system with it: it begins there.
+    pub stands: Option<(&'a Name, &'a System)>,
     /// Names of the candidates.
     pub names: &'a [Name],
     /// Their trials.
@@ -177,11 +179,14 @@ impl Bench<'_> {
         Bench { case: self.rough.unwrap_or(self.case), rough: None, ..*self }
     }
 
-    /// Refits from elsewhere, as they are looked at and then in full; none that does not better what stands.
-    pub fn bettered(&self, score: &Score, stands: &Fitted, start: System) -> Option<Fitted> {
+    /// Refits from elsewhere, as they are looked at and then in full; none that does not better what stands. `least`: what the best refit leaves of the cost,
+    /// with which it has to come up.
+    pub fn bettered(&self, score: &Score, stands: &Fitted, start: System, least: f64) -> Option<Fitted> {
         let look = self.look();
         let here = if self.rough.is_some() { look.cost_at(&stands.system)? } else { stands.outcome.cost };
-        let found = look.moved(&start, here).ok().filter(|f| f.outcome.cost < here)?;
+        let whole = look.unexplained().max(f64::MIN_POSITIVE);
+        let may = |leg: &FitOutcome| look.may_come_up(score, (leg.start_cost / whole, leg.cost / whole), least);
+        let found = look.moved(&start, here, &may).ok().filter(|f| f.outcome.cost < here)?;
         let found = if self.rough.is_some() { self.in_full(score, found).ok()? } else { found };
         (found.outcome.cost < stands.outcome.cost).then_some(found)
     }
@@ -191,11 +196,20 @@ impl Bench<'_> {
         whitened(&self.case.plans_of(SplitName::Fit), system).ok().map(|w| cost(&w))
     }
 
-    /// A fit from here that goes on after a first look unless it has farther to go to what `stands` than it has come.
-    fn moved(&self, start: &System, stands: f64) -> Result<Fitted, String> {
-        let look = self.from(start, self.race().leg)?;
+    /// A fit from here that goes on after a first look unless it has farther to go to what `stands` than it has come, and as long as it `may`.
+    fn moved(&self, start: &System, stands: f64, may: &dyn Fn(&FitOutcome) -> bool) -> Result<Fitted, String> {
+        let mut look = self.from(start, self.race().leg)?;
         let o = &look.outcome;
-        if o.cost - stands < o.start_cost - o.cost { self.go_on(look, self.race().iterations) } else { Ok(look) }
+        if o.cost - stands >= o.start_cost - o.cost {
+            return Ok(look);
+        }
+        for _ in 0..self.race().iterations / self.race().leg.max(1) {
+            if look.outcome.termination != Termination::MaxIterations || !may(&look.outcome) {
+                break;
+            }
+            look = self.go_on(look, self.race().leg)?;
+        }
+        Ok(look)
     }
 
     /// Nats of a refit that leaves this part of the cost.
@@ -285,24 +299,29 @@ impl Bench<'_> {
         }
     }
 
-    /// Which refits may come within a tie of the best, and pay for themselves, at the rate of their last leg in so many more ([`Race::ahead`]).
+    /// Which refits may come up with the best.
     fn may_lead(&self, picked: &[Score], fitted: &[Result<Fitted, String>], leader: Option<Leader>, unexplained: f64) -> Vec<bool> {
-        let least = fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).fold(f64::INFINITY, f64::min);
-        let nats = |cost: f64| self.nats(cost / unexplained.max(f64::MIN_POSITIVE));
+        let whole = unexplained.max(f64::MIN_POSITIVE);
+        let least = fitted.iter().map(cost_of).chain(leader.map(|l| l.cost)).fold(f64::INFINITY, f64::min) / whole;
         let of = |(score, f): (&Score, &Result<Fitted, String>)| {
-            let then = |f: &Fitted| ahead(nats(f.outcome.start_cost), nats(f.outcome.cost), self.race().ahead);
-            let then = f.as_ref().ok().map(then);
-            let candidate = self.trials[score.trial].candidate;
-            then.is_some_and(|then| then >= nats(least) - self.tie && (self.bound)(candidate, then) >= (self.least)(candidate))
+            f.as_ref().is_ok_and(|f| self.may_come_up(score, (f.outcome.start_cost / whole, f.outcome.cost / whole), least))
         };
         picked.iter().zip(fitted).map(of).collect()
+    }
+
+    /// Whether a refit may come within a tie of the best, which leaves the part `least` of the cost, and pay for itself, at the rate of its last leg in so many
+    /// more ([`Race::ahead`]). The leg led from one part of the cost to the other.
+    fn may_come_up(&self, score: &Score, (before, now): (f64, f64), least: f64) -> bool {
+        let then = ahead(self.nats(before), self.nats(now), self.race().ahead);
+        let candidate = self.trials[score.trial].candidate;
+        then >= self.nats(least) - self.tie && (self.bound)(candidate, then) >= (self.least)(candidate)
     }
 
     /// Fits from the starts of each and puts the best in its place where that lowers the cost by more than this part.
     pub fn exchange(&self, fitted: &mut [Result<Fitted, String>], starts: Vec<Vec<System>>, worth: f64) {
         let starts: Vec<(usize, System)> = starts.into_iter().enumerate().flat_map(|(k, s)| s.into_iter().map(move |s| (k, s))).collect();
         let stands: Vec<f64> = fitted.iter().map(cost_of).collect();
-        let moved = parallel::map(&starts, |(k, system)| self.moved(system, stands[*k]));
+        let moved = parallel::map(&starts, |(k, system)| self.moved(system, stands[*k], &|_| true));
         for ((k, _), moved) in starts.iter().zip(moved) {
             if cost_of(&moved) < (1.0 - worth) * cost_of(&fitted[*k]) {
                 fitted[*k] = moved;

@@ -27,14 +27,18 @@ struct Alternatives {
 }
 
 impl Climb<'_> {
-    /// The model without an addition and the present one, both under the counts of the smaller. That begins where it was last fitted, from which it need
-    /// not go the way that the addition has led it.
+    /// The model without an addition and the present one, both under the counts of the smaller. That goes on from where it was last weighed, so that it need
+    /// not go the way back that the addition has led it.
     fn beside_smaller(&self, k: usize) -> Option<(Scale, Weighed, Weighed)> {
         let mut scale = self.scale.again();
         let without = self.now.fitted.system.without(self.base + k)?;
-        let begun = self.added[k].smaller.as_ref().filter(|s| same_effects(s, &without)).unwrap_or(&without);
-        let small = scale.weigh(begun, &self.now.v, self.monitor).ok()?;
-        let small = scale.tempered(&small, self.monitor).ok()?;
+        let small = match self.added[k].smaller.as_ref().filter(|s| same_effects(&s.fitted.system, &without)) {
+            Some(known) => scale.tempered(known, self.monitor).ok()?,
+            None => {
+                let small = scale.weigh(&without, &self.now.v, self.monitor).ok()?;
+                scale.tempered(&small, self.monitor).ok()?
+            }
+        };
         let whole = scale.weigh(&self.now.fitted.system, &self.now.v, self.monitor).ok()?;
         Some((scale, small, whole))
     }
@@ -74,7 +78,7 @@ impl Climb<'_> {
     /// Lists what every addition is tied with, where that is not known.
     pub fn list_ties(&mut self) {
         let law = |k: usize| self.now.fitted.system.instances.get(self.base + k).is_some_and(|i| !of_channel(i));
-        if self.added.iter().enumerate().any(|(k, a)| a.without.is_none() && law(k)) {
+        if self.added.iter().enumerate().any(|(k, a)| !a.held && law(k)) {
             let found = self.alternatives();
             self.tie(found);
         }
@@ -132,10 +136,11 @@ impl Climb<'_> {
     }
 
     fn tie(&mut self, found: Vec<Alternatives>) {
+        self.added.iter_mut().for_each(|a| a.held = true);
         for a in found {
             let loss = super::search::error_of(&self.scale, &a.without).powi(2);
             let added = &mut self.added[a.of];
-            added.smaller = Some(a.without.fitted.system.clone());
+            added.smaller = Some(a.without.clone());
             (added.tied, added.without, added.loss) = (a.tied, Some(a.without), loss);
         }
         // What costs most to leave out comes first; instances follow.
@@ -167,11 +172,13 @@ impl Climb<'_> {
             let elsewhere: Vec<System> = self.now.fitted.system.without(self.base + k).into_iter().collect();
             let added = self.added.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, a)| &a.name).collect();
             let own = &self.added[k].name;
+            let mut stands_there = self.now.fitted.system.without(self.base + k)?;
+            stands_there.instances.push(instance.clone());
             let against = Against {
                 scale: &scale,
                 base: &small,
                 need: Some(need),
-                stands: Some(own),
+                stands: Some((own, &stands_there)),
                 rival: None,
                 elsewhere: &elsewhere,
                 added,

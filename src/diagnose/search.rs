@@ -72,8 +72,8 @@ pub struct Against<'a> {
     pub base: &'a Weighed,
     /// Nats that a candidate must gain on that to be of interest, where that is not its price: what stands in its place gains so much.
     pub need: Option<f64>,
-    /// What stands in its place.
-    pub stands: Option<&'a Name>,
+    /// What stands in its place, and the model with it, its effect the last.
+    pub stands: Option<(&'a Name, &'a System)>,
     /// Nats that something else than a candidate gains here: where the simplest candidates gain less by a tie, no others are refitted.
     pub rival: Option<f64>,
     /// Where else its own parameters may stand when a candidate begins.
@@ -110,6 +110,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
         case: &race,
         rough: rough.as_ref(),
         near: near.as_ref(),
+        stands: a.stands,
         base: system,
         names: &names,
         trials: &trials,
@@ -134,6 +135,9 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     // What could stand in the place of an effect is looked for among everything there.
     let stands = |refits: &[Refit]| a.need.is_some() || Survivors { held: &held, refits }.any_may_gain();
     let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, &beaten, &stands, watch));
+    // What stands is known already: in the race it is what others are held against.
+    let others = |r: &Refit| a.stands.is_none_or(|(name, _)| names[r.candidate] != *name);
+    let refits: Vec<Refit> = refits.into_iter().filter(others).collect();
     let cut = trace::stopped(&hurried);
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
@@ -285,7 +289,7 @@ impl<'a> Price<'a> {
     /// The factor by which what stands gained more than its slope promises here, where it did: a slope at strength zero says little of a friction
     /// that sticks throughout, and no more of another one in its place.
     fn slopes_are_off(&self, best: &[Score], trials: &[Trial]) -> f64 {
-        let stands = |s: &&Score| self.against.stands == Some(&self.names[trials[s.trial].candidate]);
+        let stands = |s: &&Score| self.against.stands.is_some_and(|(name, _)| *name == self.names[trials[s.trial].candidate]);
         let bound = best.iter().find(stands).map(|s| (trials[s.trial].candidate, self.bound(trials[s.trial].candidate, s.drop)));
         bound.map_or(1.0, |(own, bound)| off(self.price(own), bound))
     }

@@ -24,6 +24,7 @@ fn a_slider_takes_from_the_spring_beside_it() {
     let rough = case.coarser(case.expanded(&fitted.system));
     let bench = Bench {
         near: None,
+        stands: None,
         case: &case,
         rough: rough.as_ref(),
         base: &fitted.system,
