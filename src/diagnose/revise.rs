@@ -191,7 +191,9 @@ impl Climb<'_> {
                 .filter(|s| s.admissible && s.name != *own && s.weighed.last().is_some_and(|i| !of_channel(i) || of_all(i)))
                 .map(|s| (scale.worth(&s.weighed) - stands, s.name, s.weighed))
                 .collect();
-            others.extend(self.added[k].rivals.iter().filter_map(|(name, instance)| {
+            // Those that came close when it was added are behind it until the model changes.
+            let rivals = self.added[k].rivals.iter().filter(|_| !self.added[k].held);
+            others.extend(rivals.filter_map(|(name, instance)| {
                 let mut system = small.fitted.system.clone();
                 system.instances.push(instance.clone());
                 let weighed = scale.weigh(&system, &self.now.v, self.monitor).ok()?;
