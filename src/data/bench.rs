@@ -30,7 +30,7 @@ impl Default for Rig {
 pub struct Instruments {
     /// Gain about 1.
     pub gain: Option<f64>,
-    /// Offset, in parts of the amplitude: that of the sine of the same rms about its mean.
+    /// Offset, in parts of the amplitude: that of the sine of the same rms, its mean with it.
     pub offset: Option<f64>,
     /// Delay [s].
     pub delay: Option<f64>,

@@ -126,7 +126,7 @@ struct Rig {
 struct Instruments {
     /// Standard deviation of a gain about 1.
     gain: Option<Quantity>,
-    /// Offset, a part of the amplitude (that of a sine of the same rms about its mean).
+    /// Offset, a part of the amplitude (that of a sine of the same rms, its mean with it).
     offset: Option<Quantity>,
     /// Delay of a channel.
     delay: Option<Quantity>,

@@ -136,13 +136,17 @@ impl Climb<'_> {
     }
 
     fn tie(&mut self, found: Vec<Alternatives>) {
-        self.added.iter_mut().for_each(|a| a.held = true);
         for a in found {
             let loss = super::search::error_of(&self.scale, &a.without).powi(2);
-            let added = &mut self.added[a.of];
+            let (added, most) = (&mut self.added[a.of], self.settings.ties);
+            // What was tied with it at other places when it was added is so as long as the model has not changed.
+            let known =
+                std::mem::take(&mut added.tied).into_iter().filter(|(_, name, _)| added.held && a.tied.iter().all(|t| t.1 != *name));
+            let tied = a.tied.iter().cloned().chain(known).take(most).collect();
             added.smaller = Some(a.without.clone());
-            (added.tied, added.without, added.loss) = (a.tied, Some(a.without), loss);
+            (added.tied, added.without, added.loss) = (tied, Some(a.without), loss);
         }
+        self.added.iter_mut().for_each(|a| a.held = true);
         // What costs most to leave out comes first; instances follow.
         if !self.now.fitted.system.instances.iter().any(|i| i.target.is_some()) {
             let mut order: Vec<usize> = (0..self.added.len()).collect();

@@ -142,3 +142,23 @@ fn an_instrument_beyond_its_tolerance_is_told_with_its_sign() {
     assert!(test == "loop-2Hz" && (-0.026..-0.01).contains(&offset), "{told:?}");
     assert!(told.iter().any(|r| r.describe().contains("% of a period too late by this model")));
 }
+
+/// The tests about a model are computed once, whoever asks for them in its scale; those of another model, of other tests, and of models along one axis are others.
+#[test]
+fn tests_about_a_model_are_computed_once() {
+    let case =
+        Case::from_study(&crate::study::Study::load(std::path::Path::new("studies/06-virtual-tensioner"), None).unwrap(), 1).unwrap();
+    let scale = Scale::new(&case, &case.system, &Settings::default());
+    let about = |scale: &Scale, system: &System| scale.about(system).unwrap().case.plans;
+    let first = about(&scale, &case.system);
+    assert!(std::sync::Arc::ptr_eq(&first, &about(&scale.again(), &case.system)));
+    let mut other = case.system.clone();
+    let k = &mut other.instances.iter_mut().find(|i| i.params[0].free).unwrap().params[0];
+    k.value *= 1.0 + 1e-6;
+    assert!(!std::sync::Arc::ptr_eq(&first, &about(&scale, &other)));
+    assert!(std::sync::Arc::ptr_eq(&first, &about(&scale, &case.system)), "it is kept beside the other");
+    let others = Scale { nearby: scale.nearby.clone(), ..Scale::new(&case, &case.system, &Settings::default()) };
+    assert!(!std::sync::Arc::ptr_eq(&first, &about(&others, &case.system)), "other plans, though of the same tests");
+    let flat = Case::from_study(&loops(0.0).load().unwrap(), 1).unwrap();
+    assert!(Scale::new(&flat, &flat.system, &Settings::default()).about(&flat.system).is_none());
+}
