@@ -20,7 +20,7 @@ pub enum Reason {
     InTurn {
         /// Nats beyond its price.
         nats: f64,
-        /// Nats by which the tests that were left out are foretold better with it.
+        /// Nats by which the tests that were left out are foretold better with it, beyond what the search for it cost.
         turns: f64,
     },
     /// What it may gain at most is below the price, by its score or by its refit under the variances of the model without it.
@@ -78,7 +78,7 @@ impl Reason {
             Reason::TooLittle { nats } => format!("falls {:.1} nats short of its price", -nats),
             Reason::InTurn { nats, turns } => {
                 format!(
-                    "{nats:+.1} nats beyond its price, which does not decide; tests left out in turn are foretold {turns:+.1} nats better"
+                    "{nats:+.1} nats beyond its price, which does not decide; tests left out in turn are foretold better by {turns:+.1} nats beyond what the search cost"
                 )
             }
             Reason::Hopeless { bound, price } => format!("can gain {bound:.1} nats at most, and its price is {price:.1}"),

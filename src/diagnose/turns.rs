@@ -20,7 +20,7 @@ use super::weigh::{Scale, Weighed};
 pub struct Better {
     /// Whether it is.
     pub yes: bool,
-    /// Nats by which it foretells what was left out better, where that was asked.
+    /// Nats by which it foretells what was left out better, less what the search for it cost, where that was asked.
     pub turns: Option<f64>,
 }
 
@@ -34,9 +34,11 @@ impl Scale {
         self.in_turn(gain, larger, smaller, monitor)
     }
 
-    /// The same by both, whatever the gain.
+    /// The same by both, whatever the gain. What is the best of many was chosen by all tests, those that are left out in turn among them: what the search for it
+    /// cost is in the gain, and is taken from what they say as well.
     pub fn in_turn(&self, gain: f64, larger: &Weighed, smaller: &Weighed, monitor: &Monitor) -> Better {
-        let turns = self.turns(larger, smaller, monitor).as_deref().map(sum_and_variance);
+        let search = self.gain(larger, smaller, 1.0) - gain;
+        let turns = self.turns(larger, smaller, monitor).as_deref().map(sum_and_variance).map(|(sum, variance)| (sum - search, variance));
         Better { yes: together(gain, turns, self.settings.tie) > 0.0, turns: turns.map(|t| t.0) }
     }
 
