@@ -136,9 +136,10 @@ impl Bench<'_> {
     pub fn refit_all(&self, picked: &[Score], leader: Option<Leader>, watch: &(dyn Fn(&str) + Sync)) -> Vec<Refit> {
         // Which is worth it shows in coarser steps as well.
         let (look, whole) = (self.look(), self.unexplained());
+        // By these tests each is told in the end.
         let mut seen = vec![self.case; picked.len()];
         let mut fitted = if self.rough.is_some() {
-            // The way is gone where it is cheap; in all its steps only the end of it is.
+            // The way is gone where it is cheap; in all its steps, or about where it has led, only the end of it is.
             let unexplained = look.unexplained();
             let leader = leader.map(|l| Leader { cost: l.cost * unexplained / whole, ..l });
             let mut fitted = look.looks(picked, leader, unexplained, watch);
@@ -264,8 +265,8 @@ impl Bench<'_> {
         looks
     }
 
-    /// A refit in all its steps, or about where it stands, from where its way in the look has led. What cannot be computed there begins a part of the way there, and anew from
-    /// the model itself.
+    /// A refit in all its steps, or about where it stands, from where its way in the look has led. What cannot be computed there begins a part of the way
+    /// there, and anew from the model itself.
     fn in_full(&self, score: &Score, look: Fitted) -> Result<Fitted, String> {
         let race = self.race();
         let from = |part: &f64| self.from(&self.part_of_the_way(&look.system, *part), race.leg);

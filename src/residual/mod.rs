@@ -18,7 +18,7 @@ use crate::model::{FreeParam, System};
 use crate::response::{BlockKind, Computed, Plan, ResponseError};
 
 pub use approach::Approach;
-pub use memo::{Memo, alike};
+pub use memo::{Memo, Recent};
 
 /// The least-squares problem of a set of tests in the free parameters of a system.
 ///
