@@ -12,7 +12,7 @@ use crate::identify::{
 };
 use crate::model::{FreeParam, Instance, ModelError, ParamValue, Site, System, Target};
 use crate::parallel;
-use crate::residual::{Memo, Problem};
+use crate::residual::{Common, Memo, Problem};
 use crate::response::Plan;
 use crate::units::Unit;
 
@@ -70,6 +70,8 @@ pub struct Case {
     pub worth: Option<f64>,
     /// What was computed of its fit tests a moment ago.
     pub memo: Option<Arc<Memo>>,
+    /// Errors that its fit tests have in common.
+    pub common: Option<Arc<Common>>,
     /// What deviates in its system of what the study ties or fixes.
     pub deviations: Slack,
     /// Effects that an earlier ladder has found, which goes on with them as its own.
@@ -175,8 +177,8 @@ impl Case {
         let param = |f: &FreeParam| -> &ParamValue { &system.instances[f.instance].params[f.param] };
         let mut options = FitOptions::new(free.iter().map(|f| f.name.clone()));
         let bound = |f: &FreeParam, v: f64, side: f64| match (f.log, v) {
-            // A positive shape is kept within six decades of its start, so that one without influence does not run away.
-            (true, v) if v.is_infinite() || v <= 0.0 => f.variable(param(f).value) + side * 1e6f64.ln(),
+            // A positive shape is kept within so many times its start, so that one without influence does not run away.
+            (true, v) if v.is_infinite() || v <= 0.0 => f.variable(param(f).value) + side * self.search.settings.fitting.shape_reach.ln(),
             (true, v) => v.ln(),
             (false, v) => v,
         };
@@ -204,7 +206,7 @@ impl Case {
 
     /// Fits the given system to the given tests.
     pub fn fit_system(&self, system: &System, plans: Vec<&Plan>, monitor: &Monitor) -> Result<Fitted, DiagnoseError> {
-        let problem = Problem { memo: self.memo.clone(), ..Problem::new(plans, system.clone()) };
+        let problem = Problem { memo: self.memo.clone(), common: self.common.clone(), ..Problem::new(plans, system.clone()) };
         let rows = problem.plans.iter().map(|p| p.len()).sum();
         let options = self.options(system, rows)?;
         options.constraints.validate(&options.names)?;

@@ -93,16 +93,21 @@ pub fn chance(columns: &[DVector<f64>], trials: &[Drawn], seed: u64, s: &Scoring
         return none();
     }
     best.sort_by(f64::total_cmp);
-    let seen: Vec<usize> = (0..candidates).filter(|k| trials.iter().any(|t| t.candidate == *k)).collect();
-    // Half a draw at least passes and half a draw does not: what was not seen in so many draws is not impossible.
-    let draws = best.len() as f64;
-    let never = |passed: u64| (-(passed as f64).clamp(0.5, draws - 0.5) / draws).ln_1p();
     let count = |any: u64, which: &dyn Fn(usize) -> bool| {
-        let each: Vec<f64> = seen.iter().filter(|k| which(**k)).map(|k| never(of_candidate[*k])).collect();
-        let count = each.len() as f64;
-        if each.is_empty() { 1.0 } else { (never(any) * count / each.iter().sum::<f64>()).clamp(1.0, count) }
+        let counted = |k: &usize| which(*k) && trials.iter().any(|t| t.candidate == *k);
+        let passed: Vec<u64> = (0..candidates).filter(counted).map(|k| of_candidate[k]).collect();
+        as_independent(any, &passed, best.len() as f64)
     };
-    Chance { best, independent: count(any, &|_| true), independent_physics: count(any_physics, &|k| physics[k]) }
+    let (independent, independent_physics) = (count(any, &|_| true), count(any_physics, &|k| physics[k]));
+    Chance { best, independent, independent_physics }
+}
+
+/// As how many independent candidates these are, of which any passed a level in so many draws and each in so many of them. Half a draw at least passes and half a
+/// draw does not: what was not seen in so many draws is not impossible.
+fn as_independent(any: u64, each: &[u64], draws: f64) -> f64 {
+    let never = |passed: u64| (-(passed as f64).clamp(0.5, draws - 0.5) / draws).ln_1p();
+    let count = each.len() as f64;
+    if each.is_empty() { 1.0 } else { (never(any) * count / each.iter().map(|passed| never(*passed)).sum::<f64>()).clamp(1.0, count) }
 }
 
 /// A matrix whose product with independent normal numbers has the correlation of the columns.
@@ -115,9 +120,9 @@ fn root(columns: &[DVector<f64>], s: &Scoring) -> DMatrix<f64> {
     // A product, not `tr_mul`: that goes column by column.
     let mut correlation = g.transpose() * &g;
     for k in 0..m {
-        correlation[(k, k)] += 1e-9 + 1e-12 * m as f64;
+        correlation[(k, k)] += f64::EPSILON.sqrt();
     }
-    let mut jitter = 1e-9;
+    let mut jitter = f64::EPSILON.sqrt();
     loop {
         if let Some(c) = correlation.clone().cholesky() {
             return c.l();

@@ -53,7 +53,7 @@ impl Scale {
         }
         own_test(fault)?;
         let left: Vec<f64> = with.seen.iter().enumerate().map(|(t, s)| self.error(t, s)).collect();
-        let floor = self.noise(t) + 3.0 * self.settings.evidence.model_error_least;
+        let floor = self.noise(t) + self.settings.visible_least * self.settings.evidence.model_error_least;
         let mut others: Vec<f64> = left.iter().enumerate().filter(|(k, _)| *k != t).map(|(_, e)| *e).collect();
         others.sort_by(f64::total_cmp);
         let median = others.get(others.len() / 2).copied().unwrap_or(0.0);

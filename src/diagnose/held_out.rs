@@ -6,8 +6,9 @@ use crate::parallel;
 use crate::residual::mean_square;
 use crate::response::Plan;
 
+use super::results::SplitName;
 use super::settings::Settings;
-use super::weigh::Weighed;
+use super::weigh::{Scale, Weighed};
 
 /// The held-out tests beside two models.
 pub struct HeldOutTests<'a> {
@@ -50,9 +51,15 @@ impl<'a> HeldOutTests<'a> {
             return None;
         }
         let evidence = Evidence::new(&plans, &last.fitted.system, &settings.evidence);
-        let mut tests = HeldOutTests { counts: evidence.independent(), kappa: last.v.kappa, plans, evidence, fitted, settings };
-        tests.counts = tests.evidence.least_counts(&first.v.carried(tests.fitted, &tests.evidence));
-        Some(tests)
+        let counts = evidence.least_counts(&first.v.carried(fitted, &evidence));
+        Some(HeldOutTests { plans, evidence, fitted, counts, kappa: last.v.kappa, settings })
+    }
+
+    /// Fitted tests that were left out of a fit, as they are seen and counted beside the others: what a model misses of a mode or of a loop it misses in all of
+    /// them, and each by itself would count for as many facts as all do.
+    pub fn left_out(left: &'a Scale, fitted: &'a Evidence, kappa: f64) -> Self {
+        let plans = left.case.plans_of(SplitName::Fit);
+        HeldOutTests { plans, evidence: left.evidence.clone(), fitted, counts: left.counts.clone(), kappa, settings: &left.settings }
     }
 
     fn see(&self, system: &System) -> Option<(Vec<Seen>, Vec<Vec<f64>>)> {

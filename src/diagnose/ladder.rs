@@ -152,20 +152,7 @@ pub fn ladder_keeping(
     keep: &dyn Fn(&System),
 ) -> Result<(LadderResult, System), DiagnoseError> {
     let started = std::time::Instant::now();
-    watch("fitting the study as it stands");
-    let (case, clipped) = unclipped(case);
-    let (case, mut turned) = righted(&case);
-    let (case, opposite) = phased(&case, monitor);
-    turned.extend(clipped.into_iter().chain(opposite));
-    // Its model is weighed next, which fits it once more: it need not come closer than that.
-    let Began { case, fitted, .. } = begin(&Case { worth: Some(case.search.settings.settled), ..case }, monitor)?;
-    let case = Case { worth: None, ..case };
-    let mut climb = Climb::new(&case, &fitted, monitor, watch)?;
-    climb.turned = turned;
-    let mut rungs = vec![climb.rung(None, vec![])?];
-    if !case.found.is_empty() {
-        rungs.push(climb.take_up(&case.system, &case.found)?);
-    }
+    let (mut climb, mut rungs) = at_the_foot(case, monitor, watch)?;
     let mut visible = Vec::new();
     let end = loop {
         if trace::stopped(monitor) {
@@ -213,6 +200,25 @@ pub fn ladder_keeping(
         rungs.extend(parallel::watched(&monitor.watch(), || climb.tighten(false)).unwrap_or_default());
     };
     climb.finish(rungs, &end, visible, started)
+}
+
+/// The study's own model fitted to its tests, channels turned back and clipped samples left out, and what an earlier ladder had found beside it: the first rungs.
+fn at_the_foot<'a>(case: &Case, monitor: &'a Monitor<'a>, watch: Watch<'a>) -> Result<(Climb<'a>, Vec<Rung>), DiagnoseError> {
+    watch("fitting the study as it stands");
+    let (case, clipped) = unclipped(case);
+    let (case, mut turned) = righted(&case);
+    let (case, opposite) = phased(&case, monitor);
+    turned.extend(clipped.into_iter().chain(opposite));
+    // Its model is weighed next, which fits it once more: it need not come closer than that.
+    let Began { case, fitted, .. } = begin(&Case { worth: Some(case.search.settings.settled), ..case }, monitor)?;
+    let mut climb = Climb::new(&Case { worth: None, ..case }, &fitted, monitor, watch)?;
+    climb.turned = turned;
+    let mut rungs = vec![climb.rung(None, vec![])?];
+    let Case { system, found, .. } = climb.case.clone();
+    if !found.is_empty() {
+        rungs.push(climb.take_up(&system, &found)?);
+    }
+    Ok((climb, rungs))
 }
 
 impl Climb<'_> {

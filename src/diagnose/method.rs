@@ -32,6 +32,8 @@ pub struct Fitting {
     pub ran_away: f64,
     /// Times its start and its plain fit that a coefficient without an upper bound may come to in the search: two decades.
     pub known: f64,
+    /// The same of a positive shape that no bound holds, and one over it: six decades to either side.
+    pub shape_reach: f64,
 }
 
 /// How candidates are scored.
@@ -131,6 +133,7 @@ impl Default for Fitting {
             per_parameter: 10,
             ran_away: 1e9,
             known: 100.0,
+            shape_reach: 1e6,
         }
     }
 }

@@ -27,6 +27,7 @@ impl Case {
             f_tol: None,
             worth: None,
             memo: None,
+            common: None,
             deviations: Slack::default(),
             found: vec![],
         }

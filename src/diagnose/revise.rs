@@ -10,7 +10,7 @@ use super::climb::{Added, Climb};
 use super::fault::{of_all, of_channel};
 use super::held_out::HeldOutTests;
 use super::results::{EffectAt, Rung, SplitName};
-use super::search::{Against, Step, step};
+use super::search::{Against, Step, Stood, step};
 use super::trace;
 use super::weigh::{Scale, Tied, Weighed};
 
@@ -155,6 +155,33 @@ impl Climb<'_> {
         }
     }
 
+    /// What else of that which `stood` in the place of an addition, and what came close to it before, is worth beside it, the most first.
+    fn others(&self, k: usize, (scale, small, stands): (&Scale, &Weighed, f64), stood: Vec<Stood>) -> Vec<(f64, Name, Weighed)> {
+        let own = &self.added[k].name;
+        let mut others: Vec<(f64, Name, Weighed)> = stood
+            .into_iter()
+            .filter(|s| s.admissible && s.name != *own && s.weighed.last().is_some_and(|i| !of_channel(i) || of_all(i)))
+            .map(|s| (scale.worth(&s.weighed) - stands, s.name, s.weighed))
+            .collect();
+        // Those that came close when it was added are behind it until the model changes.
+        let rivals = self.added[k].rivals.iter().filter(|_| !self.added[k].held);
+        others.extend(rivals.filter_map(|(name, instance)| {
+            let mut system = small.fitted.system.clone();
+            system.instances.push(instance.clone());
+            let weighed = scale.weigh(&system, &self.now.v, self.monitor).ok()?;
+            Some((scale.worth(&weighed) - stands, name.clone(), weighed))
+        }));
+        others.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // A rival may have been weighed by the step as well.
+        let mut told: Vec<Name> = vec![own.clone()];
+        others.retain(|o| {
+            let first = !told.contains(&o.1);
+            told.push(o.1.clone());
+            first
+        });
+        others
+    }
+
     /// For every law that was added, what else could stand in its place.
     fn alternatives(&self) -> Vec<Alternatives> {
         (self.watch)("holding what was added against what could stand in its place");
@@ -190,27 +217,7 @@ impl Climb<'_> {
                 watch: &quiet,
             };
             let Step { stood, .. } = step(&against).ok()?;
-            let mut others: Vec<(f64, Name, Weighed)> = stood
-                .into_iter()
-                .filter(|s| s.admissible && s.name != *own && s.weighed.last().is_some_and(|i| !of_channel(i) || of_all(i)))
-                .map(|s| (scale.worth(&s.weighed) - stands, s.name, s.weighed))
-                .collect();
-            // Those that came close when it was added are behind it until the model changes.
-            let rivals = self.added[k].rivals.iter().filter(|_| !self.added[k].held);
-            others.extend(rivals.filter_map(|(name, instance)| {
-                let mut system = small.fitted.system.clone();
-                system.instances.push(instance.clone());
-                let weighed = scale.weigh(&system, &self.now.v, self.monitor).ok()?;
-                Some((scale.worth(&weighed) - stands, name.clone(), weighed))
-            }));
-            others.sort_by(|a, b| b.0.total_cmp(&a.0));
-            // A rival may have been weighed by the step as well.
-            let mut told: Vec<Name> = vec![own.clone()];
-            others.retain(|o| {
-                let first = !told.contains(&o.1);
-                told.push(o.1.clone());
-                first
-            });
+            let others = self.others(k, (&scale, &small, stands), stood);
             let best = others.iter().find(|o| o.2.last().is_some_and(|i| !of_channel(i)));
             let better = best.filter(|o| o.0 > self.settings.swap).cloned();
             let tied = others.into_iter().filter_map(|(_, n, w)| Some((scale.tied(&w, &whole)?, n, w))).take(self.settings.ties).collect();

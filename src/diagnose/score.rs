@@ -65,6 +65,28 @@ pub struct Projected {
     pub cost: f64,
 }
 
+/// Slopes with respect to the model's own parameters and residuals, a row below for every prior (index, mean, sigma).
+fn with_priors(
+    slopes: &DMatrix<f64>,
+    r: &DVector<f64>,
+    priors: &[(usize, f64, f64)],
+    p: &[f64],
+) -> Result<(DMatrix<f64>, DVector<f64>), DiagnoseError> {
+    let rows = r.len() + priors.len();
+    let (mut base, mut extended) = (DMatrix::zeros(rows, slopes.ncols()), DVector::zeros(rows));
+    base.view_mut((0, 0), slopes.shape()).copy_from(slopes);
+    extended.rows_mut(0, r.len()).copy_from(r);
+    for (k, (index, mean, sigma)) in priors.iter().enumerate() {
+        base[(r.len() + k, *index)] = 1.0 / sigma;
+        extended[r.len() + k] = (p[*index] - mean) / sigma;
+    }
+    if base.iter().chain(extended.iter()).any(|v| !v.is_finite()) {
+        let reason = "a derivative of the response with respect to the model's own parameters is not finite";
+        return Err(DiagnoseError::start_fails(reason));
+    }
+    Ok((base, extended))
+}
+
 /// Evaluates the model once with all trials at their null strength. `kept`: the free parameters of `system` that no bound holds.
 pub fn projected(
     plans: &[&Plan],
@@ -98,19 +120,7 @@ pub fn projected(
     }
     let rows = r.len() + priors.len();
     let cost: f64 = 0.5 * r.norm_squared();
-    // Prior rows belong to the columns of the model's own parameters.
-    let mut base = DMatrix::zeros(rows, own);
-    base.view_mut((0, 0), (r.len(), own)).copy_from(&of_own);
-    let mut extended = DVector::zeros(rows);
-    extended.rows_mut(0, r.len()).copy_from(&r);
-    for (k, (index, mean, sigma)) in priors.iter().enumerate() {
-        base[(r.len() + k, *index)] = 1.0 / sigma;
-        extended[r.len() + k] = (p[*index] - mean) / sigma;
-    }
-    if base.iter().chain(extended.iter()).any(|v| !v.is_finite()) {
-        let reason = "a derivative of the response with respect to the model's own parameters is not finite";
-        return Err(DiagnoseError::start_fails(reason));
-    }
+    let (base, extended) = with_priors(&of_own, &r, priors, &p)?;
     let (q, back) = decomposed(&base.select_columns(kept), s);
     let column = |t: usize| {
         let mut g = DVector::zeros(rows);

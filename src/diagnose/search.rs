@@ -95,14 +95,7 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let near = scale.about(system).map(|near| Case { worth: race.worth, ..under(near) });
     let best = best_per_candidate(&scores.list, &trials);
     let price = Price::new(a, &names, squares, &scores);
-    let off = price.slopes_are_off(&best, &trials);
-    let hopes = |candidate: usize, drop: f64| off * price.bound(candidate, drop) >= price.least(candidate);
-    let hopeful: Vec<Score> = best.iter().filter(|s| hopes(trials[s.trial].candidate, s.drop)).copied().collect();
-    let wanted = states::wanted(scale, near.as_ref().unwrap_or(&race), base, &trials, a.monitor);
-    let wanted: Vec<Wanted> = wanted.into_iter().filter(|w| hopes(trials[w.trial].candidate, w.drop)).collect();
-    let bound = |s: &Score| price.bound(trials[s.trial].candidate, s.drop);
-    let picked =
-        if trace::stopped(a.monitor) { vec![] } else { picks::first(&hopeful, &wanted, &scores.selected, bound, &trials, &scale.settings) };
+    let (hopeful, wanted, picked) = picked(a, &price, (&best, &trials, &scores), near.as_ref().unwrap_or(&race));
     let hurried = a.monitor.hurried(scale.settings.race.share);
     let (gains, least) = (|candidate: usize, nats: f64| price.factor(candidate) * nats, |candidate: usize| price.least(candidate));
     let rough = if picked.is_empty() { None } else { race.coarser(near.clone()) };
@@ -125,19 +118,12 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     };
     let started = std::time::Instant::now();
     let cost = bench.unexplained();
-    // The best refit beside what else gains here.
-    let beaten = |r: &Refit| {
-        let Some((rival, proof)) = a.rival.zip(r.result.as_ref().ok()) else { return false };
-        let weighed = scale.weigh(&proof.fitted.system, &loose, a.monitor);
-        weighed.is_ok_and(|w| scale.gain(&w, base, price.tried(r.candidate)) + scale.settings.tie < rival)
-    };
     let held = Held { against: a, names: &names, price: &price, cost, from: &loose };
     // What could stand in the place of an effect is looked for among everything there.
     let stands = |refits: &[Refit]| a.need.is_some() || Survivors { held: &held, refits }.any_may_gain();
-    let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, &beaten, &stands, watch));
+    let refits = parallel::watched(&hurried.watch(), || refitted(&bench, &hopeful, &picked, cost, &|r| held.beaten(r), &stands, watch));
     // What stands is known already: in the race it is what others are held against.
-    let others = |r: &Refit| a.stands.is_none_or(|(name, _)| names[r.candidate] != *name);
-    let refits: Vec<Refit> = refits.into_iter().filter(others).collect();
+    let refits: Vec<Refit> = refits.into_iter().filter(|r| a.stands.is_none_or(|(name, _)| names[r.candidate] != *name)).collect();
     let cut = trace::stopped(&hurried);
     (effort.refits, effort.refits_s) = (refits.len(), started.elapsed().as_secs_f64());
     watch(&format!("weighing {} refits", refits.len()));
@@ -158,6 +144,29 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let (candidates, second_opinion) = listed.all(&raced, &best, scale, &price);
     let visible = visible(&scores.list, &names, &trials);
     Ok(Step { candidates, second_opinion, stood, taken, effort, visible, tried: price.all, cut })
+}
+
+/// Of the best scores of candidates those that may come to their price, what states of the conditions want of laws over them, and which of both are refitted first.
+fn picked(
+    a: &Against,
+    price: &Price,
+    (best, trials, scores): (&[Score], &[Trial], &Scores),
+    race: &Case,
+) -> (Vec<Score>, Vec<Wanted>, Vec<Score>) {
+    let off = price.slopes_are_off(best, trials);
+    let hopes = |trial: usize, drop: f64| {
+        let candidate = trials[trial].candidate;
+        off * price.bound(candidate, drop) >= price.least(candidate)
+    };
+    let hopeful: Vec<Score> = best.iter().filter(|s| hopes(s.trial, s.drop)).copied().collect();
+    let wanted = states::wanted(a.scale, race, a.base, trials, a.monitor);
+    let wanted: Vec<Wanted> = wanted.into_iter().filter(|w| hopes(w.trial, w.drop)).collect();
+    if trace::stopped(a.monitor) {
+        return (hopeful, wanted, vec![]);
+    }
+    let bound = |s: &Score| price.bound(trials[s.trial].candidate, s.drop);
+    let first = picks::first(&hopeful, &wanted, &scores.selected, bound, trials, &a.scale.settings);
+    (hopeful, wanted, first)
 }
 
 /// Which of these, each with its gain and its parameters, is taken: what gains most, or the smallest at its place that gains as much within a tie. A larger law
@@ -315,7 +324,7 @@ fn off(gained: f64, promised: f64) -> f64 {
 
 /// Nats that the fall of a sum of squares `q` by this part is worth at most.
 pub(super) fn promised(q: f64, drop: f64) -> f64 {
-    let drop = drop.clamp(0.0, 1.0 - 1e-9);
+    let drop = drop.clamp(0.0, 1.0 - f64::EPSILON);
     0.5 * q * drop.max(-(1.0 - drop).ln())
 }
 

@@ -73,7 +73,7 @@ fn nonnegative(inner: &DMatrix<f64>, z: &DVector<f64>, price: f64) -> Option<Vec
     for j in 0..n {
         for i in 0..=j {
             // Columns that are nearly one share their weight instead of leaving it open.
-            program.quadratic.push((i, j, inner[(i, j)] + if i == j { 1e-8 } else { 0.0 }));
+            program.quadratic.push((i, j, inner[(i, j)] + if i == j { f64::EPSILON.sqrt() } else { 0.0 }));
         }
         program.linear[j] = (price - z[j]) / size;
         program.at_most(vec![(j, -1.0)], 0.0);

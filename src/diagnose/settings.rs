@@ -144,12 +144,13 @@ pub struct Stated {
 }
 
 /// Every constant that a study may state.
-pub const STATED: [Stated; 18] = [
+pub const STATED: [Stated; 19] = [
     Stated { key: "model_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.model_error_least },
     Stated { key: "frf_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.frf_error_least },
     Stated { key: "model_error_spread", range: (1e-3, 5.0), field: |s| &mut s.evidence.model_error_spread },
     Stated { key: "scatter_prior", range: (1e-6, 0.5), field: |s| &mut s.evidence.scatter_prior },
     Stated { key: "scatter_most", range: (1e-6, 0.5), field: |s| &mut s.evidence.scatter_most },
+    Stated { key: "instruments_common", range: (0.0, 0.99), field: |s| &mut s.evidence.instruments_common },
     Stated { key: "noise_spread", range: (1e-3, 5.0), field: |s| &mut s.evidence.noise_spread },
     Stated { key: "noise_most", range: (1.0, 1e4), field: |s| &mut s.evidence.noise_most },
     Stated { key: "facts_loop", range: (1.0, 81.0), field: |s| &mut s.evidence.facts_loop },

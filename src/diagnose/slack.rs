@@ -430,7 +430,9 @@ impl Covariance {
         let j = &fitted.outcome.jacobian;
         let size: Vec<f64> = j.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
         let scaled = DMatrix::from_fn(j.nrows(), j.ncols(), |i, k| j[(i, k)] / size[k]);
-        let inverse = (scaled.transpose() * &scaled).pseudo_inverse(1e-12).unwrap_or_else(|_| DMatrix::zeros(j.ncols(), j.ncols()));
+        let inverse = (scaled.transpose() * &scaled)
+            .pseudo_inverse(f64::EPSILON * j.nrows().max(j.ncols()) as f64)
+            .unwrap_or_else(|_| DMatrix::zeros(j.ncols(), j.ncols()));
         let all = DMatrix::from_fn(j.ncols(), j.ncols(), |a, b| inverse[(a, b)] / (size[a] * size[b]));
         Covariance { free: fitted.free.iter().map(|f| f.instance).collect(), all }
     }

@@ -134,6 +134,19 @@ struct About {
     followed: Vec<Followed>,
 }
 
+/// Whitened residuals of the tests and their slopes in the first of so many rows.
+fn stacked(plans: &[&Plan], computed: &[Computed], columns: usize, rows: usize) -> (DVector<f64>, DMatrix<f64>) {
+    let (mut r, mut j, mut row) = (DVector::zeros(rows), DMatrix::zeros(rows, columns), 0);
+    for (plan, computed) in plans.iter().zip(computed) {
+        r.rows_mut(row, plan.len()).copy_from(&plan.whitened(&computed.values));
+        let mut own = DMatrix::from_row_slice(plan.len(), columns, &computed.slopes);
+        plan.whiten(own.rows_mut(0, plan.len()));
+        j.rows_mut(row, plan.len()).copy_from(&own);
+        row += plan.len();
+    }
+    (r, j)
+}
+
 impl About {
     fn new(
         (scale, race): (&Scale, &Case),
@@ -143,7 +156,8 @@ impl About {
         apart: &[Vec<f64>],
     ) -> Option<About> {
         let system = &base.fitted.system;
-        let tests = race.plans_of(SplitName::Fit).len();
+        let plans = race.plans_of(SplitName::Fit);
+        let tests = plans.len();
         let mut whole = system.clone();
         followed.iter().for_each(|(i, k)| whole.instances[*i].params[*k].free = true);
         let free = whole.free();
@@ -154,29 +168,19 @@ impl About {
             there
         };
         let there: Vec<System> = (0..states.len()).map(at).collect();
-        let plans = race.plans_of(SplitName::Fit);
         let computed = parallel::over(tests, |t| plans[t].evaluate(&there[of_state[t]], &free, true).ok());
         let computed: Vec<Computed> = computed.into_iter().collect::<Option<_>>()?;
         if computed.iter().any(|c| c.values.iter().chain(&c.slopes).any(|v| !v.is_finite())) {
             return None;
         }
-        let see = |t: usize| scale.evidence.records[t].see(plans[t], &computed[t], &there[of_state[t]], &free);
-        let seen: Vec<_> = (0..tests).map(see).collect();
+        let seen: Vec<_> = (0..tests).map(|t| scale.evidence.records[t].see(plans[t], &computed[t], &there[of_state[t]], &free)).collect();
         let v = scale.evidence.estimate_without_scatter(&seen, &scale.counts, &base.v);
         let under = scale.under(&seen, &v, &scale.evidence.independent());
         let plans = under.plans_of(SplitName::Fit);
         let priors = &base.fitted.options.priors;
-        let (points, n) = (plans.iter().map(|p| p.len()).sum::<usize>(), free.len());
-        let (mut r, mut j) = (DVector::zeros(points + priors.len()), DMatrix::zeros(points + priors.len(), n));
-        let (mut row, mut of_row) = (0, Vec::with_capacity(points));
-        for (t, plan) in plans.iter().enumerate() {
-            r.rows_mut(row, plan.len()).copy_from(&plan.whitened(&computed[t].values));
-            let mut own = DMatrix::from_row_slice(plan.len(), n, &computed[t].slopes);
-            plan.whiten(own.rows_mut(0, plan.len()));
-            j.rows_mut(row, plan.len()).copy_from(&own);
-            of_row.extend(std::iter::repeat_n(t, plan.len()));
-            row += plan.len();
-        }
+        let points = plans.iter().map(|p| p.len()).sum::<usize>();
+        let (mut r, mut j) = stacked(&plans, &computed, free.len(), points + priors.len());
+        let of_row: Vec<usize> = plans.iter().enumerate().flat_map(|(t, p)| std::iter::repeat_n(t, p.len())).collect();
         // The columns of what laws may follow, for its logarithm, and the way from where the states want it back to where it stands.
         let mut logs = DMatrix::zeros(r.len(), followed.len());
         for (c, f) in followed.iter().enumerate() {

@@ -23,6 +23,16 @@ pub(super) struct Held<'a> {
     pub from: &'a Variances,
 }
 
+impl Held<'_> {
+    /// Whether a refit gains less, by a tie, than something else does here that is no candidate.
+    pub fn beaten(&self, refit: &Refit) -> bool {
+        let Against { scale, base, rival, monitor, .. } = self.against;
+        let Some((rival, proof)) = rival.zip(refit.result.as_ref().ok()) else { return false };
+        let weighed = scale.weigh(&proof.fitted.system, self.from, monitor);
+        weighed.is_ok_and(|w| scale.gain(&w, base, self.price.tried(refit.candidate)) + scale.settings.tie < rival)
+    }
+}
+
 /// Refits that are held against it.
 pub(super) struct Survivors<'a> {
     pub held: &'a Held<'a>,
@@ -183,7 +193,7 @@ impl Survivors<'_> {
     /// Variances from which a refit's own are estimated: those of the model without it, the error in proportion to what is left.
     fn start(&self, k: usize) -> Variances {
         let mut start = self.from.clone();
-        start.tau += 0.5 * (1.0 - self.fall(k)).max(1e-9).ln();
+        start.tau += 0.5 * (1.0 - self.fall(k)).max(f64::EPSILON).ln();
         start
     }
 }

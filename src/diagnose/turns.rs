@@ -43,27 +43,32 @@ impl Scale {
     }
 
     /// Nats by which the larger model foretells each part of the fitted tests better that is left out in its turn; none where there is only one, or
-    /// where a model cannot be fitted without one.
+    /// where a model cannot be fitted without one. A part less moves a model little: tests that are cheaper about where it stands are computed there.
     fn turns(&self, larger: &Weighed, smaller: &Weighed, monitor: &Monitor) -> Option<Vec<f64>> {
         let tests = self.evidence.records.len();
         let turns = tests.min(self.settings.turns);
         if turns < 2 {
             return None;
         }
+        let about = |w: &Weighed| self.about(&w.fitted.system).unwrap_or_else(|| self.again());
+        let (about_large, about_small) = (about(larger), about(smaller));
         let of = |turn: usize| -> Option<f64> {
             if trace::stopped(monitor) {
                 return None;
             }
             let (kept, left): (Vec<usize>, Vec<usize>) = (0..tests).partition(|t| t % turns != turn);
-            let scale = self.of_tests(&kept);
             let own = |v: &Variances| Variances { own: kept.iter().map(|t| v.own[*t].clone()).collect(), ..v.clone() };
-            let weigh = |w: &Weighed| scale.weigh(&w.fitted.system, &own(&w.v), monitor).ok();
-            let (small, large) = (weigh(smaller)?, weigh(larger)?);
-            let plans: Vec<&Plan> = self.case.plans_of(SplitName::Fit);
-            let plans = left.iter().map(|t| plans[*t]).collect();
-            let tests = HeldOutTests::new(plans, &scale.evidence, &small, &large, &self.settings)?;
-            let (before, after) = (tests.look(&small)?, tests.look(&large)?);
-            Some(after.density - before.density)
+            let weigh = |about: &Scale, w: &Weighed| {
+                let scale = about.of_tests(&kept);
+                let weighed = scale.weigh_in_full(&w.fitted.system, &own(&w.v), monitor).ok()?;
+                Some((scale.evidence, weighed))
+            };
+            let ((of_small, small), (of_large, large)) = (weigh(&about_small, smaller)?, weigh(&about_large, larger)?);
+            // Noise is the tests', and no model is better for having another.
+            let density = |about: &Scale, fitted: &Evidence, w: &Weighed| {
+                HeldOutTests::left_out(&about.of_tests(&left), fitted, large.v.kappa).look(w).map(|l| l.density)
+            };
+            Some(density(&about_large, &of_large, &large)? - density(&about_small, &of_small, &small)?)
         };
         parallel::over(turns, of).into_iter().collect()
     }

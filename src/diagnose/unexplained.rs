@@ -230,7 +230,7 @@ fn choose(
             with.push(*k);
             let columns: Vec<&DVector<f64>> = with.iter().map(|k| p.columns[*k].as_ref()).collect::<Option<_>>()?;
             let g = DMatrix::from_columns(&columns.into_iter().cloned().collect::<Vec<_>>());
-            let strengths = g.clone().svd(true, true).solve(&-&p.r, 1e-10).ok()?;
+            let strengths = g.clone().svd(true, true).solve(&-&p.r, f64::EPSILON * g.norm()).ok()?;
             let passive = with.iter().zip(strengths.iter()).all(|(k, c)| !is_loss(*k) || *c >= 0.0);
             passive.then(|| (*k, strengths.as_slice().to_vec(), 0.5 * (&p.r + &g * &strengths).norm_squared()))
         });

@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
+use nalgebra::DMatrix;
+
 use crate::evidence::{Counts, Evidence, Seen, Variances};
 use crate::identify::{FitOutcome, Monitor, Prior, Termination};
 use crate::model::{Instance, System};
 use crate::parallel;
-use crate::residual::{Memo, Problem};
+use crate::residual::{Common, Memo, Problem};
 use crate::response::Plan;
 
 use super::case::{Case, Fitted};
@@ -122,6 +124,29 @@ impl Scale {
         Case { plans: Arc::new(self.case.plans.iter().map(covered).collect()), ..self.case.clone() }
     }
 
+    /// The same with what its tests have in common: the covariance under which a model is likeliest.
+    fn jointly(&self, seen: &[Seen], v: &Variances) -> Case {
+        let mut joint = self.evidence.joint_covariances(seen, v, &self.counts).into_iter().peekable();
+        let mut columns = Vec::new();
+        let covered = |(p, s): &(Plan, SplitName)| {
+            let own = joint.next_if(|_| *s == SplitName::Fit).map(|(covariance, common)| {
+                let mut rows = DMatrix::zeros(p.len(), common.ncols());
+                covariance.whiten_coefficients(common, &mut rows.as_view_mut());
+                columns.push(rows);
+                Arc::new(covariance)
+            });
+            (p.under(own), *s)
+        };
+        let plans = self.case.plans.iter().map(covered).collect();
+        let (rows, count) = (columns.iter().map(|c| c.nrows()).sum(), columns.first().map_or(0, |c| c.ncols()));
+        let (mut all, mut row) = (DMatrix::zeros(rows, count), 0);
+        for own in columns {
+            all.rows_mut(row, own.nrows()).copy_from(&own);
+            row += own.nrows();
+        }
+        Case { plans: Arc::new(plans), common: Common::new(all).map(Arc::new), ..self.case.clone() }
+    }
+
     /// A system in the fitted tests.
     pub fn see(&self, system: &System) -> Result<Vec<Seen>, String> {
         self.see_again(system, &Memo::default())
@@ -177,8 +202,8 @@ impl Scale {
         Some(Scale { case: self.nearby.about(&self.case, system)?, ..self.again() })
     }
 
-    /// The same with every test computed as it is.
-    fn weigh_in_full(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
+    /// The same with every test computed as it is in this scale.
+    pub(super) fn weigh_in_full(&self, system: &System, start: &Variances, monitor: &Monitor) -> Result<Weighed, String> {
         let memo = Arc::new(Memo::default());
         let here = self.standing(system, start, &memo)?;
         let (own, mut now, mut last) = (here.v.clone(), Standing { v: start.clone(), ..here }, None);
@@ -220,8 +245,8 @@ impl Scale {
 
     /// The system fitted under the covariance that it has where it stands.
     fn fitted(&self, from: &Standing, iterations: u64, memo: &Arc<Memo>, monitor: &Monitor) -> Result<Fitted, String> {
-        let under = self.under(&from.seen, &from.v, &self.counts);
-        let case = Case { worth: Some(self.settings.settled), memo: Some(memo.clone()), ..under };
+        let jointly = self.jointly(&from.seen, &from.v);
+        let case = Case { worth: Some(self.settings.settled), memo: Some(memo.clone()), ..jointly };
         let fitted = some(&case, iterations).fit_system(&from.system, case.plans_of(SplitName::Fit), &monitor.quiet());
         let fitted = fitted.map_err(|e| e.to_string())?;
         match &fitted.outcome.termination {

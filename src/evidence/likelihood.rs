@@ -6,6 +6,7 @@ use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::{DMatrix, DVector};
 
+use super::common::Common;
 use super::record::{Alike, Part, Varied};
 use super::{Counts, Evidence, Record, Seen, Variances, beside};
 use crate::parallel;
@@ -107,14 +108,15 @@ impl Squares {
         spread(grams.iter().map(Gram::size).sum(), grams.len(), of)
     }
 
-    /// `(X'V^-1X, ln|V|)`, coefficients with the columns of B in common, each times its factor.
-    fn information(&self, factors: &[f64]) -> Option<(DMatrix<f64>, f64)> {
-        let mut squares = self.squares.clone();
+    /// `([X, C]'V^-1[X, C], ln|V|)`, coefficients with the columns of B in common, each times its factor, C what of these the `test` has in common with others.
+    fn information(&self, factors: &[f64], common: &Common, test: usize) -> Option<(DMatrix<f64>, f64)> {
+        let mut squares = common.squares(test, &self.squares, self.columns.0);
+        let n = self.columns.0 + common.count;
         for (k, factor) in factors.iter().enumerate().filter(|(_, factor)| **factor != 1.0) {
-            squares.column_mut(self.columns.0 + k).scale_mut(*factor);
-            squares.row_mut(self.columns.0 + k).scale_mut(*factor);
+            squares.column_mut(n + k).scale_mut(*factor);
+            squares.row_mut(n + k).scale_mut(*factor);
         }
-        information(&squares, self.columns.0, self.ld)
+        information(&squares, n, self.ld)
     }
 }
 
@@ -168,14 +170,23 @@ impl Evidence {
 
     /// `l_z` of the residuals, the prior of the variances with it.
     pub fn likelihood(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> f64 {
-        let mut sum = self.prior(counts, v);
+        let residuals = |s: &Seen| column(&s.r);
+        let Some((inner, ld)) = self.together(seen, counts, v, residuals) else { return f64::NEG_INFINITY };
+        self.prior(counts, v) - 0.5 * (ld + inner[(0, 0)])
+    }
+
+    /// `(X'V^-1X, ln|V|)` of all tests, what they have in common with it.
+    fn together(&self, seen: &[Seen], counts: &Counts, v: &Variances, x: impl Fn(&Seen) -> DMatrix<f64>) -> Option<(DMatrix<f64>, f64)> {
+        let common = Common::of(self);
+        let n = seen.first().map_or(0, |s| x(s).ncols());
+        let (mut whole, mut ld) = (DMatrix::zeros(n + common.count, n + common.count), 0.0);
         for (t, (record, s)) in self.records.iter().zip(seen).enumerate() {
             let parts = record.parts(v.kappa, &v.own_errors(t, record));
-            let shared = record.shared(s, v.scatter(record));
-            let Some((inner, ld)) = of_parts(&column(&s.r), &shared, &parts, &counts.z[t]) else { return f64::NEG_INFINITY };
-            sum -= 0.5 * (ld + inner[(0, 0)]);
+            let shared = common.own(t, record.shared(s, v.scatter(record)));
+            let (inner, own) = of_parts(&beside(&x(s), &common.columns(t, record)), &shared, &parts, &counts.z[t])?;
+            (whole, ld) = (whole + inner, ld + own);
         }
-        sum
+        information(&whole, n, ld)
     }
 }
 
@@ -230,8 +241,9 @@ impl Evidence {
 
 /// The restricted likelihood under the variances that the squares stand for and the scatter of `v`: the parameters integrated out to first order.
 pub(super) fn restricted(e: &Evidence, squares: &[Squares], seen: &[Seen], v: &Variances) -> Option<f64> {
+    let common = Common::of(e);
     let p = squares.first()?.columns.0;
-    let (mut whole, mut ld) = (DMatrix::zeros(p, p), 0.0);
+    let (mut whole, mut ld) = (DMatrix::zeros(p + common.count, p + common.count), 0.0);
     let of = |t: usize| {
         let (record, own) = (&e.records[t], &squares[t]);
         let (scattering, bending) = (seen[t].strengths.ncols(), seen[t].bends.ncols());
@@ -239,12 +251,13 @@ pub(super) fn restricted(e: &Evidence, squares: &[Squares], seen: &[Seen], v: &V
         let mut factors = vec![1.0; from];
         factors.resize(from + scattering, w);
         factors.resize(from + scattering + bending, w * w * std::f64::consts::FRAC_1_SQRT_2);
-        own.information(&factors)
+        own.information(&factors, &common, t)
     };
     for own in spread(squares.iter().map(|s| s.squares.len() * s.squares.ncols()).sum(), squares.len(), of) {
         let (inner, own) = own?;
         (whole, ld) = (whole + inner, ld + own);
     }
+    let (whole, ld) = information(&whole, p, ld)?;
     let mut k = whole.view((1, 1), (p - 1, p - 1)).into_owned();
     let ridge = e.settings.ridge;
     (0..p - 1).for_each(|i| k[(i, i)] += ridge * (k[(i, i)] + ridge));
@@ -257,11 +270,7 @@ impl Evidence {
     /// `H = J'V^-1 J`, their priors `(parameter, value, mean, sigma)` with both. None where `H` is singular.
     pub fn within_a_step(&self, seen: &[Seen], counts: &Counts, v: &Variances, priors: &[(usize, f64, f64, f64)]) -> Option<f64> {
         let n = seen.first()?.j.ncols();
-        let mut whole = DMatrix::zeros(n + 1, n + 1);
-        for (t, (record, s)) in self.records.iter().zip(seen).enumerate() {
-            let (shared, parts) = (record.shared(s, v.scatter(record)), record.parts(v.kappa, &v.own_errors(t, record)));
-            whole += of_parts(&beside(&column(&s.r), &s.j), &shared, &parts, &counts.z[t])?.0;
-        }
+        let (mut whole, _) = self.together(seen, counts, v, |s| beside(&column(&s.r), &s.j))?;
         for (k, value, mean, sigma) in priors {
             whole[(k + 1, k + 1)] += sigma.powi(-2);
             whole[(k + 1, 0)] += (value - mean) / sigma.powi(2);

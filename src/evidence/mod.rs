@@ -4,11 +4,12 @@
 //! With `y_t` the coefficients of test t ([`crate::response::Coefficients`]) and `f_t(theta)` what the model computes there:
 //!
 //! ```text
-//! y_t - f_t(theta) ~ N(0, V_t),  V_t = noise + model error + B B'
+//! y_t - f_t(theta) ~ N(0, V_t),  V_t = noise + model error + B B', between tests of one sensor C C'
 //! noise   nu_i, by the spectrum of the scatter between cycles, by coherence, or as stated; kappa^2 its unknown scale in loops and records
 //! error   tau_b^2 rho_i, tau_b = max(tau e^(g_b), tau_min) relative in block b (a channel of a test); rho_i what an error of 1 is in coefficient i
 //! B       one column each: instruments within tolerance; w s_k df_t/ds_k, a strength that differs a little from test to test,
 //!         w = e^(omega + a_kind): an FRF is a mean of many averages, a record one event
+//! C       what of the instruments' columns one sensor reads in all of its tests alike (calibration, zero, characteristic)
 //! ```
 //!
 //! The error of a model is few facts, however many coefficients show it. How few, and how it lies in them, goes by the kind of block:
@@ -28,6 +29,7 @@
 //! begins where all that a model leaves is its error: under small z all noise is a summit as well. Where noise rules, l_z is the ordinary likelihood. Two models
 //! are compared under the z of the smaller one: `l_z(M1) - l_z(M0) - 1/2 dk ln n - ln(tried)` with `n` the facts there are.
 
+mod common;
 mod facts;
 mod likelihood;
 mod record;
@@ -70,13 +72,26 @@ impl Evidence {
         evidence
     }
 
-    /// The covariance of each test under these variances and counts. `seen`: the model whose strengths scatter.
+    /// The covariance of each test by itself under these variances and counts. `seen`: the model whose strengths scatter.
     pub fn covariances(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Vec<Covariance> {
         let of = |t: usize| {
             let record = &self.records[t];
             let parts = record.parts(v.kappa, &v.own_errors(t, record));
             let counted: Vec<f64> = parts.iter().zip(counts.z[t].iter()).map(|(p, z)| p.variance(*z)).collect();
             Covariance::new(record.coefficients.clone(), &counted, &record.shared(&seen[t], v.scatter(record)))
+        };
+        (0..self.records.len()).map(of).collect()
+    }
+
+    /// The same as the covariance that each test has by itself and, beside that, the columns of what all have in common, in the coefficients of each.
+    pub fn joint_covariances(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Vec<(Covariance, DMatrix<f64>)> {
+        let common = common::Common::of(self);
+        let of = |t: usize| {
+            let record = &self.records[t];
+            let parts = record.parts(v.kappa, &v.own_errors(t, record));
+            let counted: Vec<f64> = parts.iter().zip(counts.z[t].iter()).map(|(p, z)| p.variance(*z)).collect();
+            let shared = common.own(t, record.shared(&seen[t], v.scatter(record)));
+            (Covariance::new(record.coefficients.clone(), &counted, &shared), common.columns(t, record))
         };
         (0..self.records.len()).map(of).collect()
     }

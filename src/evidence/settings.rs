@@ -23,8 +23,11 @@ pub struct Settings {
     pub scatter_step: f64,
     /// Directions in the space of strengths in which the curvature of a record is granted beside its slope, those in which it moves most...
     pub curved: usize,
-    /// ...and the part of the strengths over which the curvature is taken: what they scatter by.
+    /// ...and the part of the strengths over which the curvature is taken: what they scatter by, from which estimates of that begin.
     pub curved_over: f64,
+    /// Part of the variance of what an instrument may misread that all tests of its channel have in common: calibration, zero and characteristic are the sensor's,
+    /// mounting and temperature the test's. Half is what is said of two parts of which nothing is known.
+    pub instruments_common: f64,
     /// Standard deviation of the logarithm of true over seen noise: a scatter of few cycles knows it to a third.
     pub noise_spread: f64,
     /// Largest factor on the noise, and one over it: what is noisier is an error of the model.
@@ -93,6 +96,7 @@ impl Default for Settings {
             scatter_step: 0.8,
             curved: 2,
             curved_over: 0.01,
+            instruments_common: 0.5,
             noise_spread: 0.3,
             noise_most: 2.0,
             noise_pool: 8.0,

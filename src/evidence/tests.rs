@@ -405,6 +405,40 @@ fn a_reading_beyond_tolerance_is_told_in_its_standard_deviations() {
     assert!(read[1][0].abs() < 1e-9);
 }
 
+/// Six tests of one sensor, all of them off by half of what its zero may be off by. That is a fact or so, and six where each test has a sensor of its own. The likelihood
+/// is that of the whole covariance.
+#[test]
+fn what_a_sensor_misreads_in_all_tests_alike_is_one_fact() {
+    let std = 0.01;
+    let of = |label: &dyn Fn(usize) -> String| {
+        let mut e = evidence(6);
+        for (t, r) in e.records.iter_mut().enumerate() {
+            let columns = DMatrix::from_fn(81, 1, |i, _| if i == 0 { std } else { 0.0 });
+            (r.instruments, r.channels[0].label) = (Instruments { columns, of: vec![(0, Misreading::Offset, std)] }, label(t));
+        }
+        e
+    };
+    let (one, each) = (of(&|_| "force at c1.x".into()), of(&|t| format!("force at c{t}.x")));
+    let mut off = seen(6, 0.0);
+    off.iter_mut().for_each(|s| (s.r[0], s.strengths) = (0.5 * std, DMatrix::zeros(81, 0)));
+    let mut right = off.clone();
+    right.iter_mut().for_each(|s| s.r[0] = 0.0);
+    let v = Variances { tau: -30.0, omega: one.settings.no_scatter, ..Variances::start(&one, &off) };
+    let counts = one.independent();
+    let nats = |e: &Evidence| e.likelihood(&right, &counts, &v) - e.likelihood(&off, &counts, &v);
+    // By the covariance of the six means: noise and the least error of the model, half of the zero each test's, half the sensor's.
+    let noise = (1e-4 + 0.003f64.powi(2)) / 81.0;
+    let whole = DMatrix::from_fn(6, 6, |i, k| 0.5 * std * std * if i == k { 2.0 } else { 1.0 } + if i == k { noise } else { 0.0 });
+    let r = DVector::repeat(6, 0.5 * std);
+    approx::assert_relative_eq!(nats(&one), 0.5 * r.dot(&whole.lu().solve(&r).unwrap()), max_relative = 1e-6);
+    approx::assert_relative_eq!(nats(&each), 3.0 * 0.25 / (1.0 + noise / (std * std)), max_relative = 1e-6);
+    // What estimates variances says the same.
+    let restricted = |e: &Evidence, seen: &[Seen]| {
+        super::likelihood::restricted(e, &super::likelihood::Squares::of(e, &e.grams(seen, &counts), &v), seen, &v).unwrap()
+    };
+    approx::assert_relative_eq!(restricted(&one, &right) - restricted(&one, &off), nats(&one), max_relative = 1e-6);
+}
+
 /// A test that was foretold within twice the error of the fitted ones tells little against a model; under that error alone it would refute it by a hundred nats.
 /// Where the error is as on the fitted ones the two say the same, but for what the spread of errors costs.
 #[test]

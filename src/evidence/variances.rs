@@ -35,7 +35,7 @@ impl Variances {
             compared.for_each(|i| (left, size) = (left + seen.r[i] * seen.r[i], size + record.size[i]));
         }
         let tau = if left > 0.0 && size > 0.0 { 0.5 * (left / size).ln() } else { s.least().ln() };
-        Variances { kappa: 0.0, tau, omega: (0.25 * s.scatter_most).ln(), apart: [0.0; KINDS], own }.bounded(s)
+        Variances { kappa: 0.0, tau, omega: s.curved_over.ln(), apart: [0.0; KINDS], own }.bounded(s)
     }
 
     /// Logarithm of the relative scatter of strengths in a test, `omega + a_kind`.

@@ -5,19 +5,21 @@
 //! `|ln(computed / measured)|`, and sigma/measured for the floor (design.md section 4).
 
 mod approach;
+mod common;
 mod memo;
 
 use std::sync::Arc;
 
 use crate::explain::Explain;
 use crate::parallel;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixViewMut, DVector};
 
 use crate::identify::{EvalError, LeastSquares};
 use crate::model::{FreeParam, System};
 use crate::response::{BlockKind, Computed, Plan, ResponseError};
 
 pub use approach::Approach;
+pub use common::Common;
 pub use memo::{Memo, Recent};
 
 /// The least-squares problem of a set of tests in the free parameters of a system.
@@ -33,13 +35,15 @@ pub struct Problem<'a> {
     pub free: Vec<FreeParam>,
     /// What was computed of these tests a moment ago.
     pub memo: Option<Arc<Memo>>,
+    /// Errors that tests have in common, beside those that each has by itself.
+    pub common: Option<Arc<Common>>,
 }
 
 impl<'a> Problem<'a> {
     /// A problem over the given tests.
     pub fn new(plans: Vec<&'a Plan>, system: System) -> Self {
         let free = system.free();
-        Problem { plans, system, free, memo: None }
+        Problem { plans, system, free, memo: None, common: None }
     }
 
     /// Variables at the system's present values.
@@ -82,6 +86,9 @@ impl<'a> Problem<'a> {
             r.rows_mut(row, plan.len()).copy_from(&of_test);
             row += plan.len();
         }
+        if let Some(common) = &self.common {
+            common.whiten(DMatrixViewMut::from_slice(r.as_mut_slice(), self.n_residuals(), 1));
+        }
         Ok(r)
     }
 }
@@ -115,6 +122,9 @@ impl LeastSquares for Problem<'_> {
                 row += 1;
             }
             plan.whiten(j.rows_mut(row - plan.len(), plan.len()));
+        }
+        if let Some(common) = &self.common {
+            common.whiten(j.as_view_mut());
         }
         Ok((self.whitened(&computed)?, j))
     }

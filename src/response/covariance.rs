@@ -208,7 +208,12 @@ impl Covariance {
 
     /// Whitens rows of the plan, one column or many: the whitened coefficients of a block stand in its first rows, zeros in the others.
     pub fn whiten(&self, mut rows: DMatrixViewMut<f64>) {
-        let mut turned = self.coefficients.turned(&rows.clone_owned());
+        let turned = self.coefficients.turned(&rows.clone_owned());
+        self.whiten_coefficients(turned, &mut rows);
+    }
+
+    /// The same of coefficients, which are turned already, into as many rows as the test has.
+    pub fn whiten_coefficients(&self, mut turned: DMatrix<f64>, rows: &mut DMatrixViewMut<f64>) {
         turned.column_iter_mut().for_each(|mut c| c.component_mul_assign(&self.weight));
         let mut along = self.u.tr_mul(&turned);
         for (mut row, shrink) in along.row_iter_mut().zip(&self.shrink) {

@@ -143,6 +143,7 @@ frf_error_least = 0.0005
 model_error_spread = 0.5
 scatter_prior = 0.01
 scatter_most = 0.03
+instruments_common = 0.4
 noise_spread = 0.2
 noise_most = 3
 facts_loop = 5
@@ -338,6 +339,7 @@ pub const OPTIONAL: &[&str] = &[
     "search.model_error_spread",
     "search.scatter_prior",
     "search.scatter_most",
+    "search.instruments_common",
     "search.noise_spread",
     "search.noise_most",
     "search.facts_loop",

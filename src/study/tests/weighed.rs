@@ -10,8 +10,12 @@ use crate::model::System;
 
 /// Loops of a spring with a dry friction of 2 N, whose sliding force grows by `rises` from small speeds to the largest.
 fn loops(rises: f64) -> Folder {
-    let folder = Folder::one(ONE);
-    for hz in [1.0, 2.0, 5.0] {
+    recorded(Folder::one(ONE), &[1.0, 2.0, 5.0], rises)
+}
+
+/// The loops of a folder at these frequencies are such.
+fn recorded(folder: Folder, all: &[f64], rises: f64) -> Folder {
+    for hz in all {
         let row = |i: usize| {
             let t = f64::from(i as u32) * 0.01 / hz;
             let (x, v) = (0.4 * (TAU * hz * t).sin(), (TAU * hz * t).cos());
@@ -26,7 +30,13 @@ fn loops(rises: f64) -> Folder {
 
 /// The case of loops, and each of these effects weighed at c1.x.
 fn weighed(rises: f64, effects: &[(&str, &[(&str, f64)])]) -> (Scale, Vec<Weighed>) {
-    let case = Case::from_study(&loops(rises).load().unwrap(), 1).unwrap();
+    let (scale, _, models) = weighed_in(&loops(rises), effects);
+    (scale, models)
+}
+
+/// The study of a folder and, beside it, the models with one effect more each.
+fn weighed_in(folder: &Folder, effects: &[(&str, &[(&str, f64)])]) -> (Scale, Weighed, Vec<Weighed>) {
+    let case = Case::from_study(&folder.load().unwrap(), 1).unwrap();
     let quiet = Monitor::default();
     let mut scale = Scale::new(&case, &case.system, &Settings::default());
     let base = scale.begin(&case.system, &quiet).unwrap();
@@ -38,7 +48,7 @@ fn weighed(rises: f64, effects: &[(&str, &[(&str, f64)])]) -> (Scale, Vec<Weighe
     };
     let of = |e: &(&str, &[(&str, f64)])| scale.weigh(&with(e), &base.v, &quiet).unwrap();
     let models = effects.iter().map(of).collect();
-    (scale, models)
+    (scale, base, models)
 }
 
 /// Of two laws that fit alike, one with more parameters, the larger is not refuted by their price; where it computes the same it is no other
@@ -64,6 +74,23 @@ fn a_larger_law_is_refuted_by_what_it_fits_worse_and_not_by_its_parameters() {
     assert_eq!(likelier(scale.counts.n.ln(), 1.0), Some(Tied::Alike), "it pays for its parameters");
     assert_eq!(likelier(-2.0, 1.0), None, "it fits worse");
     assert_eq!(likelier(0.1, 0.0), None, "it says the same");
+}
+
+/// Twelve loops of a friction that grows with speed. A dry one is an error of 16 facts in all of them, and those that are left out in turn say no more than all do: each
+/// by itself would count for as many facts as three of them.
+#[test]
+fn what_is_left_out_in_turn_counts_as_it_does_beside_the_others() {
+    let all: Vec<f64> = (1..=12).map(f64::from).collect();
+    let study = ONE.replace("split = { select = [\"loop-2Hz\"], held_out = [\"loop-5Hz\"] }\n", "");
+    let folder = recorded(Folder::new(&study, &all.iter().map(|hz| super::cycle(*hz, "")).collect::<String>()), &all, 0.5);
+    let (scale, base, models) = weighed_in(&folder, &[("coulomb", &[("f", 2.0)])]);
+    let said = models[0].likelihood - base.likelihood;
+    // The fit ends where the likelihood is highest, what the tests have in common of their sensor with it.
+    let step = |m: &Weighed| scale.evidence.within_a_step(&m.seen, &scale.counts, &m.v, &[]).unwrap();
+    assert!(step(&models[0]) < 0.1 && step(&base) < 0.1, "{} {}", step(&models[0]), step(&base));
+    // Nothing was searched for: what the tests say is their sum alone.
+    let turns = scale.in_turn(scale.gain(&models[0], &base, 1.0), &models[0], &base, &Monitor::default()).turns.unwrap();
+    assert!((0.5..1.5).contains(&(turns / said)), "{turns} in turn, {said} by all");
 }
 
 /// Three decays of one body whose spring is softer by 3 % in the first and stiffer by 3 % in the last: after twenty cycles the model of all is a quarter of a
