@@ -265,7 +265,7 @@ impl<'a> Climb<'a> {
     }
 }
 
-/// The systems of a study and of its plain fit with bounds on coefficients that have none: some decades above both. One that becomes a stand-in for what is
+/// The systems of a study and of its plain fit with bounds on coefficients that have none: some decades above both, and of shapes below both. One that becomes a stand-in for what is
 /// missing (a support that turns rigid, say) has no way back from farther away, since nothing changes there any more.
 fn bounded(mut start: System, mut plain: System, settings: &Settings) -> (System, System) {
     for f in start.free() {
@@ -273,6 +273,10 @@ fn bounded(mut start: System, mut plain: System, settings: &Settings) -> (System
         let most = settings.fitting.known * own.value.max(fitted.value);
         if own.max.is_infinite() && own.prior.is_none() && most > 0.0 {
             (own.max, fitted.max) = (most, most);
+        }
+        let least = own.value.min(fitted.value) / settings.fitting.shape_reach;
+        if f.log && own.min <= 0.0 {
+            (own.min, fitted.min) = (least, least);
         }
     }
     (start, plain)
@@ -283,7 +287,9 @@ fn bounded(mut start: System, mut plain: System, settings: &Settings) -> (System
 fn elsewhere(scale: &Scale, first: &Weighed, plain: &System, start: &System) -> Vec<System> {
     let mut begun = plain.clone();
     begun.instances.iter_mut().zip(&start.instances).for_each(|(own, s)| *own = s.clone());
-    let apart = |system: &System| scale.see(system).is_ok_and(|seen| scale.apart(&seen, first) > scale.settings.tie);
+    let near = scale.about(&first.fitted.system);
+    let near = near.as_ref().unwrap_or(scale);
+    let apart = |system: &System| near.see(system).is_ok_and(|seen| scale.apart(&seen, first) > scale.settings.tie);
     [plain.clone(), begun].into_iter().filter(apart).collect()
 }
 
@@ -334,5 +340,22 @@ mod tests {
         // A bound of the study's own stays, and what is fixed has none.
         assert_eq!(bounds(ParamValue { max: 5e4, ..free }, 3e4), (5e4, 5e4));
         assert!(bounds(ParamValue::fixed(2e4), 2e4).0.is_infinite());
+    }
+
+    /// A film of a study whose speed its plain fit has nearly put to nothing.
+    #[test]
+    fn a_shape_has_a_range_that_fits_do_not_move() {
+        let settings = Settings::default();
+        let film = |v0: f64| {
+            let mut system =
+                spring(ParamValue::free(2e4, Sign::Positive)).and("film", "c1.x", &[("f", 2.0), ("v0", v0), ("d", 1e-5)]).unwrap();
+            system.instances[1].params.iter_mut().for_each(|p| p.free = true);
+            system
+        };
+        let (start, plain) = bounded(film(1e-2), film(1e-5), &settings);
+        for system in [start, plain] {
+            let v0 = &system.instances[1].params[1];
+            assert_eq!((v0.min, v0.max), (1e-5 / settings.fitting.shape_reach, 1e-2 * settings.fitting.known));
+        }
     }
 }

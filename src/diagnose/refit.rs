@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use crate::parallel;
 
-use crate::effect::{Grid, Kind, Role};
+use crate::effect::{Grid, Kind, Role, Sign};
 use crate::identify::{FitOutcome, Monitor, Termination};
 use crate::model::System;
 use crate::residual::test_error;
@@ -18,6 +18,7 @@ use super::results::SplitName;
 use super::score::{Score, Scores};
 use super::search::promised;
 use super::secant::Secant;
+use super::settings::Settings;
 use super::states::Wanted;
 use super::weigh::Promised;
 
@@ -52,8 +53,8 @@ pub fn best_per_candidate(scores: &[Score], trials: &[Trial]) -> Vec<Score> {
     scores.iter().filter(|s| s.drop > 0.0 && seen.insert(trials[s.trial].candidate)).copied().collect()
 }
 
-/// The candidate's instance with a start for its strength, everything of it free that is not fitted last.
-pub fn started(trial: &Trial, strength: f64, race: &Race) -> crate::model::Instance {
+/// The candidate's instance with a start for its strength, everything of it free that is not fitted last, its shapes within reach of where they begin.
+pub fn started(trial: &Trial, strength: f64, settings: &Settings) -> crate::model::Instance {
     let mut instance = trial.instance.clone();
     instance.follower = false;
     let info = instance.effect.info();
@@ -63,12 +64,18 @@ pub fn started(trial: &Trial, strength: f64, race: &Race) -> crate::model::Insta
         if (p.kind == Kind::Shape && !p.grid.fitted_last(value.value)) || begun {
             value.free = true;
             (value.min, value.max) = (p.min.max(value.min), p.max.min(value.max));
+            // Where a shape goes to in the end is no place to begin another fit's range about: from fit to fit a film's speed went to 1e-41 rad/s, a friction
+            // that grows with the logarithm of speed.
+            if p.sign == Sign::Positive && value.value > 0.0 {
+                let reach = settings.fitting.shape_reach;
+                (value.min, value.max) = (value.min.max(value.value / reach), value.max.min(value.value * reach));
+            }
         }
     }
     let start = info.params[0].default + strength;
     // A gain must stay positive; other strengths with a sign were scored one-sided.
     instance.params[0].value = if info.role == Role::Channel && info.params[0].default == 1.0 {
-        start.clamp(race.gain_begins[0], race.gain_begins[1])
+        start.clamp(settings.race.gain_begins[0], settings.race.gain_begins[1])
     } else {
         start
     };
@@ -453,6 +460,21 @@ mod tests {
                 && is_level(3457.0, 3448.0, 3446.0, 3457.0, 0.8)
                 && !is_level(3457.0, 3454.0, 3446.0, 3457.0, 0.8)
         );
+    }
+
+    #[test]
+    fn a_candidate_has_shapes_within_reach_of_where_they_begin() {
+        use crate::effect::find;
+        use crate::model::{Instance, ParamValue, Site};
+        let film = find("film").unwrap();
+        let params = [0.0, 0.3, 2e-5].map(ParamValue::fixed).to_vec();
+        let trial = Trial { instance: Instance::new(film, "c1.x", Site::Places(vec![0]), params), candidate: 0 };
+        let settings = Settings::default();
+        let begun = started(&trial, 5.0, &settings);
+        let reach = settings.fitting.shape_reach;
+        assert_eq!((begun.params[0].value, begun.params[0].min), (5.0, 0.0), "a strength has the bounds of its law");
+        assert!(begun.params[1].free);
+        assert_eq!((begun.params[1].min, begun.params[1].max), (0.3 / reach, 0.3 * reach));
     }
 
     #[test]

@@ -93,7 +93,7 @@ impl Bench<'_> {
             problem.system = admissible(self.case, self.base, &p).map_err(|e| e.to_string())?;
         }
         let mut system = problem.system;
-        system.instances.extend(added.iter().map(|s| started(&self.trials[s.trial], part * s.strength, self.race())));
+        system.instances.extend(added.iter().map(|s| started(&self.trials[s.trial], part * s.strength, &self.case.search.settings)));
         self.computed(system, part)
     }
 

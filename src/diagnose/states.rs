@@ -246,7 +246,7 @@ impl About {
                 p[*k] = if follows { p[*k] * (part * by).exp() } else { p[*k] + part * by };
             }
             let mut system = admissible(race, &base.fitted.system, &p).ok()?;
-            system.instances.push(started(trial, part * strength, &race.search.settings.race));
+            system.instances.push(started(trial, part * strength, &race.search.settings));
             let cost = cost(&whitened(&race.plans_of(SplitName::Fit), &system).ok()?);
             cost.is_finite().then_some((cost, system))
         });

@@ -319,7 +319,7 @@ impl Scale {
     pub fn begin(&mut self, system: &System, monitor: &Monitor) -> Result<Weighed, String> {
         let system = &self.plainly(system, monitor)?;
         parallel::watched(&monitor.watch(), || {
-            let plain = self.see(system)?;
+            let plain = self.about(system).as_ref().unwrap_or(self).see(system)?;
             let mut v = Variances::start(&self.evidence, &plain);
             self.counts = self.evidence.counts(&plain, &v);
             for _ in 0..self.settings.estimates {
