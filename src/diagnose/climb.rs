@@ -9,6 +9,7 @@ use super::candidates::Name;
 use super::case::{Case, Fitted, begin};
 use super::fault::of_channel;
 use super::horizon;
+use super::kin::carried;
 use super::loosened::{Beside, Offer};
 use super::results::{EffectAt, Rung};
 use super::search::{Against, Move, Step, Stood, step};
@@ -28,6 +29,8 @@ pub struct Added {
     pub tied: Vec<(Tied, Name, Weighed)>,
     /// What came closest to it at other places and what was tied with it at its own, as it was fitted there.
     pub rivals: Vec<(Name, Instance)>,
+    /// Laws of its kind that stood at its place beside it, as they were fitted: what laws over a condition act on can be exchanged for these alone.
+    pub kin: Vec<(Name, Instance)>,
     /// Nats that it gained when it was added.
     pub gain: f64,
     /// The model without it, once that was weighed.
@@ -41,7 +44,7 @@ pub struct Added {
 impl Added {
     /// Nothing else is known of it.
     pub fn new(name: Name) -> Added {
-        Added { name, held: false, tied: vec![], rivals: vec![], gain: 0.0, without: None, smaller: None, loss: 0.0 }
+        Added { name, held: false, tied: vec![], rivals: vec![], kin: vec![], gain: 0.0, without: None, smaller: None, loss: 0.0 }
     }
 
     /// Laws that are as good a statement: a larger one contains what was added, or nearly, and an instrument reads so in every test, so that none of them
@@ -233,6 +236,9 @@ impl<'a> Climb<'a> {
                 // A tie at its own place may be broken by what is added next.
                 let alike = others().filter(here).filter(|s| tied(s) == Some(Tied::Alike));
                 added.rivals.extend(alike.filter_map(rival).take(self.settings.ties));
+                let (own, shared) = (taken.weighed.last(), self.settings.race.shared);
+                let kin = |of: &&Stood| own.zip(of.weighed.last()).is_some_and(|(own, law)| carried(law, own, shared).is_some());
+                added.kin = others().filter(here).filter(kin).filter_map(rival).take(self.settings.ties).collect();
                 added.held = true;
                 (added.without, added.smaller) = (Some(self.now.clone()), Some(self.now.clone()));
             }
@@ -274,7 +280,7 @@ fn bounded(mut start: System, mut plain: System, settings: &Settings) -> (System
         if own.max.is_infinite() && own.prior.is_none() && most > 0.0 {
             (own.max, fitted.max) = (most, most);
         }
-        let least = own.value.min(fitted.value) / settings.fitting.shape_reach;
+        let least = own.value.min(fitted.value) / settings.race.shape_reach;
         if f.log && own.min <= 0.0 {
             (own.min, fitted.min) = (least, least);
         }
@@ -355,7 +361,7 @@ mod tests {
         let (start, plain) = bounded(film(1e-2), film(1e-5), &settings);
         for system in [start, plain] {
             let v0 = &system.instances[1].params[1];
-            assert_eq!((v0.min, v0.max), (1e-5 / settings.fitting.shape_reach, 1e-2 * settings.fitting.known));
+            assert_eq!((v0.min, v0.max), (1e-5 / settings.race.shape_reach, 1e-2 * settings.fitting.known));
         }
     }
 }

@@ -51,7 +51,7 @@ impl Bench<'_> {
 }
 
 /// The law with the values of its kin; none where they share too little.
-fn carried(law: &Instance, kin: &Instance, least: usize) -> Option<Instance> {
+pub(super) fn carried(law: &Instance, kin: &Instance, least: usize) -> Option<Instance> {
     let (own, theirs) = (law.effect.info(), kin.effect.info());
     if own.name == theirs.name {
         return None;

@@ -79,6 +79,9 @@ pub struct Race {
     pub off: [f64; 4],
     /// ...and the part of the cost below which that changed nothing either.
     pub unmoved: f64,
+    /// Times where a candidate's positive shape begins, and one over it, within which it stays: begun where the tests move, it is another law beyond three decades
+    /// from there. A film whose speed is a millionth of theirs is a friction that grows with its logarithm.
+    pub shape_reach: f64,
     /// Part of the cost that a setting must take away to be fitted.
     pub freeing: f64,
     /// Parameters of one name and dimension that make two laws kin, the values of one a start for the other...
@@ -128,6 +131,7 @@ impl Default for Race {
             flat: 1e-3,
             off: [-1.4, -0.6, 0.6, 1.4],
             unmoved: 1e-6,
+            shape_reach: 1e3,
             freeing: 0.1,
             shared: 2,
             kin_ahead: 0.1,

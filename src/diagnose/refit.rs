@@ -67,7 +67,7 @@ pub fn started(trial: &Trial, strength: f64, settings: &Settings) -> crate::mode
             // Where a shape goes to in the end is no place to begin another fit's range about: from fit to fit a film's speed went to 1e-41 rad/s, a friction
             // that grows with the logarithm of speed.
             if p.sign == Sign::Positive && value.value > 0.0 {
-                let reach = settings.fitting.shape_reach;
+                let reach = settings.race.shape_reach;
                 (value.min, value.max) = (value.min.max(value.value / reach), value.max.min(value.value * reach));
             }
         }
@@ -471,7 +471,7 @@ mod tests {
         let trial = Trial { instance: Instance::new(film, "c1.x", Site::Places(vec![0]), params), candidate: 0 };
         let settings = Settings::default();
         let begun = started(&trial, 5.0, &settings);
-        let reach = settings.fitting.shape_reach;
+        let reach = settings.race.shape_reach;
         assert_eq!((begun.params[0].value, begun.params[0].min), (5.0, 0.0), "a strength has the bounds of its law");
         assert!(begun.params[1].free);
         assert_eq!((begun.params[1].min, begun.params[1].max), (0.3 / reach, 0.3 * reach));

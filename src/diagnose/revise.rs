@@ -22,8 +22,8 @@ struct Alternatives {
     tied: Vec<(Tied, Name, Weighed)>,
     /// What is better than it, by so many nats.
     better: Option<(f64, Name, Weighed)>,
-    /// The model without it.
-    without: Weighed,
+    /// The model without it; none where laws act on it.
+    without: Option<Weighed>,
 }
 
 impl Climb<'_> {
@@ -96,14 +96,23 @@ impl Climb<'_> {
         if rival.is_some_and(|r| self.scale.worth(&weighed) < self.scale.worth(r)) {
             return None;
         }
-        let gone = self.added.remove(k);
+        let acted_on = self.acted_on(k);
+        let own = self.now.fitted.system.instances.get(self.base + k).cloned();
+        let mut gone = self.added.remove(k);
         (self.watch)(&format!(
             "{} at {} takes the place of {} at {}: {nats:.1} nats",
             name.effect, name.at, gone.name.effect, gone.name.at
         ));
         let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
         let exchanged = (named(&name), named(&gone.name));
-        self.added.push(Added { gain: gone.gain + nats, ..Added::new(name) });
+        let mut kin: Vec<(Name, Instance)> = std::mem::take(&mut gone.kin).into_iter().filter(|(n, _)| *n != name).collect();
+        kin.extend(own.filter(|_| acted_on).map(|own| (gone.name.clone(), own)));
+        let place = if acted_on { k } else { self.added.len() };
+        self.added.insert(place, Added { gain: gone.gain + nats, kin, ..Added::new(name.clone()) });
+        if acted_on {
+            let of = self.added.iter_mut().filter(|a| a.name.at == name.at).filter_map(|a| a.name.of.as_mut());
+            of.for_each(|of| *of = of.replacen(gone.name.effect, name.effect, 1));
+        }
         self.now = weighed;
         self.forget();
         Some(exchanged)
@@ -137,14 +146,14 @@ impl Climb<'_> {
 
     fn tie(&mut self, found: Vec<Alternatives>) {
         for a in found {
-            let loss = super::search::error_of(&self.scale, &a.without).powi(2);
+            let loss = a.without.as_ref().map_or(f64::INFINITY, |w| super::search::error_of(&self.scale, w).powi(2));
             let (added, most) = (&mut self.added[a.of], self.settings.ties);
             // What was tied with it at other places when it was added is so as long as the model has not changed.
             let known =
                 std::mem::take(&mut added.tied).into_iter().filter(|(_, name, _)| added.held && a.tied.iter().all(|t| t.1 != *name));
             let tied = a.tied.iter().cloned().chain(known).take(most).collect();
-            added.smaller = Some(a.without.clone());
-            (added.tied, added.without, added.loss) = (tied, Some(a.without), loss);
+            added.smaller.clone_from(&a.without);
+            (added.tied, added.without, added.loss) = (tied, a.without, loss);
         }
         self.added.iter_mut().for_each(|a| a.held = true);
         // What costs most to leave out comes first; instances follow.
@@ -182,6 +191,28 @@ impl Climb<'_> {
         others
     }
 
+    /// Whether laws act on an addition.
+    fn acted_on(&self, k: usize) -> bool {
+        self.now.fitted.system.without(self.base + k).is_none()
+    }
+
+    /// What of its kind could stand in the place of an addition that laws act on, these acting on it in turn. Which friction it is was decided before it was known
+    /// that its limit follows a condition, and the rest that this left spoke for one or the other.
+    fn with_its_laws(&self, k: usize) -> Alternatives {
+        let stands = self.scale.worth(&self.now);
+        let weigh = |(name, law): &(Name, Instance)| {
+            let system = self.now.fitted.system.exchanged(self.base + k, law.clone())?;
+            let weighed = self.scale.weigh(&system, &self.now.v, self.monitor).ok()?;
+            Some((self.scale.worth(&weighed) - stands, name.clone(), weighed))
+        };
+        let mut others: Vec<(f64, Name, Weighed)> = parallel::map(&self.added[k].kin, weigh).into_iter().flatten().collect();
+        others.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let better = others.first().filter(|o| o.0 > self.settings.swap).cloned();
+        let tied =
+            others.into_iter().filter_map(|(_, n, w)| Some((self.scale.tied(&w, &self.now)?, n, w))).take(self.settings.ties).collect();
+        Alternatives { of: k, tied, better, without: None }
+    }
+
     /// For every law that was added, what else could stand in its place.
     fn alternatives(&self) -> Vec<Alternatives> {
         (self.watch)("holding what was added against what could stand in its place");
@@ -189,6 +220,9 @@ impl Climb<'_> {
             let instance = self.now.fitted.system.instances.get(self.base + k)?;
             if of_channel(instance) || trace::stopped(self.monitor) {
                 return None;
+            }
+            if self.acted_on(k) {
+                return Some(self.with_its_laws(k));
             }
             let (mut scale, small, whole) = self.beside_smaller(k)?;
             let stands = scale.worth(&whole);
@@ -221,7 +255,7 @@ impl Climb<'_> {
             let best = others.iter().find(|o| o.2.last().is_some_and(|i| !of_channel(i)));
             let better = best.filter(|o| o.0 > self.settings.swap).cloned();
             let tied = others.into_iter().filter_map(|(_, n, w)| Some((scale.tied(&w, &whole)?, n, w))).take(self.settings.ties).collect();
-            Some(Alternatives { of: k, tied, better, without: small })
+            Some(Alternatives { of: k, tied, better, without: Some(small) })
         };
         parallel::over(self.added.len(), of).into_iter().flatten().collect()
     }

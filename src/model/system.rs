@@ -253,6 +253,20 @@ impl System {
         Some(system)
     }
 
+    /// The system with another law in the place of its `k`-th. What acts on that acts on the parameter of the same name and dimension of the other; none where it has
+    /// no such, or where something acts on both this law and others.
+    pub fn exchanged(&self, k: usize, other: Instance) -> Option<System> {
+        let mut system = self.clone();
+        let (own, theirs) = (self.instances.get(k)?.effect.info(), other.effect.info());
+        for target in system.instances.iter_mut().filter_map(|i| i.target.as_mut()).filter(|t| t.instances.contains(&k)) {
+            let scaled = &own.params[target.param];
+            let same = theirs.params.iter().position(|p| p.name == scaled.name && p.dim == scaled.dim);
+            target.param = same.filter(|_| target.instances == [k])?;
+        }
+        system.instances[k] = other;
+        Some(system)
+    }
+
     /// The system with these instances put in before its `k`-th, which know of no instance behind themselves.
     pub fn with(&self, k: usize, added: Vec<Instance>) -> System {
         let (mut system, by) = (self.clone(), added.len());

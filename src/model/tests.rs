@@ -141,6 +141,28 @@ fn a_law_finds_what_it_acts_on_where_instances_come_and_go() {
     assert!(system.without(1).is_none());
 }
 
+/// A film whose force scale follows a condition gives way to an elastic slip, whose limit follows it then; to a law without such a parameter it cannot.
+#[test]
+fn a_law_is_exchanged_with_what_acts_on_it() {
+    let mut system = one_place(&[("linear_stiffness", &[1.0]), ("film", &[0.4, 0.3, 0.1])]);
+    let unit = crate::units::Unit::si(crate::units::Dimension::LENGTH);
+    let target = Target { instances: vec![1], param: 0, condition: "i".into(), reference: 0.0, unit };
+    let law = find("interference_law").unwrap();
+    let params = law.info().params.iter().map(|_| ParamValue::fixed(1.0)).collect();
+    system.instances.push(Instance { target: Some(target), ..Instance::new(law, "c1.x", Site::Places(vec![0]), params) });
+    let other = |name: &str, values: &[f64]| one_place(&[(name, values)]).instances.remove(0);
+    let exchanged = system.exchanged(1, other("elastic_slip", &[0.5, 0.2])).unwrap();
+    assert_eq!((exchanged.instances.len(), exchanged.instances[1].name()), (3, "elastic_slip"));
+    let scaled = exchanged.instances[2].target.as_ref().unwrap();
+    assert_eq!((scaled.instances.as_slice(), elastic(scaled.param)), ([1].as_slice(), "f"));
+    assert!(system.exchanged(1, other("viscous", &[0.5])).is_none());
+    assert!(system.exchanged(7, other("viscous", &[0.5])).is_none());
+}
+
+fn elastic(param: usize) -> &'static str {
+    find("elastic_slip").unwrap().info().params[param].name
+}
+
 #[test]
 fn structural_damping_without_storage_stands_at_the_frequency_of_the_drive() {
     let system = one_place(&[("linear_stiffness", &[500.0]), ("structural_damping", &[40.0, 0.01, 1e4, -2.0])]);
