@@ -608,6 +608,8 @@ class Fitting(msgspec.Struct, kw_only=True):
     ran_away: float | None
     """A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
     any more: the data do not hold it, or they contradict the model."""
+    shape_reach: float | None
+    """The same of a positive shape that no bound holds, and one over it: six decades to either side."""
     too_quiet: float | None
     """Root mean square of the whitened residuals of a test below which its sigma is told to be too large: noise leaves 1..."""
     worth_no_step: float | None
@@ -751,6 +753,9 @@ class Race(msgspec.Struct, kw_only=True):
     """...as far as they promise at least this part of the best of them."""
     rivals: float | None
     """...and the part of the leader's predicted fall that they promise."""
+    shape_reach: float | None
+    """Times where a candidate's positive shape begins, and one over it, within which it stays: begun where the tests move, it is another law
+    beyond three decades from there. A film whose speed is a millionth of theirs is a friction that grows with its logarithm."""
     shapes: int
     """Shapes of a candidate that are looked at, the best..."""
     share: float | None
@@ -848,7 +853,7 @@ class Settings(msgspec.Struct, kw_only=True):
     curved: int
     """Directions in the space of strengths in which the curvature of a record is granted beside its slope, those in which it moves most..."""
     curved_over: float | None
-    """...and the part of the strengths over which the curvature is taken: what they scatter by."""
+    """...and the part of the strengths over which the curvature is taken: what they scatter by, from which estimates of that begin."""
     decisive: float | None
     """Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; of
     several additions one that gained less, and without which they are foretold better, is taken out; a test that separates two laws by so much
@@ -893,6 +898,9 @@ class Settings(msgspec.Struct, kw_only=True):
     """Nats by which the density of the held-out tests must rise for an effect to be proven."""
     held_out_pieces: int
     """Pieces into which the held-out tests are cut at least, for the standard error of the fall of their error: fewer give no spread."""
+    instruments_common: float | None
+    """Part of the variance of what an instrument may misread that all tests of its channel have in common: calibration, zero and characteristic
+    are the sensor's, mounting and temperature the test's. Half is what is said of two parts of which nothing is known."""
     iterations: int
     """Iterations of each of these fits."""
     last_step: float | None

@@ -71,6 +71,7 @@ pub use unexplained::{Missed, Unexplained};
 pub(crate) mod testing {
     pub use super::candidates::{Name, Scene, candidates};
     pub use super::case::begin;
+    pub(crate) use super::climb::{Added, Climb};
     pub(crate) use super::next::within;
     pub use super::refit::{Bench, cost, whitened};
     pub use super::righted::{phased, unclipped};

@@ -11,6 +11,7 @@ use super::{Study, StudyError};
 
 mod bench;
 mod formula;
+mod exchanged;
 mod every_field;
 mod every_key;
 mod instruments;
