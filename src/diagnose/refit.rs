@@ -467,7 +467,8 @@ mod tests {
         use crate::effect::find;
         use crate::model::{Instance, ParamValue, Site};
         let film = find("film").unwrap();
-        let params = [0.0, 0.3, 2e-5].map(ParamValue::fixed).to_vec();
+        let mut params = [0.0, 0.3, 2e-5].map(ParamValue::fixed).to_vec();
+        params[0] = ParamValue::free(0.0, Sign::NonNegative);
         let trial = Trial { instance: Instance::new(film, "c1.x", Site::Places(vec![0]), params), candidate: 0 };
         let settings = Settings::default();
         let begun = started(&trial, 5.0, &settings);
