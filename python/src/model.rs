@@ -88,7 +88,7 @@ impl Model {
     fn refined(&self, py: Python<'_>, p: Values<'_>) -> PyResult<Model> {
         let variables = self.variables(py, &p.as_array().iter().copied().collect::<Vec<_>>())?;
         let work = || {
-            let at = Problem { plans: vec![], system: self.system(), free: self.free.clone(), memo: None }.system_at(&variables);
+            let at = Problem { free: self.free.clone(), ..Problem::new(vec![], self.system()) }.system_at(&variables);
             self.case.refined(&at).unwrap_or_else(|| self.case.clone())
         };
         let (case, ended) = Self::watched(py, work)?;
@@ -105,7 +105,7 @@ impl Model {
     /// Seconds of so many calls of the same without Python, for `python/bench`.
     fn seconds(&self, py: Python<'_>, p: Values<'_>, calls: usize) -> PyResult<Vec<f64>> {
         let variables = self.variables(py, &p.as_array().iter().copied().collect::<Vec<_>>())?;
-        let problem = Problem { plans: self.case.plans_of(SplitName::Fit), system: self.system(), free: self.free.clone(), memo: None };
+        let problem = Problem { free: self.free.clone(), ..Problem::new(self.case.plans_of(SplitName::Fit), self.system()) };
         let call = |_| {
             let began = Instant::now();
             std::hint::black_box(problem.residuals(&variables)).map(|_| began.elapsed().as_secs_f64())
@@ -180,7 +180,7 @@ impl Model {
             let plans = splits.iter().flat_map(|s| self.case.plans_of(*s)).collect();
             let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).take();
             let (system, free) = spare.unwrap_or_else(|| (self.system(), self.free.clone()));
-            let problem = Problem { plans, system, free, memo: None };
+            let problem = Problem { free, ..Problem::new(plans, system) };
             let rows = match slopes {
                 false => problem.residuals(&variables).map(|r| (r, None)),
                 true => problem.jacobian(&variables).map(|(r, j)| (r, Some(j))),
