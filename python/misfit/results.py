@@ -609,7 +609,7 @@ class Fitting(msgspec.Struct, kw_only=True):
     """A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
     any more: the data do not hold it, or they contradict the model."""
     shape_reach: float | None
-    """The same of a positive shape that no bound holds, and one over it: six decades to either side."""
+    """Times where a plain fit begins, and one over it, within which a positive shape stays that no bound holds: six decades to either side."""
     too_quiet: float | None
     """Root mean square of the whitened residuals of a test below which its sigma is told to be too large: noise leaves 1..."""
     worth_no_step: float | None

@@ -271,8 +271,8 @@ impl<'a> Climb<'a> {
     }
 }
 
-/// The systems of a study and of its plain fit with bounds on coefficients that have none: some decades above both, and of shapes below both. One that becomes a stand-in for what is
-/// missing (a support that turns rigid, say) has no way back from farther away, since nothing changes there any more.
+/// The systems of a study and of its plain fit with bounds on coefficients that have none: some decades above both, and of shapes below both as well. One
+/// that becomes a stand-in for what is missing (a support that turns rigid, say) has no way back from farther away, since nothing changes there any more.
 fn bounded(mut start: System, mut plain: System, settings: &Settings) -> (System, System) {
     for f in start.free() {
         let (own, fitted) = (&mut start.instances[f.instance].params[f.param], &mut plain.instances[f.instance].params[f.param]);

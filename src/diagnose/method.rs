@@ -32,7 +32,7 @@ pub struct Fitting {
     pub ran_away: f64,
     /// Times its start and its plain fit that a coefficient without an upper bound may come to in the search: two decades.
     pub known: f64,
-    /// The same of a positive shape that no bound holds, and one over it: six decades to either side.
+    /// Times where a plain fit begins, and one over it, within which a positive shape stays that no bound holds: six decades to either side.
     pub shape_reach: f64,
 }
 

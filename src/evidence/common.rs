@@ -3,7 +3,7 @@
 //!
 //! A misreading of variance 1 in its tolerance is `sqrt(q) x + sqrt(1 - q) x_t`, `x` the same in all tests of the channel, `x_t` each test's own, both N(0, 1), q
 //! [`super::Settings::instruments_common`]. Were all of it each test's own, a shift of a fraction of the tolerance that all tests show would be as many facts as there
-//! are tests: fifteen loops whose mean a chain of rigid parts meets within a tenth of a per cent were given a spring that is not there.
+//! are tests: a chain of rigid parts was given a spring that is not there, since it moves the means of fifteen loops by a few hundredths of a per cent, all alike.
 
 use nalgebra::DMatrix;
 
