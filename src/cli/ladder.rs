@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::diagnose::results::{LadderResult, Rung, SplitName, Verdict};
+use crate::diagnose::results::{LadderResult, Reading, Rung, SplitName, Verdict};
 
 use super::session::{Common, Session};
 use super::table::{percent, significant, table};
@@ -93,7 +93,7 @@ fn told(result: &LadderResult) -> String {
     }
     text += &text::errors(&result.model_error, &result.scatter, result.noise);
     for (k, rung) in result.rungs.iter().enumerate() {
-        text += &rung.readings.iter().map(|r| format!("Rung {k}: {}.\n", r.describe())).collect::<String>();
+        text += &Reading::describe(&rung.readings).iter().map(|r| format!("Rung {k}: {r}.\n")).collect::<String>();
     }
     if let Some(u) = &result.unexplained {
         text += &super::diagnose::suggestion(u);

@@ -1,6 +1,8 @@
 //! Results as an engineer reads them on the terminal.
 
-use crate::diagnose::results::{FitResult, ModeEnergy, OwnError, ParameterResult, ScatterOf, SplitName, TestResult, Verdict, words};
+use crate::diagnose::results::{
+    FitResult, ModeEnergy, OwnError, ParameterResult, Reading, ScatterOf, SplitName, TestResult, Verdict, words,
+};
 
 use super::table::{percent, significant, table};
 
@@ -167,7 +169,7 @@ pub(super) fn fit(fit: &FitResult, study: &str) -> String {
         text += &format!("not determined by these data: {combination}\n");
     }
     text += &errors(&fit.model_error, &fit.scatter, fit.noise);
-    text += &fit.readings.iter().map(|r| format!("{}.\n", r.describe())).collect::<String>();
+    text += &Reading::describe(&fit.readings).iter().map(|r| format!("{r}.\n")).collect::<String>();
     text += &notes(&fit.notes);
     text += "\n";
     text + &verdict(&fit.tests, study)

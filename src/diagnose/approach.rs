@@ -135,7 +135,7 @@ impl<'a> Way<'a> {
 
     fn over<'b>(&'b self, openings: &'b [Option<Plan>]) -> Problem<'b> {
         let plans = self.whole.plans.iter().zip(openings).map(|(plan, opening)| opening.as_ref().unwrap_or(plan)).collect();
-        Problem { plans, system: self.whole.system.clone(), free: self.whole.free.clone(), memo: None, common: None }
+        Problem { free: self.whole.free.clone(), ..Problem::new(plans, self.whole.system.clone()) }
     }
 
     fn fit(&self, problem: &Problem, p: &[f64]) -> Result<Vec<f64>, DiagnoseError> {

@@ -27,14 +27,14 @@ pub fn near(
     watch(&format!("out of step with a record: looking at {} of {} points, where the model can follow", points(near), points(&whole.case)));
     let mut scale = Scale::new(near, &near.system, &whole.settings);
     let base = scale.begin(&near.system, monitor).map_err(DiagnoseError::start_fails)?;
-    let mut found =
-        step(&Against { scale: &scale, base: &base, need: None, stands: None, rival: None, elsewhere: &[], added, monitor, watch })?;
+    let against = Against { scale: &scale, base: &base, need: None, stands: None, rival: None, elsewhere: &[], added, monitor, watch };
+    let (odds, mut found) = (against.odds(), step(&against)?);
     let Some(taken) = found.taken.take() else { return Ok(found) };
     let pair = (taken.names.len() > 1).then(|| (taken.names.clone(), taken.weighed.fitted.system.clone()));
     let alone = found.stood.iter().filter(|s| s.admissible).map(|s| (vec![s.name.clone()], s.weighed.fitted.system.clone()));
     let all: Vec<_> = pair.into_iter().chain(alone).take(whole.settings.race.followed).collect();
     watch(&format!("following the whole record with {}", all.len()));
-    let tried = found.tried.max(1.0);
+    let tried = found.tried.max(1.0) / odds;
     let follow = |(names, system): &(Vec<Name>, crate::model::System)| -> Option<Move> {
         let case = whole.case.at(system);
         let nearer = approached(&case, monitor).ok()?;

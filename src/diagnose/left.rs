@@ -34,7 +34,7 @@ impl Scale {
             let late = |what, x: f64| if what == Misreading::Delay { -x } else { x };
             let told = |(&(block, what, std), x): (&(usize, Misreading, f64), f64)| {
                 let x = late(what, x);
-                Reading::new(&plan.id, &plan.blocks[block].label, what, x * std, x)
+                Reading { test: plan.id.clone(), channel: plan.blocks[block].label.clone(), misreading: what, part: x * std, deviations: x }
             };
             list.extend(beyond.map(told));
         }

@@ -64,7 +64,8 @@ impl Climb<'_> {
             let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
             let weighed = self.loose(&scale, &loose)?;
             // Its parameters are paid for by their widths.
-            Some(Offer { gain: weighed.likelihood - self.now.likelihood, slack, scale, weighed })
+            let gain = weighed.likelihood - self.now.likelihood + self.scale.odds(self.added.len()).ln();
+            Some(Offer { gain, slack, scale, weighed })
         };
         // Mass between the nodes is an oscillator at every spring and every node: it is part of slack where that gains by it.
         let Some((fewer, lumped)) = slack.lumped(&given, s) else { return offer(&given, slack) };

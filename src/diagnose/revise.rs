@@ -48,9 +48,10 @@ impl Climb<'_> {
     pub fn remove(&mut self, mut among: usize) -> Vec<EffectAt> {
         let mut removed = Vec::new();
         while among > 0 && !trace::stopped(self.monitor) {
+            let tried = self.tried / self.scale.odds(self.added.len() - 1);
             let weigh = |k: usize| -> Option<(f64, Weighed)> {
                 let (scale, small, whole) = self.beside_smaller(k)?;
-                let gain = scale.gain(&whole, &small, self.tried);
+                let gain = scale.gain(&whole, &small, tried);
                 let stays = gain > -self.settings.tie || scale.in_turn(gain, &whole, &small, self.monitor).yes;
                 (!stays).then_some((gain, small))
             };
@@ -118,18 +119,17 @@ impl Climb<'_> {
         Some(exchanged)
     }
 
-    /// Takes out what gained little and without which the held-out tests are foretold better, in density and in error, the most so first: their
-    /// veto, addition by addition.
+    /// Takes out what the held-out tests say more against than the fitted ones said for it, and without which their error is no larger, the most so first:
+    /// their veto, addition by addition.
     pub fn veto(&mut self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
         while self.added.len() > 1 && !trace::stopped(self.monitor) {
             let plans = self.case.plans_of(SplitName::HeldOut);
             let held = HeldOutTests::new(plans, &self.scale.evidence, &self.first, &self.now, &self.settings);
             let Some((held, last)) = held.as_ref().and_then(|h| Some((h, h.look(&self.now)?))) else { return Ok(()) };
             let against = |k: usize| -> Option<f64> {
-                let weak = self.added[k].gain < self.settings.decisive && self.is_physics(k);
-                let without = held.look(self.added[k].without.as_ref().filter(|_| weak)?)?;
+                let without = held.look(self.added[k].without.as_ref().filter(|_| self.is_physics(k))?)?;
                 let word = held.word(&without, &last);
-                (word.nats <= 0.0 && word.fall.0 <= 0.0).then_some(-word.nats)
+                (self.added[k].gain + word.nats <= 0.0 && word.fall.0 <= 0.0).then_some(-word.nats)
             };
             let found = (0..self.added.len()).filter_map(|k| Some((k, against(k)?)));
             let Some((k, nats)) = found.max_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(()) };

@@ -86,6 +86,13 @@ pub struct Against<'a> {
     pub watch: &'a (dyn Fn(&str) + Sync),
 }
 
+impl Against<'_> {
+    /// Odds, before any test is read, that there is something to be found.
+    pub fn odds(&self) -> f64 {
+        if self.need.is_none() { self.scale.odds(self.added.len()) } else { 1.0 }
+    }
+}
+
 /// Scores, refits, weighs.
 pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let (scale, base, watch) = (a.scale, a.base, a.watch);
@@ -270,9 +277,11 @@ impl<'a> Price<'a> {
         Price { against, names, squares, physics, all }
     }
 
-    /// What was tried where this candidate was. A fault of an instrument counts as more choices, by the odds against it before any test is read.
+    /// What was tried where this candidate was: of physics, against the odds that there is something to be found; a fault of an instrument counts as more
+    /// choices, by the odds against it before any test is read.
     pub fn tried(&self, candidate: usize) -> f64 {
-        if role(&self.names[candidate]) == Some(Role::Channel) { self.all * self.against.scale.settings.fault_odds } else { self.physics }
+        let channel = role(&self.names[candidate]) == Some(Role::Channel);
+        if channel { self.all * self.against.scale.settings.fault_odds } else { self.physics / self.against.odds() }
     }
 
     pub fn price(&self, candidate: usize) -> f64 {

@@ -60,13 +60,12 @@ pub struct Settings {
     pub ties: usize,
     /// Nats by which the density of the held-out tests must rise for an effect to be proven.
     pub held_out_nats: f64,
-    /// Nats of that density which keep what gained little though their error does not fall: odds of twenty.
-    pub held_out_keeps: f64,
     /// Part by which their error must fall beside that.
     pub held_out_fall: f64,
-    /// Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; of several
-    /// additions one that gained less, and without which they are foretold better, is taken out; a test that separates two laws by so much breaks
-    /// their tie; effects that are to take the place of slack are exchanged while they are within so much of it.
+    /// Nats that fitted and held-out tests together must give for what is not proven, or it is withdrawn: odds of twenty.
+    pub unproven: f64,
+    /// Nats that stand by themselves (e^8 in odds): a test that separates two laws by so much breaks their tie; effects that are to take the place of slack are
+    /// exchanged while they are within so much of it.
     pub decisive: f64,
     /// Pieces into which the held-out tests are cut at least, for the standard error of the fall of their error: fewer give no spread.
     pub held_out_pieces: usize,
@@ -98,6 +97,9 @@ pub struct Settings {
     pub correction_least: f64,
     /// The same in standard deviations.
     pub correction_sure: f64,
+    /// Odds, before any test is read, that a model lacks anything: of studies that are searched nine in ten miss something, or they would not be. They stand
+    /// against the first thing that is found; what stands beside another one has even odds.
+    pub missing_odds: f64,
     /// Odds, before any test is read, that what a model lacks is physics and no fault of an instrument: of studies that miss something one in twenty has an
     /// instrument at fault. Where few tests speak, physics and the gain of one test are worth the same within a nat.
     pub fault_odds: f64,
@@ -144,7 +146,7 @@ pub struct Stated {
 }
 
 /// Every constant that a study may state.
-pub const STATED: [Stated; 19] = [
+pub const STATED: [Stated; 20] = [
     Stated { key: "model_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.model_error_least },
     Stated { key: "frf_error_least", range: (1e-6, 0.5), field: |s| &mut s.evidence.frf_error_least },
     Stated { key: "model_error_spread", range: (1e-3, 5.0), field: |s| &mut s.evidence.model_error_spread },
@@ -161,6 +163,7 @@ pub const STATED: [Stated; 19] = [
     Stated { key: "held_out_nats", range: (0.0, 50.0), field: |s| &mut s.held_out_nats },
     Stated { key: "held_out_fall", range: (0.0, 0.9), field: |s| &mut s.held_out_fall },
     Stated { key: "remainder", range: (0.0, 1.0), field: |s| &mut s.remainder },
+    Stated { key: "missing_odds", range: (1e-3, 1e6), field: |s| &mut s.missing_odds },
     Stated { key: "fault_odds", range: (1.0, 1e6), field: |s| &mut s.fault_odds },
     Stated { key: "fault_gain", range: (0.0, 1.0), field: |s| &mut s.fault_gain },
     Stated { key: "fault_least", range: (0.0, 1.0), field: |s| &mut s.fault_least },
@@ -202,8 +205,8 @@ impl Default for Settings {
             swap: 0.5,
             ties: 5,
             held_out_nats: 1.0,
-            held_out_keeps: 3.0,
             held_out_fall: 0.03,
+            unproven: 3.0,
             decisive: 8.0,
             held_out_pieces: 8,
             remainder: 1.0 / 3.0,
@@ -220,6 +223,7 @@ impl Default for Settings {
             slack_softer: 3.0,
             correction_least: 0.01,
             correction_sure: 2.5,
+            missing_odds: 9.0,
             fault_odds: 20.0,
             fault_gain: 0.03,
             fault_least: 0.01,

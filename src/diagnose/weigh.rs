@@ -381,8 +381,13 @@ impl Scale {
     /// the facts for every parameter (Schwarz, Ann. Statist. 6, 1978) and the logarithm of what was tried.
     pub fn gain(&self, larger: &Weighed, smaller: &Weighed, tried: f64) -> f64 {
         let more = larger.size() as f64 - smaller.size() as f64;
-        let price = 0.5 * more * self.counts.n.ln() + tried.max(1.0).ln();
+        let price = 0.5 * more * self.counts.n.ln() + tried.ln();
         larger.likelihood - smaller.likelihood - price
+    }
+
+    /// Odds, before any test is read, that a model with so many additions lacks something.
+    pub fn odds(&self, added: usize) -> f64 {
+        if added == 0 { self.settings.missing_odds } else { 1.0 }
     }
 
     /// What a model is worth beside others of unlike size.

@@ -240,8 +240,8 @@ impl Evidence {
 }
 
 /// The restricted likelihood under the variances that the squares stand for and the scatter of `v`: the parameters integrated out to first order.
-pub(super) fn restricted(e: &Evidence, squares: &[Squares], seen: &[Seen], v: &Variances) -> Option<f64> {
-    let common = Common::of(e);
+/// `common`: what tests have in common.
+pub(super) fn restricted(e: &Evidence, common: &Common, squares: &[Squares], seen: &[Seen], v: &Variances) -> Option<f64> {
     let p = squares.first()?.columns.0;
     let (mut whole, mut ld) = (DMatrix::zeros(p + common.count, p + common.count), 0.0);
     let of = |t: usize| {
@@ -251,7 +251,7 @@ pub(super) fn restricted(e: &Evidence, squares: &[Squares], seen: &[Seen], v: &V
         let mut factors = vec![1.0; from];
         factors.resize(from + scattering, w);
         factors.resize(from + scattering + bending, w * w * std::f64::consts::FRAC_1_SQRT_2);
-        own.information(&factors, &common, t)
+        own.information(&factors, common, t)
     };
     for own in spread(squares.iter().map(|s| s.squares.len() * s.squares.ncols()).sum(), squares.len(), of) {
         let (inner, own) = own?;

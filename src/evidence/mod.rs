@@ -74,26 +74,30 @@ impl Evidence {
 
     /// The covariance of each test by itself under these variances and counts. `seen`: the model whose strengths scatter.
     pub fn covariances(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Vec<Covariance> {
-        let of = |t: usize| {
-            let record = &self.records[t];
-            let parts = record.parts(v.kappa, &v.own_errors(t, record));
-            let counted: Vec<f64> = parts.iter().zip(counts.z[t].iter()).map(|(p, z)| p.variance(*z)).collect();
-            Covariance::new(record.coefficients.clone(), &counted, &record.shared(&seen[t], v.scatter(record)))
-        };
-        (0..self.records.len()).map(of).collect()
+        (0..self.records.len()).map(|t| self.covariance(t, v, counts, &self.shared(t, seen, v))).collect()
     }
 
     /// The same as the covariance that each test has by itself and, beside that, the columns of what all have in common, in the coefficients of each.
     pub fn joint_covariances(&self, seen: &[Seen], v: &Variances, counts: &Counts) -> Vec<(Covariance, DMatrix<f64>)> {
         let common = common::Common::of(self);
         let of = |t: usize| {
-            let record = &self.records[t];
-            let parts = record.parts(v.kappa, &v.own_errors(t, record));
-            let counted: Vec<f64> = parts.iter().zip(counts.z[t].iter()).map(|(p, z)| p.variance(*z)).collect();
-            let shared = common.own(t, record.shared(&seen[t], v.scatter(record)));
-            (Covariance::new(record.coefficients.clone(), &counted, &shared), common.columns(t, record))
+            let own = common.own(t, self.shared(t, seen, v));
+            (self.covariance(t, v, counts, &own), common.columns(t, &self.records[t]))
         };
         (0..self.records.len()).map(of).collect()
+    }
+
+    /// The columns that the coefficients of test t share.
+    fn shared(&self, t: usize, seen: &[Seen], v: &Variances) -> DMatrix<f64> {
+        self.records[t].shared(&seen[t], v.scatter(&self.records[t]))
+    }
+
+    /// The covariance of test t, whose coefficients share these columns.
+    fn covariance(&self, t: usize, v: &Variances, counts: &Counts, shared: &DMatrix<f64>) -> Covariance {
+        let record = &self.records[t];
+        let parts = record.parts(v.kappa, &v.own_errors(t, record));
+        let counted: Vec<f64> = parts.iter().zip(counts.z[t].iter()).map(|(p, z)| p.variance(*z)).collect();
+        Covariance::new(record.coefficients.clone(), &counted, shared)
     }
 }
 

@@ -286,7 +286,7 @@ fn coefficients_that_vary_alike_say_together_what_each_says_by_itself() {
     assert_eq!(each.records[0].alike(&counts.z[0]).len(), 81);
     let of = |e: &Evidence| {
         let squares = super::likelihood::Squares::of(e, &e.grams(&seen, &counts), &v);
-        super::likelihood::restricted(e, &squares, &seen, &v).unwrap()
+        super::likelihood::restricted(e, &super::common::Common::of(e), &squares, &seen, &v).unwrap()
     };
     approx::assert_relative_eq!(of(&lots), of(&each), max_relative = 1e-10);
 }
@@ -434,7 +434,14 @@ fn what_a_sensor_misreads_in_all_tests_alike_is_one_fact() {
     approx::assert_relative_eq!(nats(&each), 3.0 * 0.25 / (1.0 + noise / (std * std)), max_relative = 1e-6);
     // What estimates variances says the same.
     let restricted = |e: &Evidence, seen: &[Seen]| {
-        super::likelihood::restricted(e, &super::likelihood::Squares::of(e, &e.grams(seen, &counts), &v), seen, &v).unwrap()
+        super::likelihood::restricted(
+            e,
+            &super::common::Common::of(e),
+            &super::likelihood::Squares::of(e, &e.grams(seen, &counts), &v),
+            seen,
+            &v,
+        )
+        .unwrap()
     };
     approx::assert_relative_eq!(restricted(&one, &right) - restricted(&one, &off), nats(&one), max_relative = 1e-6);
 }

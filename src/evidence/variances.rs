@@ -2,6 +2,7 @@
 
 use crate::data::TestKind;
 
+use super::common::Common;
 use super::likelihood::{Squares, restricted};
 use super::record::{Alike, Channel};
 use super::{Counts, Evidence, Record, Seen, Settings};
@@ -168,11 +169,11 @@ impl Evidence {
     /// J. ACM 8, 1961).
     pub fn estimate(&self, seen: &[Seen], counts: &Counts, start: &Variances) -> Variances {
         let start = Variances { omega: start.omega.max(self.settings.scatter_from), ..start.clone() };
-        let (grams, alike) = (self.grams(seen, counts), self.alike(counts));
+        let (grams, alike, common) = (self.grams(seen, counts), self.alike(counts), Common::of(self));
         let mut best = self.own_errors(seen, counts, start.bounded(&self.settings), &alike);
         let squares = |v: &Variances| Squares::of(self, &grams, v);
         let value = |v: &Variances, squares: &[Squares]| {
-            restricted(self, squares, seen, v).map_or(f64::NEG_INFINITY, |l| l + self.prior_of(v, &alike))
+            restricted(self, &common, squares, seen, v).map_or(f64::NEG_INFINITY, |l| l + self.prior_of(v, &alike))
         };
         let mut at_best = squares(&best);
         let mut here = value(&best, &at_best);

@@ -1,6 +1,6 @@
 //! The first screen: one sentence, four cards, what to do next, the error of every test against the rungs.
 
-use crate::diagnose::results::{EffectAt, Missing, SplitName, TestResult, Verdict};
+use crate::diagnose::results::{EffectAt, Missing, Reading, SplitName, TestResult, Verdict};
 use crate::effect;
 
 use super::chart::{self, Attributes, Chart, Charts};
@@ -286,7 +286,7 @@ fn missing(input: &ReportInput) -> String {
 fn not_physics(input: &ReportInput) -> Vec<String> {
     let Some(l) = input.ladder else { return vec![] };
     let instruments = l.instruments.iter().map(|i| format!("Instrument: {}", esc(&i.why)));
-    let readings = l.rungs.last().into_iter().flat_map(|r| &r.readings).map(|r| esc(&r.describe()));
+    let readings = l.rungs.last().into_iter().flat_map(|r| Reading::describe(&r.readings)).map(|r| esc(&r));
     instruments.chain(l.corrections.iter().map(|c| format!("Correction: {}", esc(&c.describe())))).chain(readings).collect()
 }
 

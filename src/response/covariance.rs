@@ -11,6 +11,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DMatrixViewMut, DVector};
+use serde::Serialize;
 
 use crate::data::{FourierInput, harmonic_of, harmonics};
 
@@ -228,7 +229,8 @@ impl Covariance {
 }
 
 /// How an instrument may misread.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Misreading {
     /// By a factor.
     Gain,

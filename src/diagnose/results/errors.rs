@@ -86,8 +86,8 @@ pub struct Reading {
     pub test: String,
     /// `force at c1.x`.
     pub channel: String,
-    /// gain, offset, delay, bend, jump.
-    pub misreading: String,
+    /// How it misreads.
+    pub misreading: Misreading,
     /// How much, most likely: gain relative, offset in parts of the amplitude, delay in parts of the period (of the shortest one of an FRF), bend in parts of the
     /// largest reading, jump in parts of it. Above 0 it reads less, or late.
     pub part: f64,
@@ -96,34 +96,78 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// One reading of a test's channel.
-    pub fn new(test: &str, channel: &str, misreading: Misreading, part: f64, deviations: f64) -> Reading {
-        let misreading = match misreading {
-            Misreading::Gain => "gain",
-            Misreading::Offset => "offset",
-            Misreading::Delay => "delay",
-            Misreading::Bend => "bend",
-            Misreading::Jump => "jump",
-        };
-        Reading { test: test.into(), channel: channel.into(), misreading: misreading.into(), part, deviations }
+    /// Sentences without their full stops: one for each channel, misreading and direction, whatever tests show it, and what to make of them.
+    pub fn describe(all: &[Reading]) -> Vec<String> {
+        let alike = |a: &Reading, b: &Reading| (&a.channel, a.misreading, a.part > 0.0) == (&b.channel, b.misreading, b.part > 0.0);
+        let first = all.iter().enumerate().filter(|(k, r)| !all[..*k].iter().any(|before| alike(before, r)));
+        let mut told: Vec<String> =
+            first.map(|(_, r)| Reading::together(&all.iter().filter(|o| alike(o, r)).collect::<Vec<_>>())).collect();
+        if !told.is_empty() {
+            told.push(
+                "What reads so far off is an instrument that is off, or physics that the model lacks: the errors of the tests hold it against the model, its \
+                 model error does not"
+                    .into(),
+            );
+        }
+        told
     }
 
-    /// In words.
-    pub fn describe(&self) -> String {
-        let (low, size) = (self.part > 0.0, 100.0 * self.part.abs());
-        let how = match self.misreading.as_str() {
-            "gain" => format!("{size:.2} % too {}", if low { "little" } else { "much" }),
-            "offset" => format!("{size:.2} % of its amplitude too {}", if low { "low" } else { "high" }),
-            "delay" => format!("{size:.2} % of a period too {}", if low { "late" } else { "early" }),
-            "bend" => format!("{size:.2} % of its largest reading off a straight line"),
-            _ => format!("{size:.0} % of a jump too {}", if low { "low" } else { "high" }),
+    /// What tests say alike of one channel, at least one.
+    fn together(alike: &[&Reading]) -> String {
+        let Reading { channel, misreading, part, .. } = alike[0];
+        let digits = if *misreading == Misreading::Jump { 0 } else { 2 };
+        let size = range(alike.iter().map(|r| 100.0 * r.part.abs()), digits);
+        let which = |high: &'static str, low: &'static str| if *part > 0.0 { low } else { high };
+        let how = match misreading {
+            Misreading::Gain => format!("{size} % too {}", which("much", "little")),
+            Misreading::Offset => format!("{size} % of its amplitude too {}", which("high", "low")),
+            Misreading::Delay => format!("{size} % of a period too {}", which("early", "late")),
+            Misreading::Bend => format!("{size} % of its largest reading off a straight line"),
+            Misreading::Jump => format!("{size} % of a jump too {}", which("high", "low")),
         };
+        let deviations = range(alike.iter().map(|r| r.deviations.abs()), 1);
+        let tests: Vec<&str> = alike.iter().map(|r| r.test.as_str()).collect();
         format!(
-            "{} of {} reads {how} by this model, {:.1} standard deviations of what its instrument may err by: the instrument is off, or physics that the \
-             model lacks looks like that. The errors of the tests hold this reading against the model, its model error does not",
-            self.channel,
-            self.test,
-            self.deviations.abs()
+            "{channel} of {} reads {how} by this model, {deviations} standard deviations of what its instrument may err by",
+            tests.join(", ")
         )
+    }
+}
+
+/// The least and the largest of these in so many decimals, or what they are alike.
+fn range(values: impl Iterator<Item = f64>, decimals: usize) -> String {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    let (low, high) = (format!("{low:.decimals$}"), format!("{high:.decimals$}"));
+    if low == high { low } else { format!("{low} to {high}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_tests_say_alike_of_a_channel_is_said_once() {
+        let of = |test: &str, channel: &str, misreading, part, deviations| Reading {
+            test: test.into(),
+            channel: channel.into(),
+            misreading,
+            part,
+            deviations,
+        };
+        let all = [
+            of("a", "force at c1.x", Misreading::Delay, 0.001, 3.5),
+            of("a", "displacement at c1.x", Misreading::Gain, -0.0176, -3.5),
+            of("b", "force at c1.x", Misreading::Delay, 0.0012, 4.1),
+            of("c", "force at c1.x", Misreading::Delay, -0.002, -3.2),
+        ];
+        let told = Reading::describe(&all);
+        assert_eq!(told.len(), 4, "{told:#?}");
+        assert_eq!(
+            told[0],
+            "force at c1.x of a, b reads 0.10 to 0.12 % of a period too late by this model, 3.5 to 4.1 standard deviations of what its instrument may err by"
+        );
+        assert!(told[1].starts_with("displacement at c1.x of a reads 1.76 % too much by"), "{}", told[1]);
+        assert!(told[2].starts_with("force at c1.x of c reads 0.20 % of a period too early"), "{}", told[2]);
+        assert!(Reading::describe(&[]).is_empty());
     }
 }

@@ -154,6 +154,7 @@ tie = 2
 held_out_nats = 2
 held_out_fall = 0.05
 remainder = 0.5
+missing_odds = 4
 fault_odds = 10
 fault_gain = 0.05
 fault_least = 0.02
@@ -350,6 +351,7 @@ pub const OPTIONAL: &[&str] = &[
     "search.held_out_nats",
     "search.held_out_fall",
     "search.remainder",
+    "search.missing_odds",
     "search.fault_odds",
     "search.fault_gain",
     "search.fault_least",

@@ -4,9 +4,11 @@ use std::f64::consts::TAU;
 
 use super::{Folder, ONE};
 use crate::diagnose::Case;
+use crate::diagnose::results::Reading;
 use crate::diagnose::testing::{Scale, Settings, Tied, Weighed};
 use crate::identify::Monitor;
 use crate::model::System;
+use crate::response::Misreading;
 
 /// Loops of a spring with a dry friction of 2 N, whose sliding force grows by `rises` from small speeds to the largest.
 fn loops(rises: f64) -> Folder {
@@ -162,12 +164,12 @@ fn an_instrument_beyond_its_tolerance_is_told_with_its_sign() {
     (base.v.tau, base.v.omega) = (-30.0, scale.settings.evidence.no_scatter);
     base.v.own.iter_mut().flatten().for_each(|own| *own = 0.0);
     let told = scale.readings(&base);
-    let part = |what: &str| told.iter().find(|r| r.misreading == what && r.channel.starts_with("force")).map(|r| (r.test.clone(), r.part));
-    let (test, delay) = part("delay").unwrap_or_else(|| panic!("{told:?}"));
+    let part = |what| told.iter().find(|r| r.misreading == what && r.channel.starts_with("force")).map(|r| (r.test.clone(), r.part));
+    let (test, delay) = part(Misreading::Delay).unwrap_or_else(|| panic!("{told:?}"));
     assert!(test == "loop-2Hz" && (0.001..0.0035).contains(&delay), "{told:?}");
-    let (test, offset) = part("offset").unwrap_or_else(|| panic!("{told:?}"));
+    let (test, offset) = part(Misreading::Offset).unwrap_or_else(|| panic!("{told:?}"));
     assert!(test == "loop-2Hz" && (-0.026..-0.01).contains(&offset), "{told:?}");
-    assert!(told.iter().any(|r| r.describe().contains("% of a period too late by this model")));
+    assert!(Reading::describe(&told).iter().any(|told| told.contains("% of a period too late by this model")));
 }
 
 /// The tests about a model are computed once, whoever asks for them in its scale; those of another model, of other tests, and of models along one axis are others.
