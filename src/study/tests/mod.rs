@@ -16,6 +16,7 @@ mod every_field;
 mod every_key;
 mod instruments;
 mod levels;
+mod odds;
 mod property;
 mod read;
 mod refuse;
