@@ -105,6 +105,9 @@ class LargestDifference(msgspec.Struct, kw_only=True):
     """What it is over: `range`, `range of magnitude` or `value`."""
 
 
+Misreading = Literal["gain", "offset", "delay", "bend", "jump"]
+"""How an instrument may misread."""
+
 class ModeEnergy(msgspec.Struct, kw_only=True):
     """One mode of a modal table in the model."""
     computed: float | None
@@ -174,8 +177,8 @@ class Reading(msgspec.Struct, kw_only=True):
     """`force at c1.x`."""
     deviations: float | None
     """The same in standard deviations of what the instrument may err by."""
-    misreading: str
-    """gain, offset, delay, bend, jump."""
+    misreading: Misreading
+    """How it misreads."""
     part: float | None
     """How much, most likely: gain relative, offset in parts of the amplitude, delay in parts of the period (of the shortest one of an FRF),
     bend in parts of the largest reading, jump in parts of it. Above 0 it reads less, or late."""
@@ -855,9 +858,8 @@ class Settings(msgspec.Struct, kw_only=True):
     curved_over: float | None
     """...and the part of the strengths over which the curvature is taken: what they scatter by, from which estimates of that begin."""
     decisive: float | None
-    """Nats that stand by themselves (e^8 in odds): what gained less, and what the held-out tests neither bear out nor miss, is withdrawn; of
-    several additions one that gained less, and without which they are foretold better, is taken out; a test that separates two laws by so much
-    breaks their tie; effects that are to take the place of slack are exchanged while they are within so much of it."""
+    """Nats that stand by themselves (e^8 in odds): a test that separates two laws by so much breaks their tie; effects that are to take the
+    place of slack are exchanged while they are within so much of it."""
     estimates: int
     """Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed."""
     evaluations: int
@@ -892,8 +894,6 @@ class Settings(msgspec.Struct, kw_only=True):
     out, and 0.3 % would hide what they show."""
     held_out_fall: float | None
     """Part by which their error must fall beside that."""
-    held_out_keeps: float | None
-    """Nats of that density which keep what gained little though their error does not fall: odds of twenty."""
     held_out_nats: float | None
     """Nats by which the density of the held-out tests must rise for an effect to be proven."""
     held_out_pieces: int
@@ -909,6 +909,9 @@ class Settings(msgspec.Struct, kw_only=True):
     """Error that a test may have once its fault is taken out, over the median of the others."""
     max_added: int
     """Effects added at most."""
+    missing_odds: float | None
+    """Odds, before any test is read, that a model lacks anything: of studies that are searched nine in ten miss something, or they would not
+    be. They stand against the first thing that is found; what stands beside another one has even odds."""
     model_error_least: float | None
     """Relative error of a model below which no model of a device is claimed: sampling, integration and geometry are not better known."""
     model_error_most: float | None
@@ -1019,6 +1022,8 @@ class Settings(msgspec.Struct, kw_only=True):
     turns: int
     """Parts at most into which the fitted tests are cut, each left out in its turn, where a gain lies within a tie of nothing: half a dozen
     refits of two models say what a dozen would."""
+    unproven: float | None
+    """Nats that fitted and held-out tests together must give for what is not proven, or it is withdrawn: odds of twenty."""
     visible: float | None
     """...where it is more than this many times the noise..."""
     visible_least: float | None

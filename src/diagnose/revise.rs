@@ -119,8 +119,8 @@ impl Climb<'_> {
         Some(exchanged)
     }
 
-    /// Takes out what the held-out tests say more against than the fitted ones said for it, and without which their error is no larger, the most so first:
-    /// their veto, addition by addition.
+    /// Takes out that for which held-out and fitted tests together say little, and without which the error of the held-out ones is no larger, what they are most
+    /// against first: their veto, addition by addition.
     pub fn veto(&mut self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
         while self.added.len() > 1 && !trace::stopped(self.monitor) {
             let plans = self.case.plans_of(SplitName::HeldOut);
@@ -129,7 +129,7 @@ impl Climb<'_> {
             let against = |k: usize| -> Option<f64> {
                 let without = held.look(self.added[k].without.as_ref().filter(|_| self.is_physics(k))?)?;
                 let word = held.word(&without, &last);
-                (self.added[k].gain + word.nats <= 0.0 && word.fall.0 <= 0.0).then_some(-word.nats)
+                (self.added[k].gain + word.nats <= self.settings.unproven && word.fall.0 <= 0.0).then_some(-word.nats)
             };
             let found = (0..self.added.len()).filter_map(|k| Some((k, against(k)?)));
             let Some((k, nats)) = found.max_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(()) };
