@@ -277,11 +277,12 @@ impl<'a> Price<'a> {
         Price { against, names, squares, physics, all }
     }
 
-    /// What was tried where this candidate was: of physics, against the odds that there is something to be found; a fault of an instrument counts as more
-    /// choices, by the odds against it before any test is read.
+    /// What was tried where this candidate was, against the odds that there is something to be found. A fault of an instrument counts as more choices, by the
+    /// odds against it before any test is read.
     pub fn tried(&self, candidate: usize) -> f64 {
         let channel = role(&self.names[candidate]) == Some(Role::Channel);
-        if channel { self.all * self.against.scale.settings.fault_odds } else { self.physics / self.against.odds() }
+        let choices = if channel { self.all * self.against.scale.settings.fault_odds } else { self.physics };
+        choices / self.against.odds()
     }
 
     pub fn price(&self, candidate: usize) -> f64 {
