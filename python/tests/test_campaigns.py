@@ -4,7 +4,6 @@ import _thread
 import subprocess
 import sys
 import threading
-import time
 
 import polars
 import pytest
@@ -50,22 +49,20 @@ def test_what_is_no_campaign_is_said(tmp_path):
 
 def test_ctrl_c_stops_the_tasks_and_resume_goes_on(friction, tmp_path):
     made = file(friction, tmp_path, verb="ladder")
-    began = time.monotonic()
     stop = threading.Event()
 
     def once(words, _fit):
-        # As soon as it says how far it is: there is a task to stop then, on a machine of any speed.
-        if words and "of 3 tasks" in words and not stop.is_set():
+        # It says so as it begins: the first of three ladders is then under way, on a machine of any speed.
+        if words == "0 of 3 tasks" and not stop.is_set():
             stop.set()
             _thread.interrupt_main()
 
     with pytest.warns(misfit.Interrupted, match="campaign was stopped"):
         done = misfit.campaign(made, threads=1, progress=once)
-    assert done.stopped and done.interrupted and done.done < 3 and not done.failed
-    # The ladder that was under way was told to stop, and not waited for.
-    assert time.monotonic() - began < 30
+    # The ladder that was under way was told to stop: had it been waited for, it would be done.
+    assert done.stopped and done.interrupted and done.done == 0 and not done.failed
     whole = misfit.campaign(made, resume=True, progress=False)
-    assert whole.done == 3 and whole.computed == 3 - done.done and not whole.interrupted
+    assert whole.done == 3 and whole.computed == 3 and not whole.interrupted
 
 
 def test_a_trial(tmp_path):

@@ -2,7 +2,6 @@
 
 import math
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -127,10 +126,11 @@ def test_a_law_that_raises_raises_from_the_verb():
 
     made = connector([cycle("slow", loop(1.0))])
     before = made.path.read_text()
-    started = time.monotonic()
     with pytest.raises(Trouble, match="no more"):
         made.add("py_fails", at="c1.x")
-    assert time.monotonic() - started < 20 and made.path.read_text() == before
+    # The fit that asked for it ended there: it would have gone on for thousands of calls.
+    print(len(calls))
+    assert len(calls) < 200 and made.path.read_text() == before
     # The next call begins anew.
     assert made.fit().termination == "converged"
 

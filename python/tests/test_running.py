@@ -24,13 +24,16 @@ def test_progress_is_told(friction):
 
 
 def test_an_exception_of_the_progress_ends_the_verb(chain):
+    told = []
+
     def tell(words, fit):
+        told.append(words)
         raise KeyError("enough")
 
-    started = time.monotonic()
     with pytest.raises(KeyError, match="enough"):
         chain.ladder(progress=tell)
-    assert time.monotonic() - started < 30
+    # A ladder says some hundred things before its end.
+    assert len(told) < 10
 
 
 def test_other_threads_run_while_it_computes(chain):

@@ -163,11 +163,18 @@ fn local(runner: &Runner, tasks: &[Task], left: &[usize], (stopped, say): (Stopp
     let (begun, count) = (Instant::now(), AtomicUsize::new(0));
     let one = |k: &usize| -> Result<(), CampaignError> {
         runner.run(&tasks[*k], stopped)?;
+        // A task that was told to stop is not one of those that are through.
+        if stopped() {
+            return Ok(());
+        }
         let n = count.fetch_add(1, Ordering::Relaxed) + 1;
         let rest = begun.elapsed().as_secs_f64() / n as f64 * (left.len() - n) as f64;
         say(&format!("{n} of {} tasks, about {rest:.0} s left", left.len()));
         Ok(())
     };
+    if !left.is_empty() {
+        say(&format!("0 of {} tasks", left.len()));
+    }
     // Whoever stops the campaign may not reach the processes of its tasks, as Ctrl-C on a terminal does: they are told.
     let (ended, end) = std::sync::mpsc::channel::<()>();
     std::thread::scope(|scope| {
