@@ -21,24 +21,11 @@
 //!
 //! The modules stand in the order of the flow; a file imports only from modules above its own (`tests` checks it).
 
-pub mod explain;
-pub mod limits;
-pub mod units;
-pub mod parallel;
-pub mod data;
-pub mod effect;
-pub mod model;
-pub mod engine;
-pub mod response;
-pub mod identify;
-pub mod residual;
-pub mod evidence;
-pub mod diagnose;
-pub mod tolerance;
-pub mod study;
-pub mod simulate;
-pub mod predict;
-pub mod trial;
+pub use misfit_core::{
+    data, diagnose, effect, engine, evidence, explain, identify, limits, model, parallel, predict, residual, response, simulate, study,
+    tolerance, trial, units,
+};
+
 pub mod report;
 pub mod export;
 pub mod campaign;

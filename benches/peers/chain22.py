@@ -1,4 +1,4 @@
-"""The chain of 22 rigid parts that multibody.py, plane_chain.py and src/engine/space_peers.rs share."""
+"""The chain of 22 rigid parts that multibody.py, plane_chain.py and src/core/engine/space_peers.rs share."""
 import math
 
 import numpy as np

@@ -88,7 +88,7 @@ def load(via=""):
     return f'[[load]]\nat = "P.x"\ncondition = "load"\n{via}'
 
 
-# The origin of part 11, where b11.x is in src/engine/space_peers.rs.
+# The origin of part 11, where b11.x is in src/core/engine/space_peers.rs.
 from chain22 import LENGTH, N, curve  # noqa: E402
 
 x, y, _ = curve(10.5 * LENGTH / N)[0]

@@ -1,4 +1,4 @@
-"""The chain of 22 rigid parts of src/engine/space_peers.rs in Exudyn: the numbers that test holds the engines to.
+"""The chain of 22 rigid parts of src/core/engine/space_peers.rs in Exudyn: the numbers that test holds the engines to.
 
 Natural frequencies at rest, static deflection under 80 and 138.3 N, a transient, and the time of an implicit step.
     /path/to/python benches/peers/multibody.py

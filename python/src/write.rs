@@ -7,7 +7,7 @@ use misfit::export::stand_alone;
 use misfit::study::Study;
 use misfit::work::Failure;
 use numpy::{AllowTypeChange, PyArrayLike1};
-use polars::prelude::{Column, DataFrame, ParquetWriter};
+use polars::prelude::{Column, DataFrame};
 use pyo3::prelude::*;
 use serde_json::Value;
 
@@ -68,10 +68,8 @@ fn write_record(py: Python<'_>, path: &Path, columns: &[(String, PyArrayLike1<'_
         }
         list.push(Column::new(name.as_str().into(), values.to_vec()));
     }
-    let file = std::fs::File::create(path).map_err(|e| unwritten(py, path, &e))?;
-    let mut frame = DataFrame::new(rows, list).map_err(|e| unwritten(py, path, &e))?;
-    ParquetWriter::new(file).finish(&mut frame).map_err(|e| unwritten(py, path, &e))?;
-    Ok(())
+    let bytes = DataFrame::new(rows, list).and_then(written::parquet).map_err(|e| unwritten(py, path, &e))?;
+    std::fs::write(path, bytes).map_err(|e| unwritten(py, path, &e))
 }
 
 fn write_toml(py: Python<'_>, path: &Path, json: &str) -> PyResult<()> {

@@ -6,8 +6,10 @@
 
 use std::path::Path;
 
-use polars::prelude::{Column, DataFrame, ParquetWriter};
+use polars::prelude::{Column, DataFrame};
 use serde_json::Value;
+
+use crate::data::written;
 
 use super::task::whole;
 use super::{CampaignError, Record, Task};
@@ -146,10 +148,8 @@ impl Columns {
                 Column::new(name, cells.iter().map(text).collect::<Vec<_>>())
             }
         };
-        let mut frame = DataFrame::new(self.rows, self.all.iter().map(column).collect()).map_err(fail)?;
-        let mut bytes = Vec::new();
-        ParquetWriter::new(&mut bytes).finish(&mut frame).map_err(fail)?;
-        whole(path, &bytes)
+        let table = DataFrame::new(self.rows, self.all.iter().map(column).collect()).map_err(fail)?;
+        whole(path, &written::parquet(table).map_err(fail)?)
     }
 }
 

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use polars::prelude::{Column, DataFrame, ParquetWriter};
+use polars::prelude::{Column, DataFrame};
 use serde_json::{Value, json};
 
+use crate::data::written;
 use crate::diagnose::Fitted;
 use crate::identify::Replicate;
 use crate::predict::{self, Prediction, Shift, Sweep, over_none};
@@ -162,10 +163,8 @@ fn listed(study: &Study, fitted: &Fitted, replicates: &[Replicate]) -> Result<Li
 /// Writes columns of equal length as a Parquet file of the run.
 fn write_columns(file: &str, columns: Vec<Column>, folder: &RunFolder) -> Result<(), Failure> {
     let fail = |e: polars::error::PolarsError| RunError::Write { path: folder.path.join(file), reason: e.to_string() };
-    let mut frame = DataFrame::new(columns.first().map_or(0, Column::len), columns).map_err(fail)?;
-    let mut bytes = Vec::new();
-    ParquetWriter::new(&mut bytes).finish(&mut frame).map_err(fail)?;
-    folder.write(file, &bytes)?;
+    let table = DataFrame::new(columns.first().map_or(0, Column::len), columns).map_err(fail)?;
+    folder.write(file, &written::parquet(table).map_err(fail)?)?;
     Ok(())
 }
 

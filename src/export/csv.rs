@@ -1,6 +1,8 @@
 //! CSV: parameters, and their covariance.
 
-use polars::prelude::{Column, CsvWriter, DataFrame, SerWriter};
+use polars::prelude::{Column, DataFrame};
+
+use crate::data::written;
 
 use super::{CalibratedSet, ExportError, Exported, Exporter, Source};
 
@@ -12,15 +14,10 @@ impl Exporter for Csv {
     }
     fn files(&self, of: &Source) -> Result<Exported, ExportError> {
         let set = of.set;
-        let write = |mut frame: DataFrame| -> polars::error::PolarsResult<Vec<u8>> {
-            let mut bytes = Vec::new();
-            CsvWriter::new(&mut bytes).finish(&mut frame)?;
-            Ok(bytes)
-        };
         let fail = |e: polars::error::PolarsError| ExportError { format: "csv", reason: e.to_string() };
         let files = vec![
-            ("parameters.csv".into(), parameters(set).and_then(write).map_err(fail)?),
-            ("covariance.csv".into(), covariance(set).and_then(write).map_err(fail)?),
+            ("parameters.csv".into(), parameters(set).and_then(written::csv).map_err(fail)?),
+            ("covariance.csv".into(), covariance(set).and_then(written::csv).map_err(fail)?),
         ];
         Ok(files.into())
     }

@@ -1,6 +1,6 @@
 //! Parquet: the tables of the CSV export.
 
-use polars::prelude::{DataFrame, ParquetWriter};
+use crate::data::written;
 
 use super::{ExportError, Exported, Exporter, Source, csv};
 
@@ -12,15 +12,10 @@ impl Exporter for Parquet {
     }
     fn files(&self, of: &Source) -> Result<Exported, ExportError> {
         let set = of.set;
-        let write = |mut frame: DataFrame| -> polars::error::PolarsResult<Vec<u8>> {
-            let mut bytes = Vec::new();
-            ParquetWriter::new(&mut bytes).finish(&mut frame)?;
-            Ok(bytes)
-        };
         let fail = |e: polars::error::PolarsError| ExportError { format: "parquet", reason: e.to_string() };
         let files = vec![
-            ("parameters.parquet".into(), csv::parameters(set).and_then(write).map_err(fail)?),
-            ("covariance.parquet".into(), csv::covariance(set).and_then(write).map_err(fail)?),
+            ("parameters.parquet".into(), csv::parameters(set).and_then(written::parquet).map_err(fail)?),
+            ("covariance.parquet".into(), csv::covariance(set).and_then(written::parquet).map_err(fail)?),
         ];
         Ok(files.into())
     }

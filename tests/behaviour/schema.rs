@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::rig::Rig;
 
 #[allow(dead_code)]
-#[path = "../../src/study/tests/every_key.rs"]
+#[path = "../../src/core/study/tests/every_key.rs"]
 mod every_key;
 
 fn misfit(args: &[&str]) -> Value {

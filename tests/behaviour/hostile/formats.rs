@@ -158,7 +158,7 @@ pub fn all() -> Vec<DataSeed> {
         own("n.parquet", parquet(ParquetCompression::Lz4Raw), plain),
         own("g.mat", matlab(false), plain),
         own("h.mat", matlab(true), plain),
-        own("i.mat", include_bytes!("../../../src/data/readers/mat/v73.mat").to_vec(), ["t", "t", "t"]),
+        own("i.mat", include_bytes!("../../../src/core/data/readers/mat/v73.mat").to_vec(), ["t", "t", "t"]),
         DataSeed { file: "j.uff".into(), bytes: universal(false), columns: None },
         DataSeed { file: "k.unv".into(), bytes: universal(true), columns: None },
     ];

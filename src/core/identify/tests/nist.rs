@@ -24,7 +24,7 @@ pub struct Certified {
 
 macro_rules! datasets {
     ($($name:literal),* $(,)?) => {
-        [$(include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/datasets/nist-strd/", $name, ".toml"))),*]
+        [$(include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../datasets/nist-strd/", $name, ".toml"))),*]
     };
 }
 

@@ -73,7 +73,7 @@ impl Explain for TomlError {
 }
 
 /// The entry of `accepted` that is nearest to `found`, if any is near enough to be meant.
-pub(crate) fn nearest<'a>(found: &str, accepted: impl IntoIterator<Item = &'a str>) -> Option<String> {
+pub fn nearest<'a>(found: &str, accepted: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let lower = found.to_lowercase();
     accepted
         .into_iter()

@@ -176,7 +176,7 @@ fn an_instrument_beyond_its_tolerance_is_told_with_its_sign() {
 #[test]
 fn tests_about_a_model_are_computed_once() {
     let case =
-        Case::from_study(&crate::study::Study::load(std::path::Path::new("studies/06-virtual-tensioner"), None).unwrap(), 1).unwrap();
+        Case::from_study(&crate::study::Study::load(std::path::Path::new("../../studies/06-virtual-tensioner"), None).unwrap(), 1).unwrap();
     let scale = Scale::new(&case, &case.system, &Settings::default());
     let about = |scale: &Scale, system: &System| scale.about(system).unwrap().case.plans;
     let first = about(&scale, &case.system);

@@ -28,6 +28,7 @@ pub mod schema;
 mod tables;
 pub mod toml_strict;
 pub mod uff;
+pub mod written;
 
 pub use bench::{Instruments, Rig};
 pub use channel::{ChannelSpec, Role, Sigma};

@@ -8,8 +8,7 @@ mod parameter;
 mod tree;
 mod view;
 
-pub(crate) use error::nearest;
-pub use error::{TomlError, TomlProblem};
+pub use error::{TomlError, TomlProblem, nearest};
 pub use parameter::{ParameterSpec, PriorSpec};
 pub use tree::TomlFile;
 pub use view::{TableView, ValueView, unique};

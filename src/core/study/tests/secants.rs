@@ -12,7 +12,7 @@ use crate::study::Study;
 /// standing still costs about as much.)
 #[test]
 fn a_slider_takes_from_the_spring_beside_it() {
-    let study = Study::load(std::path::Path::new("studies/01-hidden-effect"), None).unwrap();
+    let study = Study::load(std::path::Path::new("../../studies/01-hidden-effect"), None).unwrap();
     let case = Case::from_study(&study, 1).unwrap();
     let monitor = Monitor::default();
     let (case, fitted, _) = fit(&case, &[], &monitor).unwrap();

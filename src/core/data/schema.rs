@@ -54,7 +54,7 @@ struct SpreadTable {
 
 /// Conditions by name: frequency, load, i, A, temperature and others.
 #[derive(JsonSchema)]
-pub(crate) struct Conditions(BTreeMap<String, Spread>);
+pub struct Conditions(BTreeMap<String, Spread>);
 
 /// One of a list of words.
 macro_rules! words {
@@ -298,7 +298,7 @@ enum HeaderUnits {
 /// Readings of the equivalent elastic energy.
 #[derive(JsonSchema)]
 #[schemars(rename_all = "snake_case")]
-pub(crate) enum Reading {
+pub enum Reading {
     Slope,
     Product,
 }

@@ -1,7 +1,7 @@
 //! Quantities as engineers write them, turned into SI at the border and back again for printing.
 //!
 //! ```
-//! use misfit::units::{self, Dimension};
+//! use misfit_core::units::{self, Dimension};
 //! assert_eq!(units::parse("20 N/mm", Dimension::STIFFNESS).unwrap(), 20e3);
 //! let k = units::parse("1490 N mm/deg", Dimension::ROTATIONAL_STIFFNESS).unwrap();
 //! assert!((k - 1.49_f64.to_degrees()).abs() < 1e-12);

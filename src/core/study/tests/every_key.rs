@@ -377,7 +377,7 @@ pub const OPTIONAL: &[&str] = &[
 ];
 
 /// Tables of a chain of parts and the supports of a test stand in space.rs, keys that a CSV file has no use for in the tests of the other readers
-/// (src/data/dataset/files_tests.rs), values per condition in levels.rs; and the second spelling of a licence.
+/// (src/core/data/dataset/files_tests.rs), values per condition in levels.rs; and the second spelling of a licence.
 pub const ELSEWHERE: &[&str] = &[
     "tolerance",
     "rungs",

@@ -124,7 +124,7 @@ impl<'a> Monitor<'a> {
     }
 
     /// Flag and deadline, for evaluations that may be given up.
-    pub(crate) fn watch(&self) -> Watch {
+    pub fn watch(&self) -> Watch {
         Watch { cancel: self.cancel.clone(), deadline: self.deadline }
     }
 

@@ -9,7 +9,7 @@
 //! Series effects are absent at opening 0, coefficients at exponent 0, a gain at 1.
 //!
 //! # Adding an effect
-//! Write `src/effect/<name>.rs` with one of the traits below and add one line to [`LIBRARY`].
+//! Write `src/core/effect/<name>.rs` with one of the traits below and add one line to [`LIBRARY`].
 
 pub mod channel;
 pub mod coefficient;

@@ -68,7 +68,7 @@ pub struct ToleranceSpec {
     /// Line in study.toml.
     pub line: usize,
     /// dataset.toml of the cases.
-    pub(crate) file: std::path::PathBuf,
+    pub file: std::path::PathBuf,
     /// The table as it stands, without its dataset.
     pub(super) text: String,
 }

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::parallel;
-use polars::prelude::{Column, DataFrame, ParquetWriter};
+use polars::prelude::{Column, DataFrame};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::data::{FrfDoubt, OUT_OF_FAMILY, frf_doubts, out_of_family};
+use crate::data::{FrfDoubt, OUT_OF_FAMILY, frf_doubts, out_of_family, written};
 use crate::diagnose::results::{Finding, SplitName, TestResult};
 use crate::diagnose::{Case, DiagnoseError, Search};
 use crate::effect::formula::Motion;
@@ -239,10 +239,7 @@ impl RunFolder {
     pub fn residuals(&self, tests: &[TestResult]) -> Result<PathBuf, RunError> {
         let path = self.path.join("residuals.parquet");
         let fail = |e: polars::error::PolarsError| RunError::Write { path: path.clone(), reason: e.to_string() };
-        let mut frame = residuals(tests).map_err(fail)?;
-        let mut bytes = Vec::new();
-        ParquetWriter::new(&mut bytes).finish(&mut frame).map_err(fail)?;
-        self.write("residuals.parquet", &bytes)
+        self.write("residuals.parquet", &residuals(tests).and_then(written::parquet).map_err(fail)?)
     }
 
     /// Removes the folder where a run came to nothing; what somebody else put there stays.

@@ -89,7 +89,7 @@ mod tests {
     /// Every study of the repository, its free values a little off, reads back with them; what cannot be written is named, and stays.
     #[test]
     fn values_are_put_into_the_text_of_every_study() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("studies");
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../studies");
         let mut written = 0;
         for study in std::fs::read_dir(folder).unwrap().filter_map(|e| Study::load(&e.unwrap().path(), None).ok()) {
             let mut to = study.system.instances.clone();

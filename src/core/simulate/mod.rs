@@ -176,7 +176,7 @@ mod tests {
     use crate::explain::Explain;
 
     fn rig() -> Rig {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("studies/04-interference");
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../studies/04-interference");
         Rig::new(&Study::load(&path, None).unwrap(), 1).unwrap()
     }
 
