@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use misfit::data::written;
 use misfit::export::stand_alone;
 use misfit::study::Study;
 use misfit::work::Failure;
