@@ -129,7 +129,6 @@ def test_a_law_that_raises_raises_from_the_verb():
     with pytest.raises(Trouble, match="no more"):
         made.add("py_fails", at="c1.x")
     # The fit that asked for it ended there: it would have gone on for thousands of calls.
-    print(len(calls))
     assert len(calls) < 200 and made.path.read_text() == before
     # The next call begins anew.
     assert made.fit().termination == "converged"
