@@ -36,7 +36,7 @@ fn tensioner(friction: bool) -> Result<System, Box<dyn Error>> {
     };
     let bodies = (0..N).map(|k| Body { name: format!("b{}", k + 1), mass: 0.0, inertia: 0.0, free: free(k) }).collect();
     let connectors = (1..N).map(|k| Connector { name: format!("GF{k}"), from: k - 1, to: k }).collect();
-    let model = Model::spatial(bodies, connectors, Space { parts, frames })?;
+    let model = Model::spatial(bodies, connectors, Space { parts, frames, stems: vec![] })?;
     let mut instances = Vec::new();
     let mut put = |name: &str, at: String, values: &[f64]| -> Result<(), Box<dyn Error>> {
         let effect = find(name)?;
