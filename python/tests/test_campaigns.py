@@ -4,6 +4,7 @@ import _thread
 import subprocess
 import sys
 import threading
+import time
 
 import polars
 import pytest
@@ -49,13 +50,16 @@ def test_what_is_no_campaign_is_said(tmp_path):
 
 def test_ctrl_c_stops_the_tasks_and_resume_goes_on(friction, tmp_path):
     made = file(friction, tmp_path, verb="ladder")
-    stop = threading.Event()
+
+    def interrupt():
+        # The first ladder is under way where it has a folder of its run, on a machine of any speed.
+        while not list(tmp_path.glob("many-results/work-*/run")):
+            time.sleep(0.005)
+        _thread.interrupt_main()
 
     def once(words, _fit):
-        # It says so as it begins: the first of three ladders is then under way, on a machine of any speed.
-        if words == "0 of 3 tasks" and not stop.is_set():
-            stop.set()
-            _thread.interrupt_main()
+        if words == "0 of 3 tasks":
+            threading.Thread(target=interrupt, daemon=True).start()
 
     with pytest.warns(misfit.Interrupted, match="campaign was stopped"):
         done = misfit.campaign(made, threads=1, progress=once)

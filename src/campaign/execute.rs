@@ -162,9 +162,8 @@ fn together(runner: &Runner, tasks: &[Task], left: &[usize], stopped: bool) -> R
 fn local(runner: &Runner, tasks: &[Task], left: &[usize], (stopped, say): (Stopped, Say)) -> Result<(), CampaignError> {
     let (begun, count) = (Instant::now(), AtomicUsize::new(0));
     let one = |k: &usize| -> Result<(), CampaignError> {
-        runner.run(&tasks[*k], stopped)?;
         // A task that was told to stop is not one of those that are through.
-        if stopped() {
+        if runner.run(&tasks[*k], stopped)?.is_none() {
             return Ok(());
         }
         let n = count.fetch_add(1, Ordering::Relaxed) + 1;
@@ -180,8 +179,9 @@ fn local(runner: &Runner, tasks: &[Task], left: &[usize], (stopped, say): (Stopp
     std::thread::scope(|scope| {
         scope.spawn(move || {
             while end.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+                // More than once: a task may have been about to start its process.
                 if stopped() {
-                    return runner.interrupt();
+                    runner.interrupt();
                 }
             }
         });

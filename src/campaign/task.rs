@@ -107,7 +107,7 @@ pub struct Runner<'a> {
     pub spec: &'a Spec,
     /// Folder of the results.
     pub folder: &'a Path,
-    /// Processes that are at work.
+    /// Processes that are at work and were not told to stop.
     running: Mutex<BTreeSet<u32>>,
 }
 
@@ -120,12 +120,13 @@ impl<'a> Runner<'a> {
         Runner { program, spec, folder, running: Mutex::default() }
     }
 
-    /// Asks the processes of the tasks that are at work to stop.
+    /// Asks the processes of the tasks that are at work to stop, each once: a second word would end it on the spot.
     pub fn interrupt(&self) {
-        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
-        let ids = running.iter().map(u32::to_string);
-        // A process that has just ended needs no word.
-        let _ = Command::new("kill").arg("-INT").args(ids).stderr(Stdio::null()).status();
+        let told = std::mem::take(&mut *self.running.lock().unwrap_or_else(PoisonError::into_inner));
+        if !told.is_empty() {
+            // A process that has just ended needs no word.
+            let _ = Command::new("kill").arg("-INT").args(told.iter().map(u32::to_string)).stderr(Stdio::null()).status();
+        }
     }
 
     /// Runs a process to its end.

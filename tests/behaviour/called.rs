@@ -16,8 +16,6 @@ struct Heard {
     words: Mutex<Vec<String>>,
     iterations: AtomicUsize,
     channels: AtomicUsize,
-    /// What it is stopped at.
-    stops_at: Option<&'static str>,
 }
 
 impl Watcher for Heard {
@@ -25,7 +23,6 @@ impl Watcher for Heard {
         self.flag.clone()
     }
     fn step(&self, words: &str) {
-        self.flag.fetch_or(self.stops_at == Some(words), Ordering::Relaxed);
         self.words.lock().unwrap().push(words.into());
     }
     fn iteration(&self, _: &Progress) {
@@ -82,10 +79,23 @@ fn a_trial_and_a_campaign_are_called_and_stopped() {
     let done = call(&words, Arc::new(Heard::default())).unwrap();
     assert!(done.code == 0 && done.json["done"] == 3 && done.json["failed"].as_array().unwrap().is_empty(), "{}", done.json);
     std::fs::write(&file, text("ladder")).unwrap();
-    // It says so as the first ladder begins, which would be done if it were waited for.
-    let heard = Arc::new(Heard { stops_at: Some("0 of 3 tasks"), ..Heard::default() });
+    let heard = Arc::new(Heard::default());
+    let (flag, folder) = (heard.flag.clone(), out("ladders"));
+    // The first ladder is under way where it has a folder of its run; it would be done if it were waited for.
+    let under_way = move || {
+        let works = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+        works.map(|e| e.path().join("run")).any(|run| run.is_dir())
+    };
+    let stop = std::thread::spawn(move || {
+        while !under_way() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        flag.store(true, Ordering::Relaxed);
+    });
     let words = ["campaign".to_string(), file.display().to_string(), "--out".into(), out("ladders"), "--threads".into(), "1".into()];
-    let done = call(&words, heard).unwrap();
+    let done = call(&words, heard.clone()).unwrap();
+    stop.join().unwrap();
+    assert_eq!(heard.words.lock().unwrap().iter().filter(|w| w.contains("of 3 tasks")).collect::<Vec<_>>(), ["0 of 3 tasks"]);
     assert!(done.code == 130 && done.json["interrupted"] == true && done.json["failed"].as_array().unwrap().is_empty(), "{}", done.json);
     assert_eq!(done.json["done"], 0, "{}", done.json);
 }
