@@ -21,7 +21,10 @@ use super::results::SplitName;
 /// # Errors
 /// [`DiagnoseError`] where the start cannot be computed, or bounds and orders contradict each other.
 pub fn approached(case: &Case, monitor: &Monitor) -> Result<Option<System>, DiagnoseError> {
-    let Some(way) = Way::new(case, &[TestKind::Frf, TestKind::Transient], monitor)? else { return Ok(None) };
+    let Some(far) = far(case, &[TestKind::Frf, TestKind::Transient], monitor) else { return Ok(None) };
+    // Loops and energies do not lead the way: about the cycles at its start they say well enough where it must not go.
+    let near = case.expanded(&case.system);
+    let way = Way::new(near.as_ref().unwrap_or(case), far, monitor)?;
     let mut p = way.start.clone();
     for doublings in 0..case.search.settings.fitting.doublings {
         let Some(openings) = way.opened(doublings) else { break };
@@ -39,7 +42,8 @@ pub fn approached(case: &Case, monitor: &Monitor) -> Result<Option<System>, Diag
 /// # Errors
 /// As [`approached`].
 pub fn in_step(case: &Case, monitor: &Monitor) -> Result<Option<Case>, DiagnoseError> {
-    let Some(way) = Way::new(case, &[TestKind::Transient], monitor)? else { return Ok(None) };
+    let Some(far) = far(case, &[TestKind::Transient], monitor) else { return Ok(None) };
+    let way = Way::new(case, far, monitor)?;
     let mut kept = (0, way.start.clone());
     for doublings in 0..case.search.settings.fitting.doublings {
         let Some(openings) = way.opened(doublings) else { return Ok(None) };
@@ -78,6 +82,16 @@ fn off(plan: &Plan, system: &System, far_off: f64) -> bool {
     plan.evaluate(system, &[], false).is_ok_and(|c| test_error(plan, &c.values).error > far_off)
 }
 
+/// Which of the fitted tests of these kinds are far off at the start; `None` where none is, or nothing is to be fitted.
+fn far(case: &Case, kinds: &[TestKind], monitor: &Monitor) -> Option<Vec<bool>> {
+    if case.system.free().is_empty() || monitor.resumes() {
+        return None;
+    }
+    let far_off = case.search.settings.fitting.far_off;
+    let far = parallel::map(&case.plans_of(SplitName::Fit), |plan| kinds.contains(&plan.kind) && off(plan, &case.system, far_off));
+    far.contains(&true).then_some(far)
+}
+
 /// A fit from afar.
 struct Way<'a> {
     whole: Problem<'a>,
@@ -89,17 +103,9 @@ struct Way<'a> {
 }
 
 impl<'a> Way<'a> {
-    /// `None` where no fitted test of these kinds is far off, or nothing is to be fitted.
-    fn new(case: &'a Case, kinds: &[TestKind], monitor: &'a Monitor) -> Result<Option<Self>, DiagnoseError> {
+    fn new(case: &'a Case, far: Vec<bool>, monitor: &'a Monitor) -> Result<Self, DiagnoseError> {
         let (system, s) = (&case.system, &case.search.settings.fitting);
         let mut whole = Problem::new(case.plans_of(SplitName::Fit), system.clone());
-        if whole.free.is_empty() || monitor.resumes() {
-            return Ok(None);
-        }
-        let far = parallel::map(&whole.plans, |plan| kinds.contains(&plan.kind) && off(plan, system, s.far_off));
-        if !far.contains(&true) {
-            return Ok(None);
-        }
         let ordered = |f: &FreeParam| case.orders.iter().any(|(a, b, _)| *a == f.name || *b == f.name);
         for f in &mut whole.free {
             let param = &system.instances[f.instance].params[f.param];
@@ -123,7 +129,7 @@ impl<'a> Way<'a> {
                 options.constraints.upper[index] = *v;
             }
         }
-        Ok(Some(Way { whole, far, start, options, monitor: monitor.quiet() }))
+        Ok(Way { whole, far, start, options, monitor: monitor.quiet() })
     }
 
     /// The first cycles of the records that are far off; `None` where that is all of each.

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::data::Rig;
 use crate::effect::Dim;
 use crate::identify::{
-    self, Constraints, FitOptions, FitOutcome, IdentifyError, Loss, LossBlock, Measure, Monitor, Prior, Termination, Uncertainty,
-    UncertaintyOptions,
+    self, Constraints, FitOptions, FitOutcome, IdentifyError, LeastSquares, Loss, LossBlock, Measure, Monitor, Prior, Termination,
+    Uncertainty, UncertaintyOptions,
 };
 use crate::model::{FreeParam, Instance, ModelError, ParamValue, Site, System, Target};
 use crate::parallel;
@@ -204,9 +204,13 @@ impl Case {
         Ok(options)
     }
 
+    fn problem<'a>(&self, system: &System, plans: Vec<&'a Plan>) -> Problem<'a> {
+        Problem { memo: self.memo.clone(), common: self.common.clone(), ..Problem::new(plans, system.clone()) }
+    }
+
     /// Fits the given system to the given tests.
     pub fn fit_system(&self, system: &System, plans: Vec<&Plan>, monitor: &Monitor) -> Result<Fitted, DiagnoseError> {
-        let problem = Problem { memo: self.memo.clone(), common: self.common.clone(), ..Problem::new(plans, system.clone()) };
+        let problem = self.problem(system, plans);
         let rows = problem.plans.iter().map(|p| p.len()).sum();
         let options = self.options(system, rows)?;
         options.constraints.validate(&options.names)?;
@@ -237,9 +241,12 @@ impl Case {
         }
         let there = led?;
         // Where the tests themselves cannot be computed there, or are no better met, it led nowhere.
-        let plans = self.plans_of(SplitName::Fit);
-        let misses = |system: &System| super::refit::whitened(&plans, system).map_or(f64::INFINITY, |w| super::refit::cost(&w));
-        (misses(&there) < misses(system)).then_some(there)
+        let problem = |of: &System| self.problem(of, self.plans_of(SplitName::Fit));
+        let (from, to) = (problem(system), problem(&there));
+        let squares = |r: DVector<f64>| r.norm_squared();
+        let misses = from.residuals(&from.variables()).map_or(f64::INFINITY, squares);
+        // With sensitivities: the fit asks for them first.
+        (to.jacobian(&to.variables()).map_or(f64::INFINITY, |(r, _)| squares(r)) < misses).then_some(there)
     }
 
     /// More iterations for a fit to these tests that has used up its own.
@@ -267,6 +274,7 @@ pub struct Began {
 /// # Errors
 /// As [`Case::fit_system`].
 pub fn led(case: &Case, monitor: &Monitor) -> Result<(Fitted, bool), DiagnoseError> {
+    let case = &Case { memo: Some(case.memo.clone().unwrap_or_default()), ..case.clone() };
     let nearer = approached(case, monitor)?;
     let start = nearer.as_ref().unwrap_or(&case.system);
     let about = if case.starts > 1 || monitor.resumes() { None } else { case.led_about(start, monitor) };

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::model::{Level, System};
+use crate::parallel;
 use crate::response::Plan;
 
 /// Whitened change of the residuals of these tests, one after the other, per standard deviation of every condition that states one and that the model
@@ -31,7 +32,7 @@ pub(super) fn columns(plans: &[&Plan], system: &System) -> DMatrix<f64> {
         }
         Some(all)
     };
-    let found: Vec<f64> = values.iter().filter_map(column).flatten().collect();
+    let found: Vec<f64> = parallel::map(&values, column).into_iter().flatten().flatten().collect();
     DMatrix::from_vec(rows, found.len().checked_div(rows).unwrap_or(0), found)
 }
 

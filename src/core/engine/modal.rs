@@ -6,6 +6,7 @@
 //! problems) finds the damped one by block-tridiagonal solves. A start that falls onto a mode found before is taken up again with that
 //! mode projected out.
 
+mod mode;
 mod shares;
 
 use std::f64::consts::TAU;
@@ -20,53 +21,8 @@ use super::EngineError;
 use super::blocktri::{BlockTri, BlockTriError, Layout, Levels};
 use super::small::Small;
 
+pub use mode::Mode;
 pub use shares::{Shares, shares};
-
-/// One damped mode.
-#[derive(Clone, Debug)]
-pub struct Mode {
-    /// `|s| / 2 pi` [Hz].
-    pub frequency_hz: f64,
-    /// Damping ratio `-Re(s) / |s|`; 0 for a rigid-body mode.
-    pub damping: f64,
-    /// Eigenvalue s [1/s], `Im(s) >= 0`.
-    pub lambda: Complex64,
-    /// Displacements of all degrees of freedom, scaled to `phi' Z'(s) phi = 2 s` (undamped: `phi' M phi = 1`), rigid-body modes to
-    /// `phi' M phi = 1`.
-    pub shape: Vec<Complex64>,
-    /// Derivative of the eigenvalue with respect to each free parameter; empty unless asked for. Of a repeated eigenvalue it is the
-    /// one along the shape found.
-    pub dlambda: Vec<Complex64>,
-}
-
-/// Damping ratio above which a pole is real to rounding.
-const REAL: f64 = 1.0 - 1e-9;
-
-impl Mode {
-    /// Whether it swings: neither a rigid-body mode nor a real pole, which no modal test shows as a mode.
-    pub fn oscillates(&self) -> bool {
-        self.frequency_hz > 0.0 && self.damping < REAL
-    }
-
-    /// Whether it is a real pole of a motion beyond its critical damping.
-    pub fn creeps(&self) -> bool {
-        self.frequency_hz > 0.0 && self.damping >= REAL
-    }
-
-    /// Derivative of [`Mode::frequency_hz`] with respect to a free parameter.
-    pub fn frequency_slope(&self, k: usize) -> f64 {
-        self.size_slope(k) / TAU
-    }
-    /// Derivative of [`Mode::damping`] with respect to a free parameter.
-    pub fn damping_slope(&self, k: usize) -> f64 {
-        let size = self.lambda.norm();
-        if size == 0.0 { 0.0 } else { (self.lambda.re / size * self.size_slope(k) - self.dlambda[k].re) / size }
-    }
-    fn size_slope(&self, k: usize) -> f64 {
-        let size = self.lambda.norm();
-        if size == 0.0 { 0.0 } else { (self.lambda.conj() * self.dlambda[k]).re / size }
-    }
-}
 
 /// Which modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,46 +39,80 @@ pub enum Range {
 /// [`EngineError::Effect`] for a law without a small-signal limit, [`EngineError::NoMode`] where the iteration fails,
 /// [`EngineError::Request`] for a band without meaning, [`EngineError::Linear`] for a massless body that nothing holds.
 pub fn modes(model: &Model, bound: &Bound, range: Range, sensitivities: bool) -> Result<Vec<Mode>, EngineError> {
-    let (low, high) = match range {
-        Range::Band(low, high) if !(low >= 0.0 && high > low && high.is_finite()) => {
-            return Err(EngineError::Request {
-                what: "the frequency band of the modes",
-                value: format!("{low} to {high} Hz"),
-                accepted: "0 <= lower end < upper end".into(),
-            });
+    match range {
+        Range::Band(low, high) if !(low >= 0.0 && high > low && high.is_finite()) => Err(EngineError::Request {
+            what: "the frequency band of the modes",
+            value: format!("{low} to {high} Hz"),
+            accepted: "0 <= lower end < upper end".into(),
+        }),
+        Range::Band(low, high) => {
+            let mut modes = Modes::new(model, bound, range, sensitivities)?;
+            modes.try_starts(usize::MAX)?;
+            modes.found.retain(|m| m.frequency_hz >= low && m.frequency_hz <= high);
+            modes.first(usize::MAX)
         }
-        Range::Band(low, high) => (low, high),
-        Range::Lowest(_) => (0.0, f64::INFINITY),
-    };
-    let mut problem = Problem::new(model, bound, sensitivities)?;
-    // Without mass nothing vibrates.
-    if problem.small.mass.iter().all(|m| m.2 == 0.0) {
-        return Ok(vec![]);
+        Range::Lowest(count) => Modes::new(model, bound, range, sensitivities)?.lowest(count),
     }
-    let starts = problem.starts(range)?;
-    let mut found: Vec<Mode> = Vec::new();
-    for start in starts {
-        let mode = match problem.rigid(&start)? {
-            Some(mode) => Some(mode),
-            None => match problem.damped(&start, &found) {
-                // A motion beyond its critical damping has two real poles, to which other starts may lead as well.
-                Err(EngineError::NoMode { .. }) if found.iter().any(Mode::creeps) || problem.creeps(&start)? => None,
-                mode => Some(mode?),
-            },
-        };
-        found.extend(mode);
+}
+
+/// The modes of a model, found as far as they are asked for.
+pub struct Modes<'a> {
+    problem: Problem<'a>,
+    starts: std::vec::IntoIter<Start>,
+    /// How many starts were tried.
+    tried: usize,
+    found: Vec<Mode>,
+    sensitivities: bool,
+}
+
+impl<'a> Modes<'a> {
+    /// Those of a range, none found yet. `Range::Lowest(n)`: stiffness that follows the frequency is taken for the starts as it is at the lowest n.
+    ///
+    /// # Errors
+    /// As [`modes`].
+    pub fn new(model: &Model, bound: &'a Bound, range: Range, sensitivities: bool) -> Result<Self, EngineError> {
+        let mut problem = Problem::new(model, bound, sensitivities)?;
+        // Without mass nothing vibrates.
+        let still = problem.small.mass.iter().all(|m| m.2 == 0.0);
+        let starts = if still { vec![] } else { problem.starts(range)? };
+        Ok(Modes { problem, starts: starts.into_iter(), tried: 0, found: vec![], sensitivities })
     }
-    found.retain(|m| m.frequency_hz >= low && m.frequency_hz <= high);
-    found.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
-    if let Range::Lowest(count) = range {
-        found.truncate(count);
+
+    /// The lowest `count`, or all where there are fewer, in the order of their frequencies. What was found before is not looked for again.
+    ///
+    /// # Errors
+    /// As [`modes`].
+    pub fn lowest(&mut self, count: usize) -> Result<Vec<Mode>, EngineError> {
+        // Two more than asked for: damping may change the order.
+        self.try_starts(count.saturating_add(2))?;
+        self.first(count)
     }
-    if sensitivities {
-        for mode in &mut found {
-            mode.dlambda = problem.slopes(mode)?;
+
+    fn try_starts(&mut self, count: usize) -> Result<(), EngineError> {
+        while self.tried < count {
+            let Some(start) = self.starts.next() else { break };
+            self.tried += 1;
+            let mode = match self.problem.rigid(&start)? {
+                Some(mode) => Some(mode),
+                None => match self.problem.damped(&start, &self.found) {
+                    // A motion beyond its critical damping has two real poles, to which other starts may lead as well.
+                    Err(EngineError::NoMode { .. }) if self.found.iter().any(Mode::creeps) || self.problem.creeps(&start)? => None,
+                    mode => Some(mode?),
+                },
+            };
+            self.found.extend(mode);
         }
+        self.found.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+        Ok(())
     }
-    Ok(found)
+
+    fn first(&mut self, count: usize) -> Result<Vec<Mode>, EngineError> {
+        let count = count.min(self.found.len());
+        for mode in self.found[..count].iter_mut().filter(|m| self.sensitivities && m.dlambda.is_empty()) {
+            mode.dlambda = self.problem.slopes(mode)?;
+        }
+        Ok(self.found[..count].to_vec())
+    }
 }
 
 /// Undamped mode to start from.
@@ -260,10 +250,7 @@ impl<'a> Problem<'a> {
                 let guess = if inertia > 0.0 && stiffness > 0.0 { (stiffness / inertia).sqrt() } else { 1.0 };
                 let middle = |all: &[Start]| all.iter().take(count).map(|s| s.omega).sum::<f64>() / all.len().min(count).max(1) as f64;
                 let first = middle(&self.undamped(guess)?);
-                let mut all = self.undamped(if first > 0.0 { first } else { guess })?;
-                // Two more than asked for: damping may change the order.
-                all.truncate(count + 2);
-                Ok(all)
+                self.undamped(if first > 0.0 { first } else { guess })
             }
         }
     }

@@ -106,8 +106,11 @@ impl LeastSquares for Problem<'_> {
         self.plans.iter().map(|p| p.len()).sum()
     }
     fn residuals(&self, p: &[f64]) -> Result<DVector<f64>, EvalError> {
-        let computed = self.compute(p, false).map_err(|e| failed(&e))?;
-        self.whitened(&computed)
+        let known = self.memo.as_ref().and_then(|memo| memo.find(&self.system_at(p), &self.free));
+        match known {
+            Some(computed) => self.whitened(&computed),
+            None => self.whitened(&self.compute(p, false).map_err(|e| failed(&e))?),
+        }
     }
     fn jacobian(&self, p: &[f64]) -> Result<(DVector<f64>, DMatrix<f64>), EvalError> {
         let computed = self.sensed(p).map_err(|e| failed(&e))?;

@@ -11,7 +11,7 @@ use num_complex::Complex64;
 use crate::data::modal_fit::mac;
 use crate::data::{ModalTable, ModeRow};
 use crate::engine::EngineError;
-use crate::engine::modal::{Mode, Range, Shares, modes, shares};
+use crate::engine::modal::{Mode, Modes, Range, Shares, shares};
 use crate::model::{Bound, FreeParam, Model, System};
 
 use super::family::Family;
@@ -286,8 +286,9 @@ impl ModalRows {
         let mut count = self.0.iter().map(|r| r.order + 1).max().unwrap_or(0).max(self.0.len());
         // Overdamped ones for which others were asked for.
         let mut replaced = 0;
+        let mut modes = Modes::new(model, bound, Range::Lowest(count), sensitivities).map_err(named)?;
         loop {
-            let mut found = modes(model, bound, Range::Lowest(count), sensitivities).map_err(named)?;
+            let mut found = modes.lowest(count).map_err(named)?;
             let creeping = found.iter().filter(|m| m.creeps()).count();
             let swinging: Vec<Mode> = found.iter().filter(|m| m.oscillates()).cloned().collect();
             if let Ok(pairs) = self.among(model, &swinging) {
