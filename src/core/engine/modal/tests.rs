@@ -10,7 +10,7 @@ use crate::effect::find;
 use crate::model::{Axis, Body, Bound, Connector, Instance, Model, ParamValue, Site, System};
 
 use super::super::EngineError;
-use super::{Mode, Range, modes};
+use super::{Mode, Modes, Range, modes};
 
 fn body(name: &str, mass: f64) -> Body {
     Body { name: name.into(), mass, inertia: 0.0, free: if name == "ground" { vec![] } else { vec![Axis::X] } }
@@ -72,6 +72,32 @@ fn dampers_in_proportion_to_the_springs_have_closed_form_damping() {
         assert!((mode.lambda.norm() / w - 1.0).abs() < 1e-12 && (mode.damping / (0.5 * c * w / k) - 1.0).abs() < 1e-11, "{r} {mode:?}");
         assert!((mode.damping_slope(1) / (0.5 * w / k) - 1.0).abs() < 1e-10, "{r}");
     }
+}
+
+/// What is asked for bit by bit is what is asked for at once, and no start is tried twice.
+#[test]
+fn modes_that_are_asked_for_later_join_those_that_were_found() {
+    let (n, k, m) = (12, 1e5, 0.1);
+    let system = system(
+        chain(&vec![m; n]),
+        &[("linear_stiffness", "c0-11.x", &[k]), ("viscous", "c0-3.x", &[3.0]), ("viscous", "c7.x", &[6.0]), ("maxwell", "c5.x", &[2e4, 1e-3])],
+    );
+    let bound = bind(&system);
+    let at_once = run(&system, Range::Lowest(9));
+    let mut modes = Modes::new(&system.model, &bound, Range::Lowest(2), true).unwrap();
+    let first = modes.lowest(2).unwrap();
+    assert_eq!((first.len(), modes.tried), (2, 4));
+    let all = modes.lowest(9).unwrap();
+    assert_eq!((all.len(), modes.tried), (9, 11));
+    for (a, b) in all.iter().zip(&at_once).chain(first.iter().zip(&at_once)) {
+        assert!((a.lambda - b.lambda).norm() < 1e-11 * b.lambda.norm(), "{} {}", a.lambda, b.lambda);
+        assert_eq!(a.dlambda.len(), bound.n_free);
+        for (x, y) in a.dlambda.iter().zip(&b.dlambda) {
+            assert!((x - y).norm() < 1e-8 * y.norm().max(1e-12 * b.lambda.norm()), "{x} {y}");
+        }
+    }
+    assert_eq!(modes.lowest(100).unwrap().len(), n);
+    assert_eq!(modes.lowest(3).unwrap().len(), 3);
 }
 
 #[test]

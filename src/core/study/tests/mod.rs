@@ -15,6 +15,7 @@ mod exchanged;
 mod every_field;
 mod every_key;
 mod instruments;
+mod known;
 mod levels;
 mod odds;
 mod property;
