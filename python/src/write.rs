@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use misfit::data::written;
 use misfit::export::stand_alone;
+use misfit::limits;
 use misfit::study::Study;
 use misfit::work::Failure;
 use numpy::{AllowTypeChange, PyArrayLike1};
@@ -70,7 +71,7 @@ fn write_record(py: Python<'_>, path: &Path, columns: &[(String, PyArrayLike1<'_
         list.push(Column::new(name.as_str().into(), values.to_vec()));
     }
     let bytes = DataFrame::new(rows, list).and_then(written::parquet).map_err(|e| unwritten(py, path, &e))?;
-    std::fs::write(path, bytes).map_err(|e| unwritten(py, path, &e))
+    limits::replace(path, &bytes).map_err(|e| unwritten(py, path, &e))
 }
 
 fn write_toml(py: Python<'_>, path: &Path, json: &str) -> PyResult<()> {
@@ -80,7 +81,7 @@ fn write_toml(py: Python<'_>, path: &Path, json: &str) -> PyResult<()> {
     prune(&mut value);
     let table = toml::Value::try_from(&value).map_err(|e| bad(&e))?;
     let text = toml::to_string(&table).map_err(|e| bad(&e))?;
-    std::fs::write(path, text).map_err(|e| unwritten(py, path, &e))
+    limits::replace(path, text.as_bytes()).map_err(|e| unwritten(py, path, &e))
 }
 
 fn prune(value: &mut Value) {

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Output, Stdio};
 use std::sync::{Mutex, PoisonError};
@@ -319,19 +318,9 @@ fn variant_of(study: &Path, set: &[(String, String)]) -> Result<String, String> 
     toml::to_string(&table).map_err(|e| e.to_string())
 }
 
-/// Writes a file whole: under a temporary name that is exchanged when it is complete.
+/// Writes a file whole.
 pub fn whole(path: &Path, bytes: &[u8]) -> Result<(), CampaignError> {
-    let fail = |e: std::io::Error| CampaignError::file(path, e);
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(fail)?;
-    file.write_all(bytes).map_err(fail)?;
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644)).map_err(fail)?;
-    }
-    file.persist(path).map_err(|e| fail(e.error))?;
-    Ok(())
+    limits::replace(path, bytes).map_err(|e| CampaignError::file(path, e))
 }
 
 #[cfg(test)]

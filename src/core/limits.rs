@@ -1,7 +1,7 @@
-//! Bounds on what a file or a number in it may ask for, held before anything of that size is allocated.
+//! Bounds on what a file or a number in it may ask for, held before anything of that size is allocated; how files are opened, and how they are replaced.
 
 use std::fs::File;
-use std::io::{Error, ErrorKind, Read, Result};
+use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::path::Path;
 
 /// Most bytes of a study.toml, dataset.toml or checkpoint.json: 64 MB, a hundred times the largest that a program has written for us.
@@ -49,6 +49,30 @@ pub fn text(path: &Path) -> Result<String> {
     String::from_utf8(bytes(path, CONFIG_BYTES)?).map_err(|_| Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
 
+/// Puts `bytes` in the place of a file in one step, by a temporary file beside it that takes its name: a crash leaves the old file or the new one, never a part of one.
+/// The file keeps its permissions; a new one has those of any new file.
+pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut temporary = tempfile::NamedTempFile::new_in(folder)?;
+    temporary.write_all(bytes)?;
+    permissions(path, temporary.as_file())?;
+    temporary.as_file().sync_all()?;
+    temporary.persist(path).map(|_| ()).map_err(|e| e.error)
+}
+
+/// A temporary file is private.
+fn permissions(path: &Path, temporary: &File) -> Result<()> {
+    if let Ok(old) = std::fs::metadata(path) {
+        return temporary.set_permissions(old.permissions());
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        temporary.set_permissions(std::fs::Permissions::from_mode(0o644))?;
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -63,5 +87,31 @@ mod tests {
         assert!(open(folder.path()).unwrap_err().to_string().contains("folder"));
         #[cfg(unix)]
         assert!(open(Path::new("/dev/zero")).unwrap_err().to_string().contains("regular"));
+    }
+
+    #[test]
+    fn a_file_is_replaced_whole_and_keeps_its_permissions() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a");
+        replace(&file, b"one").unwrap();
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = || std::fs::metadata(&file).unwrap().permissions().mode() & 0o777;
+            assert_eq!(mode(), 0o644);
+            std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).unwrap();
+            replace(&file, b"another").unwrap();
+            assert_eq!(mode(), 0o600);
+        }
+        // Whoever reads the old file meanwhile reads it to its end: it is another file.
+        let mut old = open(&file).unwrap();
+        replace(&file, b"two").unwrap();
+        let mut text = String::new();
+        old.read_to_string(&mut text).unwrap();
+        assert!(text == "another" || text == "one");
+        assert_eq!(std::fs::read(&file).unwrap(), b"two");
+        // Nothing stands beside it, and where the name is taken by a folder nothing changes.
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        assert!(replace(folder.path(), b"three").is_err());
     }
 }

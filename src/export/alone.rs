@@ -51,7 +51,7 @@ fn dataset(file: &Path, raw: &Path, target: &Path, files: &mut Vec<PathBuf>) -> 
         files.push(to);
     }
     let to = target.join("dataset.toml");
-    std::fs::write(&to, without_folder(&text)).map_err(|e| fail(&to, e, WRITABLE))?;
+    limits::replace(&to, without_folder(&text).as_bytes()).map_err(|e| fail(&to, e, WRITABLE))?;
     files.push(to.clone());
     Ok(to)
 }

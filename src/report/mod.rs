@@ -27,7 +27,6 @@ mod modes_tests;
 #[cfg(test)]
 mod tests;
 
-use std::io::Write;
 use std::path::Path;
 
 use crate::diagnose::results::{Diagnosis, FitResult, LadderResult};
@@ -91,11 +90,5 @@ pub fn html_with(input: &ReportInput, tolerance: Option<&Outcome>, sweeps: &[Swe
 /// Writes the page to `file`, whole or not at all.
 pub fn write(input: &ReportInput, file: &Path) -> Result<(), ReportError> {
     let text = html(input)?;
-    let whole = || -> std::io::Result<()> {
-        let folder = file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut temporary = tempfile::NamedTempFile::new_in(folder)?;
-        temporary.write_all(text.as_bytes())?;
-        temporary.persist(file).map(|_| ()).map_err(|e| e.error)
-    };
-    whole().map_err(|source| ReportError::Write { file: file.to_path_buf(), source })
+    crate::limits::replace(file, text.as_bytes()).map_err(|source| ReportError::Write { file: file.to_path_buf(), source })
 }

@@ -29,12 +29,12 @@ fn order() -> Vec<String> {
     text.lines().filter_map(|l| l.trim().strip_prefix("pub mod ")?.strip_suffix(';')).map(str::to_string).collect()
 }
 
-/// Modules that a line of code names as `crate::module` or `crate::{module, ...}`.
-fn named(text: &str) -> Vec<String> {
+/// Modules that a line of code names as `crate::module` or `crate::{module, ...}`, where `within` is `crate::`.
+fn named(text: &str, within: &str) -> Vec<String> {
     let code: String = text.lines().filter(|l| !l.trim_start().starts_with("//")).map(|l| format!("{l}\n")).collect();
     let word = |s: &str| s.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
     let mut all = Vec::new();
-    for rest in code.split("crate::").skip(1) {
+    for rest in code.split(within).skip(1) {
         match rest.strip_prefix('{') {
             Some(list) => {
                 let mut depth = 0;
@@ -59,10 +59,10 @@ fn named(text: &str) -> Vec<String> {
     all
 }
 
-fn upward(order: &[String], own: &str, text: &str) -> Vec<String> {
+fn upward(order: &[String], own: &str, text: &str, within: &str) -> Vec<String> {
     let rank = |m: &str| order.iter().position(|o| o == m);
     let own = rank(own);
-    named(text).into_iter().filter(|m| matches!((own, rank(m)), (Some(a), Some(b)) if b > a)).collect()
+    named(text, within).into_iter().filter(|m| matches!((own, rank(m)), (Some(a), Some(b)) if b > a)).collect()
 }
 
 #[test]
@@ -74,9 +74,31 @@ fn imports_go_one_way() {
         let inside = file.strip_prefix(src()).unwrap();
         let own =
             inside.strip_prefix("core").unwrap_or(inside).iter().next().unwrap().to_string_lossy().trim_end_matches(".rs").to_string();
-        for module in upward(&order, &own, &std::fs::read_to_string(&file).unwrap()) {
+        for module in upward(&order, &own, &std::fs::read_to_string(&file).unwrap(), "crate::") {
             wrong.push(format!("{} imports {module}", inside.display()));
         }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// The rooms of `diagnose`, as its mod.rs lists them.
+#[test]
+fn rooms_of_the_search_import_one_way() {
+    let text = std::fs::read_to_string(src().join("core/diagnose/mod.rs")).unwrap();
+    let modules = text.lines().filter_map(|l| l.trim_start_matches("pub ").strip_prefix("mod ")?.strip_suffix(';'));
+    let order: Vec<String> = modules.map(str::to_string).collect();
+    assert_eq!(order, ["error", "trace", "settings", "results", "calibrate", "search"]);
+    let mut wrong = Vec::new();
+    for file in sources() {
+        let Ok(inside) = file.strip_prefix(src().join("core/diagnose")) else { continue };
+        let room = inside.iter().next().unwrap().to_string_lossy().trim_end_matches(".rs").to_string();
+        let text = std::fs::read_to_string(&file).unwrap();
+        for other in upward(&order, &room, &text, "crate::diagnose::") {
+            wrong.push(format!("{} imports {other}", inside.display()));
+        }
+        // What mod.rs exports comes from any room: those below the search name the room.
+        let exported = named(&text, "crate::diagnose::").into_iter().filter(|n| n.starts_with(char::is_uppercase) && n != "DiagnoseError");
+        wrong.extend(exported.filter(|_| order.contains(&room) && room != "search").map(|n| format!("{} names {n}", inside.display())));
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
@@ -85,9 +107,9 @@ fn imports_go_one_way() {
 #[test]
 fn an_upward_import_is_seen() {
     let order: Vec<String> = ["units", "data", "model"].map(String::from).to_vec();
-    assert_eq!(upward(&order, "data", "use crate::model::Model;"), ["model"]);
-    assert_eq!(upward(&order, "data", "use crate::{units::{Unit, data}, model};"), ["model"]);
-    assert!(upward(&order, "data", "use crate::units::Unit;\n// crate::model\nuse crate::data::x;").is_empty());
+    assert_eq!(upward(&order, "data", "use crate::model::Model;", "crate::"), ["model"]);
+    assert_eq!(upward(&order, "data", "use crate::{units::{Unit, data}, model};", "crate::"), ["model"]);
+    assert!(upward(&order, "data", "use crate::units::Unit;\n// crate::model\nuse crate::data::x;", "crate::").is_empty());
 }
 
 #[test]

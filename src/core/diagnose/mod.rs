@@ -1,82 +1,36 @@
 //! From misfit to missing physics: fit a case, see where it fails, search what explains it, prove it, and climb.
+//!
+//! Four rooms, each imports from those above it only: `settings` (every constant of a decision), `results` (what is told, data alone), `calibrate` (a case, its fit, how likely it is), `search`.
 
-mod approach;
-mod candidates;
-mod case;
-mod chance;
-mod climb;
-mod compare;
-mod damping;
 mod error;
-mod factors;
-mod fault;
-mod findings;
-mod held_out;
-mod horizon;
-mod kin;
-mod ladder;
-mod left;
-mod listed;
-mod loosened;
-mod map;
-mod method;
-mod mode_energy;
-mod named;
-mod nearby;
-mod next;
-mod own_case;
-mod pairs;
-mod picks;
-mod plateau;
-mod proposals;
-mod race;
-mod reason;
-mod refit;
-pub mod results;
-mod revise;
-mod revive;
-mod righted;
-mod score;
-mod search;
-mod secant;
-mod selection;
-mod settings;
-mod slack;
-mod spread;
-mod states;
-mod survivors;
 mod trace;
-mod turns;
-mod unexplained;
-mod verdict;
-mod weigh;
+mod settings;
+pub mod results;
+mod calibrate;
+mod search;
 
-pub use approach::approached;
-pub use case::{Case, Fitted, Search, fit, unit_of};
-pub use compare::{compare, glance};
+pub use calibrate::approach::approached;
+pub use calibrate::case::{Case, Fitted, Search, fit, unit_of};
+pub use calibrate::compare::{compare, glance};
+pub use calibrate::mode_energy::modes as mode_energies;
+pub use calibrate::slack::{Slack, deviates};
 pub use error::DiagnoseError;
-pub use ladder::{diagnose, ladder, ladder_keeping};
-pub use map::{Mark, map};
-pub use method::{Fitting, Scoring, Telling};
-pub use mode_energy::modes as mode_energies;
-pub use proposals::Proposals;
-pub use race::Race;
-pub use reason::{Fault, Reason};
-pub use settings::{STATED, Settings, Stated};
-pub use slack::{Slack, deviates};
-pub use unexplained::{Missed, Unexplained};
+pub use results::{Fault, Missed, Reason, Unexplained};
+pub use search::ladder::{diagnose, ladder, ladder_keeping};
+pub use search::map::{Mark, map};
+pub use settings::{Fitting, Proposals, Race, STATED, Scoring, Settings, Stated, Telling};
 
 /// What tests of whole studies look into.
 #[cfg(test)]
 pub(crate) mod testing {
-    pub use super::candidates::{Name, Scene, candidates};
-    pub use super::case::begin;
-    pub(crate) use super::climb::{Added, Climb};
-    pub(crate) use super::next::within;
-    pub use super::refit::{Bench, cost, whitened};
-    pub use super::righted::{phased, unclipped};
-    pub use super::score::{Score, score};
+    pub use super::calibrate::case::begin;
+    pub use super::calibrate::slack::{correction, given};
+    pub(crate) use super::calibrate::weigh::{Scale, Tied, Weighed};
+    pub use super::search::candidates::{Name, Scene, candidates};
+    pub(crate) use super::search::climb::{Added, Climb};
+    pub(crate) use super::search::next::within;
+    pub use super::search::refit::{Bench, cost, whitened};
+    pub use super::search::righted::{phased, unclipped};
+    pub use super::search::score::{Score, score};
     pub use super::settings::Settings;
-    pub use super::slack::{correction, given};
-    pub(crate) use super::weigh::{Scale, Tied, Weighed};
 }

@@ -3,7 +3,6 @@
 use super::IdentifyError;
 use crate::parallel::Watch;
 use serde::{Deserialize, Serialize};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -185,11 +184,8 @@ impl Checkpoint {
     /// Writes beside the target and renames, so that a crash leaves the old file or the new one, never half of one.
     pub fn save(&self, path: &Path) -> Result<(), IdentifyError> {
         let failed = |reason: String| IdentifyError::Checkpoint { path: path.to_path_buf(), reason };
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|e| failed(e.to_string()))?;
-        serde_json::to_writer_pretty(&mut file, self).map_err(|e| failed(e.to_string()))?;
-        file.flush().and_then(|()| file.as_file().sync_all()).map_err(|e| failed(e.to_string()))?;
-        file.persist(path).map(|_| ()).map_err(|e| failed(e.to_string()))
+        let bytes = serde_json::to_vec_pretty(self).map_err(|e| failed(e.to_string()))?;
+        crate::limits::replace(path, &bytes).map_err(|e| failed(e.to_string()))
     }
 
     /// Reads a checkpoint and checks that it belongs to this problem.

@@ -2,7 +2,6 @@
 //!
 //! Every file of a run is written whole or not at all: a temporary file beside it takes its name when it is complete.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -206,9 +205,7 @@ impl RunFolder {
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, RunError> {
         let path = self.path.join(name);
         let fail = |reason: String| RunError::Write { path: path.clone(), reason };
-        let mut file = tempfile::NamedTempFile::new_in(&self.path).map_err(|e| fail(e.to_string()))?;
-        file.write_all(bytes).and_then(|()| readable(file.as_file())).map_err(|e| fail(e.to_string()))?;
-        file.persist(&path).map_err(|e| fail(e.error.to_string()))?;
+        crate::limits::replace(&path, bytes).map_err(|e| fail(e.to_string()))?;
         Ok(path)
     }
 
@@ -294,16 +291,6 @@ pub fn residuals(tests: &[TestResult]) -> polars::error::PolarsResult<DataFrame>
             Column::new("whitened".into(), whitened),
         ],
     )
-}
-
-/// A temporary file is private; what takes its name is as readable as any new file.
-fn readable(file: &std::fs::File) -> std::io::Result<()> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        file.set_permissions(std::fs::Permissions::from_mode(0o644))?;
-    }
-    Ok(())
 }
 
 /// `20261121-114203` of seconds since 1970, UTC (days to civil date: Hinnant, chrono-Compatible Low-Level Date Algorithms).

@@ -1,19 +1,19 @@
 //! Writing study.toml: whole or not at all.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::data::toml_strict::{TomlFile, TomlProblem};
+use crate::limits;
 use crate::model::{Instance, System};
 
-use super::{Study, StudyError, load, starts, text};
+use super::{Study, StudyError, starts, text};
 
 impl Study {
     /// Appends `instance` as an `[[effect]]` to the file of the study, leaving the rest as it is byte for byte, and returns the study
     /// with it. The new text is read as a study before it takes the place of the old; on any error the file is as it was.
     pub fn write_effect(&self, instance: &Instance) -> Result<Study, StudyError> {
         let file = self.file.canonicalize().map_err(|e| fail(&self.file, &e))?;
-        let whole = crate::limits::text(&file).map_err(|e| fail(&file, &e))?;
+        let whole = limits::text(&file).map_err(|e| fail(&file, &e))?;
         let (whole, study) = self.appended(&file, whole, std::slice::from_ref(instance))?;
         replace(&file, &whole)?;
         Ok(study)
@@ -42,7 +42,7 @@ impl Study {
             return Err(refuse("a file of this name is there"));
         }
         // The file as it is now, not as it was loaded: the engineer may have edited it meanwhile.
-        let whole = crate::limits::text(&own).map_err(|e| fail(&own, &e))?;
+        let whole = limits::text(&own).map_err(|e| fail(&own, &e))?;
         let (of_study, added) = instances.split_at(self.system.instances.len().min(instances.len()));
         let (whole, kept) = starts::moved(&whole, &self.system, &self.dataset, of_study);
         let (whole, _) = self.appended(&own, whole, added)?;
@@ -120,26 +120,6 @@ fn fail(file: &Path, e: &std::io::Error) -> StudyError {
     StudyError::Write { file: file.to_path_buf(), reason: e.to_string(), accepted: "a file and a folder that can be written".into() }
 }
 
-/// Puts `whole` in the place of `file` in one step: a temporary file beside it, renamed over it.
 fn replace(file: &Path, whole: &str) -> Result<(), StudyError> {
-    let folder = load::folder_of(file);
-    let mut temporary = tempfile::NamedTempFile::new_in(&folder).map_err(|e| fail(file, &e))?;
-    temporary.write_all(whole.as_bytes()).map_err(|e| fail(file, &e))?;
-    temporary.as_file().sync_all().map_err(|e| fail(file, &e))?;
-    permissions(file, temporary.as_file()).map_err(|e| fail(file, &e))?;
-    temporary.persist(file).map_err(|e| fail(file, &e.error))?;
-    Ok(())
-}
-
-/// A temporary file is private; what takes its name has the permissions of the old file, or those any new file has.
-fn permissions(file: &Path, temporary: &std::fs::File) -> std::io::Result<()> {
-    if let Ok(old) = std::fs::metadata(file) {
-        return temporary.set_permissions(old.permissions());
-    }
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        temporary.set_permissions(std::fs::Permissions::from_mode(0o644))?;
-    }
-    Ok(())
+    limits::replace(file, whole.as_bytes()).map_err(|e| fail(file, &e))
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::reason::Reason;
+use super::reason::Reason;
 
 /// A candidate effect.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]

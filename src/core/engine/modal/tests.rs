@@ -80,7 +80,12 @@ fn modes_that_are_asked_for_later_join_those_that_were_found() {
     let (n, k, m) = (12, 1e5, 0.1);
     let system = system(
         chain(&vec![m; n]),
-        &[("linear_stiffness", "c0-11.x", &[k]), ("viscous", "c0-3.x", &[3.0]), ("viscous", "c7.x", &[6.0]), ("maxwell", "c5.x", &[2e4, 1e-3])],
+        &[
+            ("linear_stiffness", "c0-11.x", &[k]),
+            ("viscous", "c0-3.x", &[3.0]),
+            ("viscous", "c7.x", &[6.0]),
+            ("maxwell", "c5.x", &[2e4, 1e-3]),
+        ],
     );
     let bound = bind(&system);
     let at_once = run(&system, Range::Lowest(9));
