@@ -70,6 +70,22 @@ fn a_ladder_that_was_stopped_says_so() {
     assert_eq!(rig.json("ladder", &[])["interrupted"], false);
 }
 
+/// The answer comes first: where the time is over, the rungs on the way to it are left out and that is said, and every case is predicted.
+#[test]
+fn a_prediction_out_of_time_leaves_out_the_way_to_the_answer() {
+    let study = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("studies/11-tolerance-cases");
+    let out = tempfile::tempdir().unwrap();
+    let run = out.path().join("run").display().to_string();
+    let ran = misfit(&["predict", &study.display().to_string(), "--json", "--max-seconds", "1e-9", "--out", &run]);
+    assert_eq!(ran.code, 130, "{}", ran.stderr);
+    let json = ran.json();
+    assert_eq!(json["tolerance"]["rungs"].as_array().unwrap().len(), 1);
+    let told = json["tolerance"]["findings"].as_array().unwrap().iter().any(|f| f["claim"].as_str().unwrap().contains("the time was over"));
+    let energies = json["predictions"].as_array().unwrap().iter().filter(|p| p["quantity"] == "W_D").count();
+    assert!(told && energies >= 9, "{}", json["tolerance"]["findings"]);
+    assert!(!ran.stderr.contains("fit of rung"), "{}", ran.stderr);
+}
+
 /// A long fit: many starts of a law with memory.
 #[cfg(unix)]
 #[test]

@@ -10,8 +10,9 @@ mod calibrate;
 mod search;
 
 pub use calibrate::approach::approached;
-pub use calibrate::case::{Case, Fitted, Search, fit, unit_of};
+pub use calibrate::case::{Case, Fitted, Search};
 pub use calibrate::compare::{compare, glance};
+pub use calibrate::fit::{fit, unit_of};
 pub use calibrate::mode_energy::modes as mode_energies;
 pub use calibrate::slack::{Slack, deviates};
 pub use error::DiagnoseError;
@@ -23,7 +24,7 @@ pub use settings::{Fitting, Proposals, Race, STATED, Scoring, Settings, Stated, 
 /// What tests of whole studies look into.
 #[cfg(test)]
 pub(crate) mod testing {
-    pub use super::calibrate::case::begin;
+    pub use super::calibrate::fit::begin;
     pub use super::calibrate::slack::{correction, given};
     pub(crate) use super::calibrate::weigh::{Scale, Tied, Weighed};
     pub use super::search::candidates::{Name, Scene, candidates};

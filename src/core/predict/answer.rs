@@ -109,7 +109,7 @@ pub fn case(study: &Study, written: bool, seed: u64) -> Result<Case, PredictErro
     Ok(Case { f_tol: written.then_some(WRITTEN), ..Case::from_study(study, seed)? })
 }
 
-/// The tolerance cases by every rung before the last of `way`, each fitted, and by the answer: `study`, the last of them, or the study that was
+/// The tolerance cases by every rung before the last of `way`, each fitted as long as there is time, and by the answer: `study`, the last of them, or the study that was
 /// asked for where `way` is empty. `say` hears what is being done.
 ///
 /// # Errors
@@ -126,6 +126,10 @@ pub fn tolerance(
     let added = |k: usize, now: &Study| k.checked_sub(1).map_or(vec![], |k| added(&way[k].system, &now.system));
     let mut rungs = Vec::new();
     for (k, before) in way[..earlier].iter().enumerate() {
+        // The answer comes before the way to it.
+        if monitor.stops() {
+            break;
+        }
         say(&format!("fit of rung {k}"));
         let (_, fitted, _) = diagnose::fit(&case(before, true, seed)?, &SplitName::ALL, monitor)?;
         let spread = fitted.uncertainty()?;
@@ -137,7 +141,12 @@ pub fn tolerance(
     let added = added(earlier, study);
     let answer = Calibrated::of(study, fitted, covariance);
     rungs.push(rung(spec, &answer, title(earlier, &added), added)?);
-    outcome(spec, &answer, rungs, seed)
+    let untold = earlier + 1 - rungs.len();
+    let mut outcome = outcome(spec, &answer, rungs, seed)?;
+    if untold > 0 {
+        outcome.findings.push(words::untold(untold));
+    }
+    Ok(outcome)
 }
 
 /// Of each case, W_D by the law of the strengths over `scale` times that of the model as it stands; 1 where the study asks for no law.

@@ -142,6 +142,18 @@ pub fn of_rungs(rungs: &[Rung]) -> Option<Finding> {
     Some(Finding { claim, number: after, threshold: before.unwrap_or(f64::INFINITY) })
 }
 
+/// That so many rungs on the way to the answer are not shown, since the time was over.
+pub fn untold(rungs: usize) -> Finding {
+    Finding {
+        claim: format!(
+            "the time was over: of {rungs} rung{} on the way to the answer the cases were not computed",
+            if rungs == 1 { "" } else { "s" }
+        ),
+        number: rungs as f64,
+        threshold: 0.0,
+    }
+}
+
 /// That the model has a law over a condition which no two tests differ in: nothing tells its exponent, and the cases rest on it.
 pub fn varies(conditions: &[String], unvaried: &[String]) -> Vec<Finding> {
     let of = |name: &String| Finding {

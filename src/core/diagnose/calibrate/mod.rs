@@ -6,6 +6,7 @@ pub(in crate::diagnose) mod compare;
 pub(in crate::diagnose) mod damping;
 pub(in crate::diagnose) mod factors;
 pub(in crate::diagnose) mod findings;
+pub(in crate::diagnose) mod fit;
 pub(in crate::diagnose) mod mode_energy;
 pub(in crate::diagnose) mod nearby;
 pub(in crate::diagnose) mod own_case;

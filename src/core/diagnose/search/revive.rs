@@ -10,7 +10,8 @@ use crate::model::Instance;
 
 use super::climb::Climb;
 use super::step::{Against, step};
-use crate::diagnose::calibrate::case::{Case, begin};
+use crate::diagnose::calibrate::case::Case;
+use crate::diagnose::calibrate::fit::begin;
 use crate::diagnose::trace;
 
 impl Climb<'_> {
