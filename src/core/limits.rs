@@ -51,6 +51,9 @@ pub fn text(path: &Path) -> Result<String> {
 
 /// Puts `bytes` in the place of a file in one step, by a temporary file beside it that takes its name: a crash leaves the old file or the new one, never a part of one.
 /// The file keeps its permissions; a new one has those of any new file.
+///
+/// # Errors
+/// A folder that is missing or cannot be written, a full disk, a folder of that name.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut temporary = tempfile::NamedTempFile::new_in(folder)?;

@@ -110,6 +110,10 @@ fn an_upward_import_is_seen() {
     assert_eq!(upward(&order, "data", "use crate::model::Model;", "crate::"), ["model"]);
     assert_eq!(upward(&order, "data", "use crate::{units::{Unit, data}, model};", "crate::"), ["model"]);
     assert!(upward(&order, "data", "use crate::units::Unit;\n// crate::model\nuse crate::data::x;", "crate::").is_empty());
+    assert_eq!(
+        upward(&order, "data", "use crate::diagnose::{units::u, model::Model};\nuse crate::model::x;", "crate::diagnose::"),
+        ["model"]
+    );
 }
 
 #[test]

@@ -22,7 +22,8 @@ use crate::diagnose::results::SplitName;
 /// [`DiagnoseError`] where the start cannot be computed, or bounds and orders contradict each other.
 pub fn approached(case: &Case, monitor: &Monitor) -> Result<Option<System>, DiagnoseError> {
     let Some(far) = far(case, &[TestKind::Frf, TestKind::Transient], monitor) else { return Ok(None) };
-    // Loops and energies do not lead the way: about the cycles at its start they say well enough where it must not go.
+    // Loops and energies do not lead the way: about the cycles at its start they say well enough where it must not go. FRFs of turned parts are computed about the
+    // equilibrium at the start; the fit that follows computes all of them in full.
     let near = case.expanded(&case.system);
     let way = Way::new(near.as_ref().unwrap_or(case), far, monitor)?;
     let mut p = way.start.clone();

@@ -122,7 +122,7 @@ impl Case {
         Case { system: system.clone(), ..self.clone() }
     }
 
-    /// The same with one start and no more than so many iterations.
+    /// The same with one start, no more than so many iterations, and an end where the cost changes little (`fitting.coarse`).
     pub(in crate::diagnose) fn coarsely(&self, iterations: u64) -> Case {
         let (max_iterations, f_tol) = (self.max_iterations.min(iterations), Some(self.search.settings.fitting.coarse));
         Case { starts: 1, max_iterations, f_tol, ..self.clone() }
@@ -209,6 +209,7 @@ impl Case {
         Ok(options)
     }
 
+    /// Whitened residuals of these tests in the free parameters of a system.
     fn problem<'a>(&self, system: &System, plans: Vec<&'a Plan>) -> Problem<'a> {
         Problem { memo: self.memo.clone(), common: self.common.clone(), ..Problem::new(plans, system.clone()) }
     }
@@ -250,8 +251,10 @@ impl Case {
         let (from, to) = (problem(system), problem(&there));
         let squares = |r: DVector<f64>| r.norm_squared();
         let misses = from.residuals(&from.variables()).map_or(f64::INFINITY, squares);
-        // With sensitivities: the fit asks for them first.
-        (to.jacobian(&to.variables()).map_or(f64::INFINITY, |(r, _)| squares(r)) < misses).then_some(there)
+        // With sensitivities where they are kept: a fit asks for them first.
+        let v = to.variables();
+        let met = if self.memo.is_some() { to.jacobian(&v).map(|(r, _)| r) } else { to.residuals(&v) };
+        (met.map_or(f64::INFINITY, squares) < misses).then_some(there)
     }
 
     /// More iterations for a fit to these tests that has used up its own.

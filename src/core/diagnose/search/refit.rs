@@ -373,8 +373,7 @@ impl Bench<'_> {
         if self.rough.and(self.near).is_some() {
             return self.from(&fitted.system, iterations);
         }
-        let some = self.case.coarsely(iterations);
-        ended(some.go_on(fitted, self.case.plans_of(SplitName::Fit), &self.monitor.quiet()))
+        ended(self.case.coarsely(iterations).go_on(fitted, self.case.plans_of(SplitName::Fit), &self.monitor.quiet()))
     }
 }
 
