@@ -289,6 +289,14 @@ fn bounded(mut start: System, mut plain: System, settings: &Settings) -> (System
     (start, plain)
 }
 
+/// A system that the climb ends with, with the bounds that the study states in place of those of [`bounded`], which are the search's own.
+pub(in crate::diagnose) fn unbounded(stated: &System, mut system: System) -> System {
+    for (own, stated) in system.instances.iter_mut().zip(&stated.instances) {
+        own.params.iter_mut().zip(&stated.params).for_each(|(own, stated)| (own.min, own.max) = (stated.min, stated.max));
+    }
+    system
+}
+
 /// Where else candidates may begin: where the plain fit stands, and the study, as far as the model responds otherwise there by more than a tie. What is
 /// missing bends the parameters of a model without it, each covariance in its own way, and from a bent one no refit may lead to it.
 fn elsewhere(scale: &Scale, first: &Weighed, plain: &System, start: &System) -> Vec<System> {
@@ -344,6 +352,11 @@ mod tests {
         let free = ParamValue::free(2e4, Sign::Positive);
         assert_eq!(bounds(free.clone(), 3e5), (3e5 * settings.fitting.known, 3e5 * settings.fitting.known));
         assert_eq!(bounds(free.clone(), 1e3).0, 2e4 * settings.fitting.known);
+        // What is written in the end has the study's bounds again.
+        let start = spring(free.clone());
+        let climbed = bounded(start.clone(), start.clone(), &settings).0;
+        assert!(climbed.instances[0].params[0].max.is_finite());
+        assert!(unbounded(&start, climbed).instances[0].params[0].max.is_infinite());
         // A bound of the study's own stays, and what is fixed has none.
         assert_eq!(bounds(ParamValue { max: 5e4, ..free }, 3e4), (5e4, 5e4));
         assert!(bounds(ParamValue::fixed(2e4), 2e4).0.is_infinite());

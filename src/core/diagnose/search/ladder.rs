@@ -7,7 +7,7 @@ use crate::parallel;
 use crate::response::Plan;
 
 use super::candidates::Name;
-use super::climb::Climb;
+use super::climb::{Climb, unbounded};
 use super::held_out::HeldOutTests;
 use super::righted::{phased, righted, unclipped};
 use super::step::Step;
@@ -56,7 +56,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
     Ok((
         result,
         Diagnosis {
-            findings: all_findings(&case, &fitted.system)?,
+            findings: all_findings(&case, &fitted.system, &monitor.watch())?,
             candidates: step.candidates,
             second_opinion: step.second_opinion,
             verdict,
@@ -96,11 +96,12 @@ pub(in crate::diagnose) fn strength_unit(case: &Case, system: &System, name: &Na
     }
 }
 
-fn all_findings(case: &Case, system: &System) -> Result<Vec<Finding>, DiagnoseError> {
+/// Whether a test has settled by the model asks for a march of its own, and is not asked once the time is over.
+fn all_findings(case: &Case, system: &System, watch: &parallel::Watch) -> Result<Vec<Finding>, DiagnoseError> {
     let found = |(plan, _): &&(Plan, SplitName)| -> Result<Vec<Finding>, DiagnoseError> {
         let told = &case.search.settings.telling;
         let mut list = findings(plan, &plan.evaluate(system, &[], false)?.values, told);
-        list.extend(unsettled(plan, system, told.transient));
+        list.extend(parallel::watched(watch, || unsettled(plan, system, told.transient)));
         Ok(list)
     };
     let seen: Vec<&(Plan, SplitName)> = case.plans.iter().filter(|(_, split)| *split != SplitName::HeldOut).collect();
@@ -200,7 +201,8 @@ pub fn ladder_keeping(
         rungs.push(climb.taken(taken, &step)?);
         rungs.extend(parallel::watched(&monitor.watch(), || climb.tighten(false)).unwrap_or_default());
     };
-    climb.finish(rungs, &end, visible, started)
+    let (result, system) = climb.finish(rungs, &end, visible, started)?;
+    Ok((result, unbounded(&case.system, system)))
 }
 
 /// The study's own model fitted to its tests, channels turned back and clipped samples left out, and what an earlier ladder had found beside it: the first rungs.
@@ -364,7 +366,7 @@ impl Climb<'_> {
         let result = LadderResult {
             study: self.case.name.clone(),
             began_with: vec![],
-            findings: all_findings(&self.case, system)?,
+            findings: all_findings(&self.case, system, &self.monitor.watch())?,
             rungs,
             verdict: judged.verdict,
             proven: judged.proven,
@@ -397,7 +399,8 @@ impl Climb<'_> {
         // Whoever stops it before anything was added has nothing to hold against them, and they stay unseen.
         let unseen = self.monitor.cancelled() && self.added.is_empty();
         let read = |w: &Weighed| if unseen { Ok(vec![]) } else { self.held_out(w) };
-        let (before, after) = (read(&self.first)?, read(&self.now));
+        let before = read(&self.first)?;
+        let after = if self.unchanged() { Ok(before.clone()) } else { read(&self.now) };
         let mut ended = end.describe(self);
         let mut after = after.unwrap_or_else(|why| {
             ended += &format!("; the held-out tests cannot be computed: {why}");
@@ -426,9 +429,9 @@ impl Climb<'_> {
     /// What the held-out tests say of the first and of the last model, and of every effect that was added.
     fn word(&self) -> (Option<super::held_out::Word>, Vec<Missing>) {
         let held = HeldOutTests::new(self.case.plans_of(SplitName::HeldOut), &self.scale.evidence, &self.first, &self.now, &self.settings);
-        let last = held.as_ref().and_then(|h| h.look(&self.now));
-        // Where nothing was added and nothing given slack, they are one model.
-        let same = self.added.is_empty() && self.first.fitted.system.instances.len() == self.now.fitted.system.instances.len();
+        let same = self.unchanged();
+        // What they leave of one model is told where there is time for their slopes.
+        let last = held.as_ref().filter(|_| !(same && trace::stopped(self.monitor))).and_then(|h| h.look(&self.now));
         let first = held.as_ref().filter(|_| !same).and_then(|h| h.look(&self.first));
         let word = held.as_ref().zip(last.as_ref()).and_then(|(h, last)| match &first {
             _ if same => Some(h.word(last, last)),
@@ -436,6 +439,11 @@ impl Climb<'_> {
         });
         let missing = self.missing(held.as_ref().zip(last.as_ref()));
         (word, missing)
+    }
+
+    /// Whether the last model is the first: nothing was added, and nothing given slack.
+    fn unchanged(&self) -> bool {
+        self.added.is_empty() && self.first.fitted.system.instances.len() == self.now.fitted.system.instances.len()
     }
 
     /// Takes back all that was added; the rung on which the study's own model stands again.
