@@ -94,20 +94,13 @@ impl<'a> Modes<'a> {
             self.tried += 1;
             let mode = match self.problem.rigid(&start)? {
                 Some(mode) => Some(mode),
-                None => match self.problem.damped(&start, &self.found, vec![]) {
+                None => match self.problem.damped(&start, &self.found) {
                     // A motion beyond its critical damping has two real poles, to which other starts may lead as well.
                     Err(EngineError::NoMode { .. }) if self.found.iter().any(Mode::creeps) || self.problem.creeps(&start)? => None,
                     mode => Some(mode?),
                 },
             };
-            let creeps = mode.as_ref().is_some_and(Mode::creeps);
             self.found.extend(mode);
-            if creeps {
-                // Its other real pole is of the same motion: left alone, it would take the start of another one, which is then missed. Where it is not found, as next
-                // to a rigid-body mode, where the system is singular, no start leads to it either.
-                let other = self.problem.damped(&start, &self.found, vec![self.found.len() - 1]);
-                self.found.extend(other.ok());
-            }
         }
         self.found.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
         Ok(())
@@ -149,8 +142,6 @@ const SHIFTS: [f64; 4] = [1e-9, 1e-7, 1e-5, 1e-3];
 const TOLERANCE: f64 = 1e-13;
 /// What is accepted where rounding ends the iteration earlier.
 const ACCEPTED: f64 = 1e-10;
-/// What a sum of forces is rounded to, against its terms.
-const ROUNDING: f64 = 1e-12;
 /// Part of a frequency at which laws are as they are at rest.
 const SLOW: f64 = 1e-4;
 /// Undamped frequencies at or below this part of the highest are those of rigid bodies.
@@ -356,13 +347,13 @@ impl<'a> Problem<'a> {
         Ok(self.products(s, &shape, &shape).0.im >= 2.0 * start.omega * start.omega)
     }
 
-    /// The mode to which a start leads, other than those of `found` with the indices `taken`.
-    fn damped(&mut self, start: &Start, found: &[Mode], mut taken: Vec<usize>) -> Result<Mode, EngineError> {
+    fn damped(&mut self, start: &Start, found: &[Mode]) -> Result<Mode, EngineError> {
         let near = |lambda: Complex64, shape: &[Complex64], other: &Mode| {
             let inner = |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(x, y)| x.conj() * y).sum::<Complex64>();
             let along = inner(shape, &other.shape).norm_sqr() / (inner(shape, shape).re * inner(&other.shape, &other.shape).re);
             (lambda - other.lambda).norm() <= 1e-7 * lambda.norm() && along > 1.0 - 1e-4
         };
+        let mut taken: Vec<usize> = Vec::new();
         loop {
             let (lambda, shape) = self.iterate(start, found, &taken)?;
             match found.iter().position(|m| near(lambda, &shape, m)) {
@@ -414,7 +405,7 @@ impl<'a> Problem<'a> {
             let last = change;
             change = (better - s).norm() / better.norm();
             s = better;
-            if change <= TOLERANCE || (change >= last && (change <= ACCEPTED || self.is_rounding(s, change, &u))) {
+            if change <= TOLERANCE || (change >= last && change <= ACCEPTED) {
                 if s.im < 0.0 {
                     s = s.conj();
                     u.iter_mut().for_each(|x| *x = x.conj());
@@ -426,17 +417,6 @@ impl<'a> Problem<'a> {
             }
         }
         Err(EngineError::NoMode { frequency: start.omega / TAU, residual: change })
-    }
-
-    /// Whether a relative change of `s` moves `u' Z(s) u` by no more than its terms are rounded to. Next to critical damping, where two eigenvalues are about to
-    /// meet, `u' Z'(s) u` goes to zero and rounding leaves half of the digits.
-    fn is_rounding(&mut self, s: Complex64, change: f64, u: &[Complex64]) -> bool {
-        if self.laws(s).is_err() {
-            return false;
-        }
-        let inertia: f64 = self.small.mass.iter().map(|(i, j, m)| (s * s * u[*i] * u[*j] * *m).norm()).sum();
-        let elements: f64 = self.z.iter().enumerate().map(|(e, z)| (z * self.small.relative(e, u).powi(2)).norm()).sum();
-        (self.products(s, u, u).1 * s).norm() * change <= ROUNDING * (inertia + elements)
     }
 
     /// The root of `u' Z(s) u = 0` next to `s`.

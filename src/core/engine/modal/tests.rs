@@ -292,26 +292,3 @@ fn it_makes_a_coarse_chain_one_of_more_bodies_or_a_bar() {
         }
     }
 }
-
-#[test]
-fn modes_are_found_where_one_is_about_to_stop_swinging() {
-    // A damper beside the last of three springs takes the highest mode through critical damping; there two eigenvalues meet.
-    let at = |c: f64| {
-        let dampers: [(&str, &str, &[f64]); 2] = [("linear_stiffness", "c0-2.x", &[1e4]), ("viscous", "c2.x", &[c])];
-        let system = system(chain(&[1.0, 1.0, 1.0]), &dampers);
-        modes(&system.model, &bind(&system), Range::Lowest(6), false)
-    };
-    let swinging = |c: f64| at(c).unwrap().iter().filter(|m| m.oscillates()).count();
-    let (mut low, mut high) = (10.0, 1e3);
-    assert_eq!((swinging(low), swinging(high)), (3, 2));
-    while high - low > 1e-13 * high {
-        let middle = 0.5 * (low + high);
-        if swinging(middle) == 3 { low = middle } else { high = middle }
-    }
-    for part in [1e-15, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4] {
-        for c in [low * (1.0 - part), low * (1.0 + part)] {
-            let found = at(c).unwrap();
-            assert!((2..=3).contains(&found.iter().filter(|m| m.oscillates()).count()), "{c}: {found:?}");
-        }
-    }
-}
