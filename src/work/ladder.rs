@@ -71,6 +71,8 @@ pub fn ladder(
         keep(&system);
     }
     let (mut result, system) = diagnose::ladder_keeping(case, monitor, &|step: &str| say(step), &keep)?;
+    // Of the study, not of the case: a rung that was kept has the bounds of the search that left it.
+    let system = diagnose::unbounded(&study.system, system);
     result.began_with = began_with;
     result.result_study = Some(folder.path.display().to_string());
     folder.study(study, &system)?;

@@ -18,9 +18,12 @@ fn study(name: &str) -> std::path::PathBuf {
 }
 
 fn json(verb: &str, study: &Path) -> Value {
-    let out = tempfile::tempdir().unwrap();
-    let run =
-        Command::new(env!("CARGO_BIN_EXE_misfit")).args([verb, "--json", "--out"]).arg(out.path().join("run")).arg(study).output().unwrap();
+    json_into(verb, study, &tempfile::tempdir().unwrap().path().join("run"))
+}
+
+/// The same, with the folder of the run left to be looked into.
+fn json_into(verb: &str, study: &Path, out: &Path) -> Value {
+    let run = Command::new(env!("CARGO_BIN_EXE_misfit")).args([verb, "--json", "--out"]).arg(out).arg(study).output().unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     serde_json::from_slice(&run.stdout).unwrap()
 }
@@ -31,7 +34,8 @@ fn parameter<'a>(list: &'a Value, name: &str) -> &'a Value {
 
 #[test]
 fn the_hidden_friction_of_study_01_is_found_with_its_strength() {
-    let ladder = json("ladder", &study("01-hidden-effect"));
+    let out = tempfile::tempdir().unwrap();
+    let ladder = json_into("ladder", &study("01-hidden-effect"), &out.path().join("run"));
     assert_eq!(ladder["verdict"], "missing");
     assert_eq!(ladder["missing"][0]["effect"], "elastic_slip");
     assert_eq!(ladder["missing"][0]["at"], "c5.x");
@@ -45,6 +49,12 @@ fn the_hidden_friction_of_study_01_is_found_with_its_strength() {
     let ratio = held["after"].as_f64().unwrap() / held["floor"].as_f64().unwrap();
     assert!(ratio <= 1.2, "held-out error over floor {ratio}");
     assert!(held["before"].as_f64().unwrap() > 10.0 * held["after"].as_f64().unwrap());
+    // What the study leaves without a bound has none in the study that is written; while it climbs, the search keeps some of its own.
+    let bounds = |folder: &Path| -> Vec<(f64, f64)> {
+        let own = Study::load(folder, None).unwrap().system.instances;
+        own.iter().take(4).flat_map(|i| i.params.iter().map(|p| (p.min, p.max))).collect()
+    };
+    assert_eq!(bounds(&out.path().join("run")), bounds(&study("01-hidden-effect")));
 }
 
 #[test]

@@ -289,8 +289,9 @@ fn bounded(mut start: System, mut plain: System, settings: &Settings) -> (System
     (start, plain)
 }
 
-/// A system that the climb ends with, with the bounds that the study states in place of those of [`bounded`], which are the search's own.
-pub(in crate::diagnose) fn unbounded(stated: &System, mut system: System) -> System {
+/// The system that a climb ended with, which begins with the instances of `stated`, the study's own, in their order: with the bounds that these have there, in
+/// place of those that the search keeps about coefficients without any.
+pub fn unbounded(stated: &System, mut system: System) -> System {
     for (own, stated) in system.instances.iter_mut().zip(&stated.instances) {
         own.params.iter_mut().zip(&stated.params).for_each(|(own, stated)| (own.min, own.max) = (stated.min, stated.max));
     }

@@ -7,7 +7,7 @@ use crate::parallel;
 use crate::response::Plan;
 
 use super::candidates::Name;
-use super::climb::{Climb, unbounded};
+use super::climb::Climb;
 use super::held_out::HeldOutTests;
 use super::righted::{phased, righted, unclipped};
 use super::step::Step;
@@ -96,7 +96,8 @@ pub(in crate::diagnose) fn strength_unit(case: &Case, system: &System, name: &Na
     }
 }
 
-/// Whether a test has settled by the model asks for a march of its own, and is not asked once the time is over.
+/// What stands out in the tests that were seen, largest first. Whether a loop has settled by the model asks for a march from rest of its own, which is left out once
+/// `watch` has ended.
 fn all_findings(case: &Case, system: &System, watch: &parallel::Watch) -> Result<Vec<Finding>, DiagnoseError> {
     let found = |(plan, _): &&(Plan, SplitName)| -> Result<Vec<Finding>, DiagnoseError> {
         let told = &case.search.settings.telling;
@@ -201,8 +202,7 @@ pub fn ladder_keeping(
         rungs.push(climb.taken(taken, &step)?);
         rungs.extend(parallel::watched(&monitor.watch(), || climb.tighten(false)).unwrap_or_default());
     };
-    let (result, system) = climb.finish(rungs, &end, visible, started)?;
-    Ok((result, unbounded(&case.system, system)))
+    climb.finish(rungs, &end, visible, started)
 }
 
 /// The study's own model fitted to its tests, channels turned back and clipped samples left out, and what an earlier ladder had found beside it: the first rungs.
@@ -399,8 +399,7 @@ impl Climb<'_> {
         // Whoever stops it before anything was added has nothing to hold against them, and they stay unseen.
         let unseen = self.monitor.cancelled() && self.added.is_empty();
         let read = |w: &Weighed| if unseen { Ok(vec![]) } else { self.held_out(w) };
-        let before = read(&self.first)?;
-        let after = if self.unchanged() { Ok(before.clone()) } else { read(&self.now) };
+        let (before, after) = (read(&self.first)?, read(&self.now));
         let mut ended = end.describe(self);
         let mut after = after.unwrap_or_else(|why| {
             ended += &format!("; the held-out tests cannot be computed: {why}");
@@ -429,9 +428,9 @@ impl Climb<'_> {
     /// What the held-out tests say of the first and of the last model, and of every effect that was added.
     fn word(&self) -> (Option<super::held_out::Word>, Vec<Missing>) {
         let held = HeldOutTests::new(self.case.plans_of(SplitName::HeldOut), &self.scale.evidence, &self.first, &self.now, &self.settings);
-        let same = self.unchanged();
-        // What they leave of one model is told where there is time for their slopes.
-        let last = held.as_ref().filter(|_| !(same && trace::stopped(self.monitor))).and_then(|h| h.look(&self.now));
+        let last = held.as_ref().and_then(|h| h.look(&self.now));
+        // Where nothing was added and nothing given slack, they are one model.
+        let same = self.added.is_empty() && self.first.fitted.system.instances.len() == self.now.fitted.system.instances.len();
         let first = held.as_ref().filter(|_| !same).and_then(|h| h.look(&self.first));
         let word = held.as_ref().zip(last.as_ref()).and_then(|(h, last)| match &first {
             _ if same => Some(h.word(last, last)),
@@ -439,11 +438,6 @@ impl Climb<'_> {
         });
         let missing = self.missing(held.as_ref().zip(last.as_ref()));
         (word, missing)
-    }
-
-    /// Whether the last model is the first: nothing was added, and nothing given slack.
-    fn unchanged(&self) -> bool {
-        self.added.is_empty() && self.first.fitted.system.instances.len() == self.now.fitted.system.instances.len()
     }
 
     /// Takes back all that was added; the rung on which the study's own model stands again.
