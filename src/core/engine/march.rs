@@ -103,6 +103,8 @@ pub struct March<'a> {
     base: Vec<f64>,
     newton: Vec<f64>,
     scale: f64,
+    /// Residual over the forces present below which a step has converged.
+    enough: f64,
     /// Whether the factors at hand are taken again.
     keep: bool,
     kept: kept::Kept,
@@ -117,6 +119,12 @@ pub struct March<'a> {
 /// links under small loads leave their rounding.
 const ACCEPTED: f64 = 1e-8;
 const HOVERS: usize = 20;
+/// Residual over the forces present at which a step has converged, and below which one that no longer falls has: what it stands at is rounding. The steps that follow are taken for converged
+/// below twice that, as long as it is no more than the last of these: each would spend an evaluation on seeing the same again.
+const CONVERGED: f64 = 1e-13;
+const FLAT: f64 = 1e-10;
+const ROUNDED: f64 = 2.0;
+const EXACT: f64 = 1e-12;
 /// Newton steps of a spatial model that are taken whole although the residual rises.
 const PATIENCE: usize = 30;
 /// Fall of the residual per iteration at which kept factors no longer serve.
@@ -168,7 +176,7 @@ impl<'a> March<'a> {
             dt: loads.dt,
             // The inertia of parts that turn depends on where they are.
             mass: model.dofs.iter().map(|d| if model.space.is_some() { 0.0 } else { d.mass }).collect(),
-            spatial: Spatial::new(model, joints, &layout, &free)?,
+            spatial: Spatial::new(model, bound, joints, &layout, &free)?,
             connectors,
             places,
             constant: bound.loads.iter().filter_map(|l| Some((l.dof, *l.path.last()?))).collect(),
@@ -198,6 +206,7 @@ impl<'a> March<'a> {
             motion: Motion::default(),
             forces: vec![0.0; bound.elements.len()],
             scale: 0.0,
+            enough: CONVERGED,
             keep: false,
             kept: kept::Kept::default(),
             trend: Trend::new(n),
@@ -278,7 +287,7 @@ impl<'a> March<'a> {
             let link = &self.links[e];
             let s = &mut self.new_s[link.s0..link.s0 + element.n_states()];
             let fs = &mut state.fs[link.fs0..link.fs0 + element.n_follower_states()];
-            let f = if stage == Stage::Value {
+            let f = if stage.values() {
                 element.value(&u, dt, s, &mut self.scratch)
             } else {
                 let out = &mut self.sensed[e];
@@ -337,7 +346,7 @@ impl<'a> March<'a> {
             }
         };
         let n_free = self.free_dofs.len();
-        let mut at_end = false;
+        let (mut converged, mut at_end) = (false, false);
         if n_free > 0 {
             // A stiff link feels the second order of a prediction.
             let (second, third) = if moving { (0.5 * dt * dt, 1.0 / rates.w) } else { (0.0, 0.0) };
@@ -346,7 +355,6 @@ impl<'a> March<'a> {
             }
             update(state, &self.old, &self.free_dofs);
             let (mut base_norm, mut factor) = (f64::INFINITY, 1.0);
-            let mut converged = false;
             let mut last = (f64::INFINITY, f64::INFINITY);
             // Bending a chain of stiff links strains them to second order: the residual may rise far before it falls.
             let patience = if self.spatial.is_some() { PATIENCE } else { 0 };
@@ -375,17 +383,25 @@ impl<'a> March<'a> {
                 // What a stiff link carries in passing is no measure of the forces present.
                 self.scale = if patience > 0 { scale } else { self.scale.max(scale) };
                 last = (norm, self.scale);
-                if norm <= 1e-13 * self.scale || norm == 0.0 {
-                    converged = true;
+                if norm <= self.enough * self.scale || norm == 0.0 {
+                    (converged, at_end) = (true, true);
                     break;
                 }
                 // A residual that no longer falls at rounding level is as good as it gets.
                 let level = if self.keep { SLOW * base_norm } else { base_norm };
                 let hovers = iteration >= HOVERS && norm <= ACCEPTED * self.scale;
-                if (norm >= level && norm <= 1e-10 * self.scale) || hovers {
-                    converged = true;
+                let flat = norm >= level && norm <= FLAT * self.scale;
+                if flat || hovers {
+                    if flat && norm <= EXACT * self.scale {
+                        self.enough = ROUNDED * norm / self.scale;
+                    }
+                    (converged, at_end) = (true, true);
                     break;
                 }
+                // A residual that falls as it fell before is converged after the next iteration. Where a look at all parts is what an iteration costs, that one is
+                // not looked at again.
+                let falls = self.spatial.is_some() && factor == 1.0 && base_norm.is_finite() && norm < SLOW * base_norm;
+                converged = falls && norm * (norm / base_norm) <= self.enough * self.scale;
                 if self.keep && (norm >= level || iteration >= patience) {
                     self.keep = false;
                     continue;
@@ -416,8 +432,10 @@ impl<'a> March<'a> {
                     state.q[d] = self.base[i] + factor * self.newton[i];
                 }
                 update(state, &self.old, &self.free_dofs);
+                if converged {
+                    break;
+                }
             }
-            at_end = converged;
             self.trend.ended(converged.then_some(dt));
             // Sensitivities take factors of their own.
             self.keep &= columns > 0 || self.kept.serve(evaluations);
@@ -425,8 +443,12 @@ impl<'a> March<'a> {
                 return Err(EngineError::NoEquilibrium { step: k, steps: self.loads.steps(), residual: last.0 / last.1 });
             }
         }
-        let stage = if columns > 0 || self.n_follower_states > 0 { Stage::Full } else { Stage::Value };
-        // The last sum of Newton's method was taken at the converged point.
+        let stage = match columns > 0 || self.n_follower_states > 0 {
+            true => Stage::Full,
+            false if converged => Stage::Last,
+            false => Stage::Value,
+        };
+        // The last sum of Newton's method may have been taken at the converged point.
         if stage == Stage::Full || !at_end {
             self.internal(state, stage, force);
         }
@@ -449,6 +471,8 @@ impl<'a> March<'a> {
 enum Stage {
     /// Forces and new states only.
     Value,
+    /// The same where new states or reactions ask for them: the forces elsewhere are those of the iteration before, the residual of which was next to nothing.
+    Last,
     /// Also the tangent matrix.
     Newton,
     /// Also the derivatives with respect to parameters; followers advance.
@@ -456,6 +480,11 @@ enum Stage {
 }
 
 impl Stage {
+    /// Whether it takes no derivatives.
+    fn values(self) -> bool {
+        matches!(self, Stage::Value | Stage::Last)
+    }
+
     /// The derivatives of the elements that it takes.
     fn depth(self) -> Depth {
         if self == Stage::Full { Depth::Params } else { Depth::Inputs }

@@ -1,8 +1,8 @@
 //! A step of parts that turn far: forces and tangent of the connectors at their own directions, inertia of the parts.
 
 use crate::effect::Inputs;
-use crate::model::Model;
 use crate::model::space::{InPlane, Inertial, PlaneJoint, Pose, Relative, Space};
+use crate::model::{Bound, Model};
 
 use super::super::EngineError;
 use super::super::blocktri::{Block, Layout};
@@ -32,6 +32,8 @@ pub(super) struct JointWork {
     before: Measured,
     geometric: [[f64; 12]; 12],
     seen: Seen,
+    /// Whether a state or a reaction follows from it.
+    follows: bool,
     /// Whether the rates of the derivatives at hand are zero.
     at_rest: bool,
 }
@@ -41,6 +43,8 @@ pub(super) struct PartWork {
     dofs: [Option<usize>; 6],
     block: Block,
     inertial: Inertial,
+    /// Whether a reaction follows from it.
+    follows: bool,
     /// Moment of inertia about the origin, where the part stays in the plane.
     plane: Option<f64>,
 }
@@ -50,13 +54,22 @@ impl Spatial {
         model.space.as_ref().map_or(vec![], |space| joints(model, bound, space))
     }
 
-    pub fn new(model: &Model, joints: Vec<Joint>, layout: &Layout, free: &[Option<usize>]) -> Result<Option<Self>, EngineError> {
+    pub fn new(
+        model: &Model,
+        bound: &Bound,
+        joints: Vec<Joint>,
+        layout: &Layout,
+        free: &[Option<usize>],
+    ) -> Result<Option<Self>, EngineError> {
         let Some(space) = &model.space else { return Ok(None) };
+        let prescribed = |dofs: &[Option<usize>]| dofs.iter().flatten().any(|d| free[*d].is_none());
         let joints = joints.into_iter().map(|joint| {
             let block = layout.block(joint.dofs.map(|d| d.and_then(|d| free[d])))?;
             let plane = space.plane(joint.connector, joint.from, joint.to);
             let live = joint.dofs.iter().enumerate().filter_map(|(k, d)| Some((k, (*d)?))).collect();
+            let follows = prescribed(&joint.dofs) || joint.elements.iter().any(|(e, _)| bound.elements[*e].n_states() > 0);
             Ok(JointWork {
+                follows,
                 joint,
                 plane,
                 live,
@@ -73,7 +86,7 @@ impl Spatial {
         let parts = moving.map(|(k, p)| {
             let plane = p.in_plane().then(|| p.inertia_about_origin()[2][2]);
             let block = layout.block(p.dofs.map(|d| d.and_then(|d| free[d])))?;
-            Ok(PartWork { part: k, dofs: p.dofs, block, inertial: Inertial::default(), plane })
+            Ok(PartWork { part: k, dofs: p.dofs, block, inertial: Inertial::default(), follows: prescribed(&p.dofs), plane })
         });
         let parts = parts.collect::<Result<Vec<_>, EngineError>>()?;
         let poses = vec![Pose::turned([0.0; 3]); space.parts.len()];
@@ -84,7 +97,7 @@ impl Spatial {
     pub fn begin(&mut self, old: &State) {
         let known = self.taken == old.q;
         if !known {
-            self.pose(&old.q);
+            self.pose(&old.q, false);
         }
         for j in &mut self.joints {
             if !known {
@@ -94,9 +107,14 @@ impl Spatial {
         }
     }
 
-    fn pose(&mut self, q: &[f64]) {
-        for (k, pose) in self.poses.iter_mut().enumerate() {
-            *pose = Pose::new(&self.space.coordinates(k, q));
+    /// Poses at `q`: of all parts, or of those between which a state or a reaction follows.
+    fn pose(&mut self, q: &[f64], last: bool) {
+        let mut at = |k: usize| self.poses[k] = Pose::new(&self.space.coordinates(k, q));
+        if last {
+            self.joints.iter().filter(|j| j.follows).for_each(|j| [j.joint.from, j.joint.to].into_iter().for_each(&mut at));
+            self.parts.iter().filter(|p| p.follows).for_each(|p| at(p.part));
+        } else {
+            (0..self.space.parts.len()).for_each(at);
         }
         self.taken.clear();
         self.taken.extend_from_slice(q);
@@ -130,8 +148,9 @@ impl March<'_> {
     pub(super) fn internal_spatial(&mut self, spatial: &mut Spatial, state: &mut State, stage: Stage, force: &mut [f64]) -> f64 {
         let (dt, rates) = (self.dt, self.rates());
         let mut scale = 0.0;
-        spatial.pose(&state.q);
-        for work in &mut spatial.joints {
+        let last = stage == Stage::Last;
+        spatial.pose(&state.q, last);
+        for work in spatial.joints.iter_mut().filter(|j| !last || j.follows) {
             work.measure(&spatial.space, &spatial.poses);
             let joint = &work.joint;
             let (reads_v, reads_a) = joint.rates;
@@ -158,7 +177,7 @@ impl March<'_> {
                 let u = Inputs { x, v, a, dx: x - work.before.g[c] };
                 let s = &mut self.new_s[link.s0..link.s0 + element.n_states()];
                 let fs = &mut state.fs[link.fs0..link.fs0 + element.n_follower_states()];
-                let value = if stage == Stage::Value {
+                let value = if stage.values() {
                     element.value(&u, dt, s, &mut self.scratch)
                 } else {
                     let out = &mut self.sensed[e];
@@ -174,7 +193,7 @@ impl March<'_> {
                 scale += value.abs();
             }
             work.live.iter().for_each(|(k, d)| force[*d] += on[*k]);
-            if stage != Stage::Value {
+            if !stage.values() {
                 match &work.seen {
                     Seen::Plane(at) => at.geometric(&f, &mut work.geometric),
                     Seen::Space(relative) => work.geometric = relative.geometric(&f, &spatial.poses[joint.from], &spatial.poses[joint.to]),
@@ -184,7 +203,7 @@ impl March<'_> {
                 add_joint(&mut self.matrix, work, &rows);
             }
         }
-        for work in spatial.parts.iter_mut().filter(|_| !self.alpha.still) {
+        for work in spatial.parts.iter_mut().filter(|p| !self.alpha.still && (!last || p.follows)) {
             let part = &spatial.space.parts[work.part];
             let at = |u: &[f64]| -> [f64; 6] { std::array::from_fn(|k| work.dofs[k].map_or(0.0, |d| u[d])) };
             let (q, v, a) = (at(&state.q), at(&state.v), at(&state.a));
@@ -193,7 +212,7 @@ impl March<'_> {
                 (_, Some(inertia)) => part.plane_inertial(pose, &v, &a, inertia, &mut work.inertial),
                 (Stage::Full, _) => work.inertial = part.inertial_tangent(&q, &v, &a),
                 (Stage::Newton, _) => work.inertial = part.inertial_by_acceleration(pose, &v, &a),
-                (Stage::Value, _) => work.inertial.p = part.inertial_forces(pose, &v, &a),
+                (Stage::Value | Stage::Last, _) => work.inertial.p = part.inertial_forces(pose, &v, &a),
             }
             for (d, p) in work.dofs.iter().zip(work.inertial.p) {
                 if let Some(d) = d {
