@@ -57,8 +57,8 @@ class Chain:
                 ratio = step[:, None] / self.tau[:, None, None]
                 new_creep = (creep + ratio * turn) / (1 + ratio)
                 m, t, asinh = interface.film(turn, z, step[:, None], self.film, self.d, self.v0)
-                moment = moment + m + self.g * self.h * (turn - new_creep).sum(0)
-                slope, new_z = slope + t + self.g * self.h * (1 / (1 + ratio)).sum(0), self.d * asinh - turn
+                moment = moment + m + self.h * np.tensordot(self.g, turn - new_creep, 1)
+                slope, new_z = slope + t + self.h * np.tensordot(self.g, 1 / (1 + ratio), 1), self.d * asinh - turn
             cos, sin = LENGTH * np.cos(REST + u[:, :N]), LENGTH * np.sin(REST + u[:, :N])
             side = u[:, N:] - force * BEFORE
             r = np.concatenate([side * cos, sin.sum(1)[:, None]], axis=1)

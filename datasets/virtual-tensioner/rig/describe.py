@@ -93,8 +93,8 @@ def truth(path, rig, seed, cases=None):
         "damping": {"equation": "loss modulus and film force ~ exp(b (i - i0))", "b": rig.damping_exponent / 1e3, "unit": "1/mm", "i0": i0 * 1e3, "i0_unit": "mm"},
         "friction": law,
     }
-    out["prony"] = {"loss_modulus_over_EI": rig.loss, "modulus_of_each_branch_over_loss_modulus": g, "relaxation_times": list(tau), "unit": "s",
-                    "equation": "M = EI k + sum_j m_j, m_j' = g h k' - m_j / tau_j, h = loss EI"}
+    out["prony"] = {"loss_modulus_over_EI": rig.loss, "modulus_of_each_branch_over_loss_modulus": list(g), "relaxation_times": list(tau), "unit": "s",
+                    "equation": "M = EI k + sum_j m_j, m_j' = g_j h k' - m_j / tau_j, h = loss EI"}
     low, high = int(rig.zone - 0.5), rig.count - 1 - int(rig.zone - 0.5)
     ends = [f"GF1-{low}.psi", f"GF{high + 1}-{rig.count - 1}.psi"]
     half = (rig.count / 2 - rig.zone)

@@ -1,6 +1,6 @@
 """Small motion about a loaded state: FRFs and damped modes in the plane, friction stuck, film and Prony branches at their complex stiffness.
 
-Laplace variable s. Blade bending: EI + h g sum s tau_j / (1 + s tau_j); film: f s / (s d + v0); friction: F_c / d; device at P: k + s c, mass m.
+Laplace variable s. Blade bending: EI + h sum g_j s tau_j / (1 + s tau_j); film: f s / (s d + v0); friction: F_c / d; device at P: k + s c, mass m.
 """
 import numpy as np
 from scipy.linalg import eigh
@@ -31,7 +31,7 @@ class Linear:
         """Band of the complex stiffness at s."""
         m, p, rig = self.mesh, self.p, self.rig
         st = s * self.tau
-        ei = p.ei + self.g * p.loss * (st / (1.0 + st)).sum()
+        ei = p.ei + p.loss * (self.g * st / (1.0 + st)).sum()
         shear = beam.corrected_shear(p.ga, ei, m.length)
         moduli = np.stack([p.ea + 0j, shear, ei])
         resultants = np.stack([p.ea * self.strain[0], p.shear * self.strain[1], p.ei * self.strain[2]])
@@ -148,7 +148,7 @@ class OutOfPlane:
         self.tangents = np.gradient(xy, axis=0) / np.linalg.norm(np.gradient(xy, axis=0), axis=1)[:, None]
 
     def modes(self, count):
-        """[(frequency, damping, family)]: the whole stiffness carries the blade's loss, k (1 + loss g sum s tau / (1 + s tau))."""
+        """[(frequency, damping, family)]: the whole stiffness carries the blade's loss, k (1 + loss sum g_j s tau_j / (1 + s tau_j))."""
         values, vectors = eigh(self.k[np.ix_(self.free, self.free)], self.m[np.ix_(self.free, self.free)],
                                subset_by_index=[0, self.skip + count - 1])
         g, tau = self.prony
@@ -156,7 +156,7 @@ class OutOfPlane:
         for value, x in list(zip(values, vectors.T))[self.skip:]:
             s = 1j * np.sqrt(value)
             for _ in range(50):
-                s = 1j * np.sqrt(value * (1.0 + self.law * g * (s * tau / (1.0 + s * tau)).sum()))
+                s = 1j * np.sqrt(value * (1.0 + self.law * (g * s * tau / (1.0 + s * tau)).sum()))
             full = np.zeros(len(self.k))
             full[self.free] = x
             z, r = full[0::3], np.stack([full[1::3], full[2::3]], axis=1)

@@ -30,10 +30,10 @@ class Rig:
     offset: float = 3.5e-3                      # m, centre line of a leaf from that of the blade, on the concave side
     seat_stiffness: float = 2e9                 # N/m per m, across
     tie: float = 2e7                            # N/m, holds an end leaf at G (H) and the middle leaf at its middle
-    # Structural damping of the blade's bending: equal Prony branches, loss modulus = loss * EI between the band's ends
+    # Structural damping of the blade's bending: Prony branches, loss modulus = loss * EI between the band's ends
     loss: float = 0.19
-    band: tuple = (20.0, 20e3)                  # Hz
-    branches: int = 10
+    band: tuple = (100.0, 20e3)                 # Hz
+    branches: int = 24
     # Film under the two ends of the middle leaf
     film_force: float = 19.0                    # N per end, at the design interference
     film_speed: float = 0.6e-3                  # m/s
@@ -95,10 +95,16 @@ class Rig:
         return self.housing(i, area)[0]
 
     def prony(self):
-        """Modulus of each branch per unit of loss modulus, and the relaxation times: equal branches, their times a geometric sequence."""
+        """Modulus of each branch per unit of loss modulus, and the relaxation times: a geometric sequence from half a decade below the band to half a decade
+        above it, the moduli equal but for the outermost two, which make up at the ends of the band for what is cut off beyond them.
+        """
         low, high = self.band
-        tau = 1.0 / (2.0 * np.pi * np.geomspace(low, high, self.branches))
-        return 2.0 / np.pi * np.log(high / low) / (self.branches - 1), tau
+        rate = np.geomspace(low / np.sqrt(10.0), high * np.sqrt(10.0), self.branches)
+        modulus = np.full(self.branches, 2.0 / np.pi * np.log(rate[1] / rate[0]))
+        turned = low / rate
+        at_end = turned / (1.0 + turned**2)
+        modulus[[0, -1]] = (1.0 - modulus[1:-1] @ at_end[1:-1]) / (at_end[0] + at_end[-1])
+        return modulus, 1.0 / (2.0 * np.pi * rate)
 
     def angles(self):
         """Angles q1, q2, q3 of the arcs, rad."""

@@ -40,8 +40,8 @@ class QuasiStatic:
         if step is not None:
             ratio = (step / self.tau)[:, None]
             new_creep = (creep + ratio * strain[2]) / (1.0 + ratio)
-            moment = moment + self.g * p.loss * (strain[2] - new_creep).sum(0)
-            moduli[2] = moduli[2] + self.g * p.loss * (1.0 / (1.0 + ratio)).sum(0)
+            moment = moment + p.loss * (self.g @ (strain[2] - new_creep))
+            moduli[2] = moduli[2] + p.loss * (self.g @ (1.0 / (1.0 + ratio)))
         resultants = np.stack([p.ea * strain[0], p.shear * strain[1], moment])
         u, w, cb, csecond = contact_state(m, q)
         along, stiff, anchor = interface.friction(u, self.anchor, p.limit, p.slip)

@@ -188,7 +188,7 @@ fn mixed() -> System {
             ("viscous", "c0-3.x", &[0.8]),
             ("maxwell", "c0.x", &[500.0, 0.02]),
             ("elastic_slip", "c1.x", &[1.2, 4e-4]),
-            ("structural_damping", "c2.x", &[150.0, 0.1, 100.0, 3.0]),
+            ("structural_damping", "c2.x", &[150.0, 5.0, 40.0, 3.0]),
             ("film", "c3.x", &[0.5, 0.02, 2e-4]),
             ("support_compliance", "c3.x", &[4e-5]),
         ],
