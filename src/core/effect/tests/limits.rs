@@ -170,7 +170,7 @@ fn iwan_has_the_backbone_and_the_loss_of_a_uniform_density() {
 fn structural_damping_has_a_flat_loss_modulus_over_its_band() {
     let law = law("structural_damping");
     for (low, high, within) in [(0.01, 1e4, 0.007), (20.0, 2e4, 0.005), (5.0, 500.0, 0.005), (50.0, 60.0, 0.003), (0.01, 1e5, 0.02)] {
-        for f_ref in [0.0, low, (low * high as f64).sqrt()] {
+        for f_ref in [0.0, low, f64::sqrt(low * high)] {
             let p = [1.0, low, high, f_ref];
             let at = |f: f64| law.stiffness(Complex64::new(0.0, TAU * f), &p).unwrap();
             for step in 0..=100 {
