@@ -399,9 +399,9 @@ impl<'a> March<'a> {
                     break;
                 }
                 // A residual that falls as it fell before is converged after the next iteration. Where a look at all parts is what an iteration costs, that one is
-                // not looked at again.
+                // not looked at again, if what is left is next to nothing: forces that neither a state nor a reaction asks for stay what they are here.
                 let falls = self.spatial.is_some() && factor == 1.0 && base_norm.is_finite() && norm < SLOW * base_norm;
-                converged = falls && norm * (norm / base_norm) <= self.enough * self.scale;
+                converged = falls && norm <= FLAT * self.scale && norm * (norm / base_norm) <= self.enough * self.scale;
                 if self.keep && (norm >= level || iteration >= patience) {
                     self.keep = false;
                     continue;
@@ -471,7 +471,7 @@ impl<'a> March<'a> {
 enum Stage {
     /// Forces and new states only.
     Value,
-    /// The same where new states or reactions ask for them: the forces elsewhere are those of the iteration before, the residual of which was next to nothing.
+    /// The same where new states or reactions ask for them: the forces elsewhere are those of the iteration before, the residual of which was below [`FLAT`].
     Last,
     /// Also the tangent matrix.
     Newton,

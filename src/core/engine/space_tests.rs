@@ -344,6 +344,37 @@ fn the_slopes_of_a_transient_with_large_rotations_are_its_derivatives() {
     });
 }
 
+/// Without sensitivities the last look of a step is at what states and reactions ask for; with them it is at everything.
+#[test]
+fn a_march_of_values_has_the_states_forces_and_reactions_of_one_with_slopes() {
+    let system = mixed();
+    let (bound, steps, dt) = (bind(&system), 200, 1e-4);
+    let dof = |name: &str| system.model.dof(name).unwrap();
+    let held = dof("b4.x");
+    let w = TAU * 60.0;
+    let path = (0..=steps).map(|k| w * dt * k as f64).map(|p| [2e-3 * (1.0 - p.cos()), 2e-3 * w * p.sin(), 2e-3 * w * w * p.cos()]);
+    let force = (0..=steps).map(|k| 15.0 * (w * dt * k as f64).sin()).collect();
+    let loads = Loads { dt, prescribed: vec![(held, path.collect())], forces: vec![(dof("b3.z"), force)] };
+    let run = |columns: usize| -> Vec<Vec<f64>> {
+        let mut march = March::new(&system.model, &bound, &loads, 0.7).unwrap();
+        let mut state = march.rest(columns);
+        let mut step = |k: usize| {
+            march.step(k, &mut state, columns).unwrap();
+            [state.q.clone(), state.s.clone(), march.element_forces(columns).0, vec![state.g[held]]]
+        };
+        (1..=steps).flat_map(&mut step).collect()
+    };
+    let (values, with_slopes) = (run(0), run(bound.n_free));
+    for what in 0..4 {
+        let of = |all: &[Vec<f64>]| -> Vec<f64> { all.iter().skip(what).step_by(4).flatten().copied().collect() };
+        let (own, full) = (of(&values), of(&with_slopes));
+        let size = full.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let gap = own.iter().zip(&full).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        println!("{what}: {:.1e} of {size}", gap / size);
+        assert!(size > 0.0 && gap < 1e-8 * size, "{what}: {gap} of {size}");
+    }
+}
+
 #[test]
 fn the_march_with_large_rotations_is_of_second_order() {
     let system = mixed();
