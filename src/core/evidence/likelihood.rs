@@ -193,7 +193,8 @@ impl Evidence {
 impl Evidence {
     /// Logarithm of the density of tests that a model was not fitted to, its variances those of the tests it was: the sum over tests of
     /// `ln of the integral of l_z(v, g) N(g; 0, s^2) dg`, where in such a test the model errs by `e^g` times what it errs by on average: laws fail unevenly, and
-    /// a model that foretold a test within twice its error would be held to have failed by hundreds of nats. On the grid of the own errors.
+    /// a model that foretold a test within twice its error would be held to have failed by hundreds of nats. On the grid of the own errors, and beyond it as far
+    /// as the integrand reaches: what every model of a study gets wrong by its own size must not tell the precise one from the rough one by the square of that.
     pub fn predictive(&self, seen: &[Seen], counts: &Counts, v: &Variances) -> f64 {
         let s = &self.settings;
         let of = |(t, (record, seen)): (usize, (&Record, &Seen))| {
@@ -205,9 +206,17 @@ impl Evidence {
                 let fitted = of_parts(&x, &shared, &parts, &counts.z[t]);
                 fitted.map_or(f64::NEG_INFINITY, |(inner, ld)| -0.5 * (ld + inner[(0, 0)] + (g / s.model_error_spread).powi(2)))
             };
-            let all: Vec<f64> = s.own_grid().map(&mut density).collect();
+            let mut all: Vec<f64> = s.own_grid().map(&mut density).collect();
+            let mut most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            for g in s.beyond_own_grid() {
+                let (last, next) = (all.last().copied().unwrap_or(f64::NEG_INFINITY), density(g));
+                if !(next > last || next > most - s.negligible) {
+                    break;
+                }
+                all.push(next);
+                most = most.max(next);
+            }
             let weight: f64 = s.own_grid().map(|g| (-0.5 * (g / s.model_error_spread).powi(2)).exp()).sum();
-            let most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             if most.is_finite() { most + (all.iter().map(|l| (l - most).exp()).sum::<f64>() / weight).ln() } else { most }
         };
         self.records.iter().zip(seen).enumerate().map(of).sum()

@@ -55,6 +55,8 @@ pub struct Settings {
     pub own_reach: f64,
     /// ...and its points.
     pub own_points: usize,
+    /// Nats below the most at which the integrand over that grid, continued in held-out tests, is left off.
+    pub negligible: f64,
     /// Logarithm of a scatter that is none, a fifth of a percent...
     pub no_scatter: f64,
     /// ...and of that from which an estimate begins at least: below it the likelihood is flat.
@@ -76,6 +78,12 @@ impl Settings {
     pub(super) fn own_grid(&self) -> impl Iterator<Item = f64> {
         let (reach, points) = (self.own_reach, self.own_points);
         (0..points).map(move |k| reach * (2.0 * k as f64 / (points - 1) as f64 - 1.0))
+    }
+
+    /// The same grid beyond its upper end; what all of the prior's weight lies on ends far below.
+    pub(super) fn beyond_own_grid(&self) -> impl Iterator<Item = f64> {
+        let (reach, points) = (self.own_reach, self.own_points);
+        (1..).map(move |k| reach * (1.0 + 2.0 * k as f64 / (points - 1) as f64))
     }
 
     /// Least error of any channel.
@@ -110,6 +118,7 @@ impl Default for Settings {
             last_step: 0.02,
             own_reach: 2.0,
             own_points: 41,
+            negligible: 20.0,
             no_scatter: -6.2,
             scatter_from: -5.3,
             ridge: 1e-9,

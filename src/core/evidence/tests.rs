@@ -464,4 +464,12 @@ fn a_held_out_test_allows_for_how_unevenly_models_err() {
     assert!((e.predictive(&as_fitted, &counts, &v) - plug(&as_fitted)).abs() < 4.0);
     assert!(plug(&as_fitted) - plug(&thrice) > 300.0);
     assert!(e.predictive(&as_fitted, &counts, &v) - e.predictive(&thrice, &counts, &v) < 120.0);
+
+    // What a model gets wrong by three hundred times its error costs by the logarithm of that, not by its square. By Laplace's method: half a logarithm of the
+    // variance a coefficient (81 of them; noise and model error alike before), the prior at the factor, and how well either knows its factor.
+    let far = e.predictive(&as_fitted, &counts, &v) - e.predictive(&erring(3.0), &counts, &v);
+    let (factor, spread) = (300f64.ln(), 0.49);
+    let (knows, knew) = (2.0 * 81.0 + 1.0 / spread, 0.5 * 81.0 + 1.0 / spread);
+    let prior = 0.5 * factor * factor / spread - 0.5 * (factor / spread).powi(2) / knows;
+    approx::assert_relative_eq!(far, 0.5 * 81.0 * (9.0 / 2e-4f64).ln() + prior + 0.5 * (knows / knew).ln(), max_relative = 2e-3);
 }
