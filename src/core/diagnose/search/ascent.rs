@@ -174,8 +174,6 @@ impl Climb<'_> {
 
 #[cfg(test)]
 mod tests {
-    use std::slice::from_ref;
-
     use super::*;
 
     #[test]
@@ -185,9 +183,9 @@ mod tests {
             [("film", "a.x"), ("elastic_slip", "a.x"), ("viscous", "b.x"), ("maxwell", "c.x")].map(|(e, at)| name(e, at));
         let stood = [(&film, true, 9.0), (&slip, true, 8.5), (&damper, false, 8.0), (&spring, true, 3.0)];
         let next = |taken: &[Name]| next_elsewhere(taken, stood.into_iter());
-        assert_eq!(next(from_ref(&film)), Some(3));
+        assert_eq!(next(&[film.clone()]), Some(3));
         assert_eq!(next(&[film.clone(), spring.clone()]), None);
-        assert_eq!(next(from_ref(&spring)), Some(0));
-        assert_eq!(next_elsewhere(from_ref(&film), [(&spring, true, -0.1)].into_iter()), None);
+        assert_eq!(next(&[spring.clone()]), Some(0));
+        assert_eq!(next_elsewhere(&[film], [(&spring, true, -0.1)].into_iter()), None);
     }
 }
