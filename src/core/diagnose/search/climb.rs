@@ -136,25 +136,6 @@ impl<'a> Climb<'a> {
         })
     }
 
-    /// The climb where it stands, to go on from here another way.
-    pub fn again(&self) -> Climb<'a> {
-        Climb {
-            case: self.case.clone(),
-            settings: self.settings.clone(),
-            slack: self.slack.clone(),
-            beside: None,
-            offered: None,
-            scale: self.scale.again(),
-            elsewhere: self.elsewhere.clone(),
-            first: self.first.clone(),
-            now: self.now.clone(),
-            added: self.added.clone(),
-            order: self.order.clone(),
-            turned: self.turned.clone(),
-            ..*self
-        }
-    }
-
     /// Stands again where an earlier ladder has ended: what it had found, fitted once more beside the study's own model.
     pub fn take_up(&mut self, start: &System, found: &[Instance]) -> Result<Rung, DiagnoseError> {
         let mut system = self.now.fitted.system.clone();

@@ -6,7 +6,6 @@ use crate::model::System;
 use crate::parallel;
 use crate::response::Plan;
 
-use super::ascent::{End, ascend};
 use super::candidates::Name;
 use super::climb::Climb;
 use super::held_out::HeldOutTests;
@@ -119,6 +118,30 @@ fn pooled(tests: &[TestResult], pick: impl Fn(&TestResult) -> f64) -> Option<f64
     (!held.is_empty()).then(|| (held.iter().map(|e| e * e).sum::<f64>() / held.len() as f64).sqrt())
 }
 
+/// Why a climb ends.
+enum End {
+    /// Nothing gains more than it costs.
+    NothingGains,
+    /// As many effects as may be added.
+    Full,
+    /// It was stopped.
+    Stopped,
+    /// The next step cannot be computed.
+    Cannot(String),
+}
+
+impl End {
+    fn describe(&self, climb: &Climb) -> String {
+        match self {
+            End::NothingGains => "no candidate gains more than its parameters and the search for it cost".into(),
+            End::Full => format!("{} effects were added, and {} is the limit", climb.effects(), climb.settings.max_added),
+            End::Stopped if climb.added.is_empty() => "it was interrupted before an effect was added; more may be missing".into(),
+            End::Stopped => "it was interrupted after these effects were added; more may be missing".into(),
+            End::Cannot(why) => format!("what else is missing could not be looked for: {why}"),
+        }
+    }
+}
+
 /// Climbs. The held-out tests are computed once, at the end, for the first and the last model.
 pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderResult, System), DiagnoseError> {
     ladder_keeping(case, monitor, watch, &|_| {})
@@ -133,11 +156,53 @@ pub fn ladder_keeping(
 ) -> Result<(LadderResult, System), DiagnoseError> {
     let started = std::time::Instant::now();
     let (mut climb, mut rungs) = at_the_foot(case, monitor, watch)?;
-    let mut way = ascend(&mut climb, &mut rungs, keep)?;
-    if let Some((other, above, end)) = way.fork.take().and_then(|fork| fork.better(&climb, &way.end)) {
-        (climb, rungs, way) = (other, above, end);
-    }
-    climb.finish(rungs, &way.end, way.visible, started)
+    let mut visible = Vec::new();
+    let end = loop {
+        if trace::stopped(monitor) {
+            break End::Stopped;
+        }
+        if climb.effects() >= climb.settings.max_added || rungs.len() > 2 * climb.settings.max_added {
+            climb.exchange(&mut rungs)?;
+            break End::Full;
+        }
+        if rungs.len() > 1 {
+            keep(&climb.slack.held(&climb.now.fitted.system));
+        }
+        watch(&format!("rung {}", rungs.len()));
+        let step = match parallel::watched(&monitor.watch(), || climb.step()) {
+            Err(_) if trace::stopped(monitor) => break End::Stopped,
+            Err(why) if !climb.added.is_empty() => break End::Cannot(why.to_string()),
+            found => found?,
+        };
+        if let Some(last) = rungs.last_mut() {
+            (last.candidates, last.second_opinion, last.effort) = (step.candidates.clone(), step.second_opinion.clone(), step.effort);
+        }
+        if climb.loosen(&step, &mut rungs)? {
+            continue;
+        }
+        let Some(taken) = &step.taken else {
+            visible = step.visible;
+            if climb.exchange(&mut rungs)? {
+                continue;
+            }
+            if let Some(tight) = parallel::watched(&monitor.watch(), || climb.tighten(true)) {
+                rungs.extend(tight);
+                continue;
+            }
+            break if step.cut || trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
+        };
+        if climb.exchange_first(taken, &mut rungs)? {
+            continue;
+        }
+        // Whether what stands should be another is not known where the time ended before it was held against what could stand in its place, or before all
+        // candidates beside it were refitted: what it leaves may be its own.
+        if !climb.added.is_empty() && (step.cut || trace::stopped(monitor)) {
+            break End::Stopped;
+        }
+        rungs.push(climb.taken(taken, &step)?);
+        rungs.extend(parallel::watched(&monitor.watch(), || climb.tighten(false)).unwrap_or_default());
+    };
+    climb.finish(rungs, &end, visible, started)
 }
 
 /// The study's own model fitted to its tests, channels turned back and clipped samples left out, and what an earlier ladder had found beside it: the first rungs.
@@ -160,6 +225,28 @@ fn at_the_foot<'a>(case: &Case, monitor: &'a Monitor<'a>, watch: Watch<'a>) -> R
 }
 
 impl Climb<'_> {
+    /// Exchanges an addition for what does its work better. What was added first may stand for two: where nothing gains beside it, or nothing more may be
+    /// added, every addition is held against what could stand in its place now. Whether one was exchanged.
+    fn exchange(&mut self, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
+        let changed = self.effects() > 1 || !self.added.is_empty() && rungs.last().is_some_and(|r| !r.removed.is_empty());
+        if !changed {
+            return Ok(false);
+        }
+        let Some((added, removed)) = parallel::watched(&self.monitor.watch(), || self.swap()) else { return Ok(false) };
+        rungs.push(self.rung(Some(added), vec![removed])?);
+        Ok(true)
+    }
+
+    /// Exchanges an addition before anything is added beside it, where that comes to no less: a law that does nearly what is missing leaves a rest that
+    /// another one, elsewhere, can take up. Whether one was exchanged.
+    fn exchange_first(&mut self, taken: &super::step::Move, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
+        let watch = self.monitor.watch();
+        let exchanged = if self.added.is_empty() { None } else { parallel::watched(&watch, || self.replace(Some(&taken.weighed))) };
+        let Some((added, removed)) = exchanged else { return Ok(false) };
+        rungs.push(self.rung(Some(added), vec![removed])?);
+        Ok(true)
+    }
+
     /// Adds what a step has found, takes out what it has made superfluous, and says how the model then stands.
     pub(in crate::diagnose) fn taken(&mut self, taken: &super::step::Move, step: &Step) -> Result<Rung, DiagnoseError> {
         let watch = self.monitor.watch();

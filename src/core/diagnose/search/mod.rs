@@ -1,6 +1,5 @@
 //! The search for missing effects: forward selection with backward pruning, one criterion. ARCHITECTURE.md tells it on one page, "The search".
 
-pub(in crate::diagnose) mod ascent;
 pub(in crate::diagnose) mod candidates;
 pub(in crate::diagnose) mod chance;
 pub(in crate::diagnose) mod climb;
