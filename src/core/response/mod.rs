@@ -53,6 +53,11 @@ const ROUGH_ERROR: f64 = 0.2;
 /// Factor on the sigma of rows that are left out.
 const UNSEEN: f64 = 1e8;
 
+/// Whether a row of a table is compared: one that is left out has a deviation beyond all measure.
+pub fn is_compared(sigma: f64, measured: f64) -> bool {
+    sigma < UNSEEN.sqrt() * measured.abs()
+}
+
 /// What the points of a block are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockKind {

@@ -72,11 +72,10 @@ impl Curve {
     /// Largest difference of measured and computed over the range of the measured, as the tensioner's paper states errors (Figs. 15, 19,
     /// 20); of an FRF that of its magnitude, of a table the largest relative deviation of a row (Fig. 14).
     pub fn largest_difference(&self) -> f64 {
-        use crate::response::BlockKind;
+        use crate::response::{BlockKind, is_compared};
         let largest = |d: &mut dyn Iterator<Item = f64>| d.fold(0.0f64, |m, d| m.max(d.abs()));
         let magnitude = |v: &[f64]| v.chunks_exact(2).map(|p| p[0].hypot(p[1])).collect::<Vec<f64>>();
-        // Rows that are compared with nothing have a deviation beyond all measure.
-        let seen = |(i, _): &(usize, &f64)| self.sigma.get(*i).is_none_or(|s| *s < 1e3 * self.measured[*i].abs());
+        let seen = |(i, _): &(usize, &f64)| self.sigma.get(*i).is_none_or(|s| is_compared(*s, self.measured[*i]));
         let over_range = |m: &[f64], c: &[f64]| {
             let (low, high) = m.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
             let range = high - low;

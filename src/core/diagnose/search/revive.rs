@@ -44,6 +44,7 @@ impl Climb<'_> {
         if gain > self.settings.tie {
             (self.watch)(&format!("begun again from the study's own start with what was added: {gain:.1} nats"));
             self.now = again;
+            self.forget();
         }
         Some(())
     }
@@ -76,6 +77,7 @@ impl Climb<'_> {
         if gain > tie {
             (self.watch)(&format!("{} at {} was out, and is begun again: {gain:.1} nats", own.name(), own.at));
             self.now = again;
+            self.forget();
         }
         Some(())
     }

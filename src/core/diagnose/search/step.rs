@@ -280,9 +280,8 @@ impl<'a> Price<'a> {
     /// What was tried where this candidate was, against the odds that there is something to be found. A fault of an instrument counts as more choices, by the
     /// odds against it before any test is read.
     pub fn tried(&self, candidate: usize) -> f64 {
-        let channel = role(&self.names[candidate]) == Some(Role::Channel);
-        let choices = if channel { self.all * self.against.scale.settings.fault_odds } else { self.physics };
-        choices / self.against.odds()
+        let fault = role(&self.names[candidate]) == Some(Role::Channel);
+        choices(fault, (self.physics, self.all), self.against.scale.settings.fault_odds) / self.against.odds()
     }
 
     pub fn price(&self, candidate: usize) -> f64 {
@@ -325,6 +324,11 @@ impl<'a> Price<'a> {
         }
         Reason::Hopeless { bound: self.bound(candidate, drop), price: self.price(candidate) }
     }
+}
+
+/// Choices that a fault of an instrument stands among, or an effect: independent ones of the physics, and of all that is tried.
+fn choices(fault: bool, (physics, all): (f64, f64), fault_odds: f64) -> f64 {
+    if fault { all * fault_odds } else { physics }
 }
 
 /// By how much more a law gained than its slope promised; 1 where it gained no more.
@@ -425,6 +429,13 @@ mod tests {
         assert_eq!(choice(&[(&film, 0.5, 15), (&slip, -0.3, 14)], 1.5), Some(0));
         assert_eq!(choice(&[(&film, -0.5, 15), (&slip, -0.7, 14)], 1.5), Some(0));
         assert_eq!(choice(&[], 1.5), None);
+    }
+
+    #[test]
+    fn a_fault_of_an_instrument_pays_for_everything_that_was_tried_and_for_the_odds_against_it() {
+        let independent = (9.0, 12.0);
+        let nats = |fault| choices(fault, independent, 20.0).ln();
+        approx::assert_relative_eq!(nats(true) - nats(false), (20.0 * 12.0 / 9.0f64).ln(), max_relative = 1e-12);
     }
 
     #[test]
