@@ -125,8 +125,8 @@ pub(super) fn suggestion(u: &Unexplained) -> String {
     )
 }
 
-/// A verdict in a sentence.
-pub(super) fn sentence(verdict: Verdict, proven: bool, missing: &[(&str, &str)]) -> String {
+/// A verdict in a sentence. `undecided`: see [`crate::diagnose::LadderResult::undecided`].
+pub(super) fn sentence(verdict: Verdict, proven: bool, undecided: bool, missing: &[(&str, &str)]) -> String {
     let names: Vec<String> = missing.iter().map(|(effect, at)| format!("{effect} at {at}")).collect();
     match verdict {
         Verdict::Missing => format!("Missing: {}.", names.join(", ")),
@@ -135,11 +135,13 @@ pub(super) fn sentence(verdict: Verdict, proven: bool, missing: &[(&str, &str)])
             format!("Missing in part: {}. The rest of the misfit is unexplained: no effect of the library takes it away.", names.join(", "))
         }
         Verdict::Unexplained if !names.is_empty() => {
-            format!(
-                "Unexplained: {} {} a part of the misfit away on the fitted tests, and that is not the answer.",
-                names.join(", "),
-                if names.len() == 1 { "takes" } else { "take" }
-            )
+            let take = if names.len() == 1 { "takes" } else { "take" };
+            let what = if undecided {
+                "all of the misfit away that the fitted tests show, and the held-out tests do not bear it out"
+            } else {
+                "a part of the misfit away on the fitted tests, and that is not the answer"
+            };
+            format!("Unexplained: {} {take} {what}.", names.join(", "))
         }
         Verdict::Unexplained => "Something is missing that no effect of the library explains.".into(),
         Verdict::Interrupted => "The search was interrupted before it had found anything; it says nothing about what is missing.".into(),
@@ -163,7 +165,7 @@ fn told(d: &Diagnosis, study: &str) -> String {
         text += &format!("Second opinion: {remark}.\n");
     }
     let missing: Vec<(&str, &str)> = d.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
-    text += &sentence(d.verdict, false, &missing);
+    text += &sentence(d.verdict, false, false, &missing);
     text += "\n";
     if let Some(u) = &d.unexplained {
         text += &suggestion(u);
@@ -181,4 +183,20 @@ fn told(d: &Diagnosis, study: &str) -> String {
         text += &format!("Next: `misfit add {study} {} --at {}`, or `misfit ladder {study}`.\n", first.effect, first.at);
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_leaves_nothing_and_is_not_borne_out_is_told_apart_from_what_leaves_a_part() {
+        let said = |undecided| sentence(Verdict::Unexplained, false, undecided, &[("film", "c1.x")]);
+        assert!(
+            said(true).contains(
+                "film at c1.x takes all of the misfit away that the fitted tests show, and the held-out tests do not bear it out"
+            )
+        );
+        assert!(said(false).contains("film at c1.x takes a part of the misfit away"));
+    }
 }

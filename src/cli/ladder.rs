@@ -67,7 +67,7 @@ fn told(result: &LadderResult) -> String {
         text += "\n";
     }
     let missing: Vec<(&str, &str)> = result.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
-    text += &super::diagnose::sentence(result.verdict, result.proven, &missing);
+    text += &super::diagnose::sentence(result.verdict, result.proven, result.undecided(), &missing);
     text += match (result.interrupted, result.verdict) {
         (true, Verdict::NothingMissing) => {
             " The fit is at the noise; the search was interrupted, and effects that are weaker than it were not all looked for.\n"

@@ -272,6 +272,7 @@ fn missing(input: &ReportInput) -> String {
         small.extend(n.tied().map(|tied| format!("{} cannot be told from {tied}", n.words())));
     }
     let unexplained = match verdict {
+        Some(Verdict::Unexplained) if input.ladder.is_some_and(|l| l.undecided()) => "",
         Some(Verdict::Unexplained) => "And a part that no candidate explains.",
         _ if interrupted(input) => "The search was interrupted; more may be missing.",
         _ => "",
@@ -331,6 +332,11 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
         let stays = l.result_study.as_ref().map(|s| esc(s));
         return match (l.verdict, stays) {
             _ if l.interrupted => format!("let the search go to its end: <code>misfit ladder {folder}</code>"),
+            (Verdict::Unexplained, _) if l.undecided() => {
+                "measure one more test like those that are held out, with the effect at its strongest, and hold it out as well: what is named takes the misfit \
+                 away, and these do not bear it out."
+                    .into()
+            }
             (Verdict::Unexplained, _) => {
                 "look below at the residuals of the worst test; what they show needs a law that is not in the library.".into()
             }

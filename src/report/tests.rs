@@ -11,6 +11,8 @@ use crate::study::Study;
 use super::page::PLOTLY;
 use super::{ReportError, ReportInput, html, write};
 
+mod undecided;
+
 const HOSTILE: &str = "loop <script>alert(1)</script> & \"x\"";
 
 const STUDY: &str = r#"schema = 1

@@ -463,3 +463,12 @@ pub struct LadderResult {
     /// Folder of the resulting study.
     pub result_study: Option<String>,
 }
+
+impl LadderResult {
+    /// Whether what was added takes away all of the misfit that is seen, and the held-out tests do not say that it is there: nothing is left that a law
+    /// would be missing for.
+    pub fn undecided(&self) -> bool {
+        let explained = !self.unexplained_remainder && self.unexplained.is_none();
+        self.verdict == Verdict::Unexplained && !self.proven && !self.missing.is_empty() && explained
+    }
+}
