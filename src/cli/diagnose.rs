@@ -137,7 +137,7 @@ pub(super) fn sentence(verdict: Verdict, proven: bool, undecided: bool, missing:
         Verdict::Unexplained if !names.is_empty() => {
             let take = if names.len() == 1 { "takes" } else { "take" };
             let what = if undecided {
-                "all of the misfit away that the fitted tests show, and the held-out tests do not bear it out"
+                "all of the misfit away that is not noise or scatter between tests, and the held-out tests do not bear it out"
             } else {
                 "a part of the misfit away on the fitted tests, and that is not the answer"
             };
@@ -192,11 +192,7 @@ mod tests {
     #[test]
     fn what_leaves_nothing_and_is_not_borne_out_is_told_apart_from_what_leaves_a_part() {
         let said = |undecided| sentence(Verdict::Unexplained, false, undecided, &[("film", "c1.x")]);
-        assert!(
-            said(true).contains(
-                "film at c1.x takes all of the misfit away that the fitted tests show, and the held-out tests do not bear it out"
-            )
-        );
+        assert!(said(true).contains("film at c1.x takes all of the misfit away that is not noise or scatter between tests"));
         assert!(said(false).contains("film at c1.x takes a part of the misfit away"));
     }
 }

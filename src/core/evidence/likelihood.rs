@@ -7,7 +7,7 @@ use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::{DMatrix, DVector};
 
 use super::common::Common;
-use super::record::{Alike, Part, Varied};
+use super::record::{Alike, LogSum, Part, Varied};
 use super::{Counts, Evidence, Record, Seen, Variances, beside};
 use crate::parallel;
 
@@ -56,11 +56,11 @@ impl Gram {
     /// Squares and level of its coefficients under the variances that each of them has by itself.
     fn weighed(&self, channels: &[Varied], errors: &[f64]) -> Squares {
         let n = self.columns.0 + self.columns.1;
-        let (mut squares, mut rows, mut ld) = (DMatrix::zeros(n, n), self.rows.clone(), 0.0);
+        let (mut squares, mut rows, mut ld, mut logs) = (DMatrix::zeros(n, n), self.rows.clone(), 0.0, LogSum::default());
         for (alike, lot) in self.alike.iter().zip(&self.lots) {
             let part = alike.part(channels, errors[alike.channel]);
             let w = 1.0 / part.variance(alike.z);
-            ld += alike.level(&part, channels);
+            ld += alike.level(&part, channels, &mut logs);
             match lot {
                 Lot::Squares(own) => (0..n).for_each(|k| {
                     squares.view_mut((k, k), (n - k, 1)).zip_apply(&own.view((k, k), (n - k, 1)), |sum, own| *sum += w * own)
@@ -71,7 +71,7 @@ impl Gram {
         if rows.nrows() > 0 {
             squares += squared(&rows);
         }
-        Squares { columns: self.columns, squares, ld }
+        Squares { columns: self.columns, squares, ld: ld + logs.total() }
     }
 }
 

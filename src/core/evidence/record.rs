@@ -95,9 +95,14 @@ impl Part {
     /// were half of their cost.
     fn level_by(&self, z: f64, logs: Logs) -> f64 {
         let whole = self.whole();
+        z * self.free * whole.ln() + self.beside_whole(z, whole, logs)
+    }
+
+    /// The same without `z free ln D`.
+    fn beside_whole(&self, z: f64, whole: f64, logs: Logs) -> f64 {
         let known = (1.0 - self.free * self.colour).max(0.0) * (1.0 - self.noise / whole);
         let rough = if self.free < 1.0 { (1.0 - self.free) * logs.noise + known } else { 0.0 };
-        z * (self.free * whole.ln() + rough) + (1.0 - z) * (logs.scale + 1.0 / self.scale)
+        z * rough + (1.0 - z) * (logs.scale + 1.0 / self.scale)
     }
 
     /// Fisher information of the logarithm of the model's error in a coefficient.
@@ -136,10 +141,44 @@ impl Alike {
         Part { noise: scale * self.noise, error: tau * tau * self.size, free, colour, scale }
     }
 
-    /// What all of them add to `-2 ln L` beside their squares, see [`Part::level`].
-    pub fn level(&self, part: &Part, channels: &[Varied]) -> f64 {
-        let scale = channels[self.channel].log_scale;
-        self.members.len() as f64 * part.level_by(self.z, Logs { noise: self.log_noise + scale, scale })
+    /// What all of them add to `-2 ln L` beside their squares, see [`Part::level`], and beside what they add to `logs`.
+    pub fn level(&self, part: &Part, channels: &[Varied], logs: &mut LogSum) -> f64 {
+        let (scale, n, whole) = (channels[self.channel].log_scale, self.members.len() as f64, part.whole());
+        logs.add(n * self.z * part.free, whole);
+        n * part.beside_whole(self.z, whole, Logs { noise: self.log_noise + scale, scale })
+    }
+}
+
+/// A sum of logarithms, each times a weight. Values of one weight that follow each other are multiplied, and the logarithm of their product is taken: one for
+/// each of the thousand lines of an FRF was a tenth of a ladder.
+pub(super) struct LogSum {
+    sum: f64,
+    weight: f64,
+    product: f64,
+}
+
+/// Products beyond it, or below one over it, are not multiplied on.
+const FAR: f64 = 1e150;
+
+impl LogSum {
+    pub fn add(&mut self, weight: f64, value: f64) {
+        let product = self.product * value;
+        if weight == self.weight && (1.0 / FAR..FAR).contains(&product) {
+            self.product = product;
+        } else {
+            self.sum += self.weight * self.product.ln();
+            (self.weight, self.product) = (weight, value);
+        }
+    }
+
+    pub fn total(self) -> f64 {
+        self.sum + self.weight * self.product.ln()
+    }
+}
+
+impl Default for LogSum {
+    fn default() -> Self {
+        LogSum { sum: 0.0, weight: 0.0, product: 1.0 }
     }
 }
 

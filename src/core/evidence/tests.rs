@@ -473,3 +473,13 @@ fn a_held_out_test_allows_for_how_unevenly_models_err() {
     let prior = 0.5 * factor * factor / spread - 0.5 * (factor / spread).powi(2) / knows;
     approx::assert_relative_eq!(far, 0.5 * 81.0 * (9.0 / 2e-4f64).ln() + prior + 0.5 * (knows / knew).ln(), max_relative = 2e-3);
 }
+
+#[test]
+fn a_sum_of_logarithms_is_that_of_its_products() {
+    let values: Vec<(f64, f64)> =
+        (0..500).map(|k| (if k % 100 < 60 { 0.7 } else { 2.0 }, 10f64.powi(k % 37 - 30) * (1.0 + f64::from(k)))).collect();
+    let mut sum = super::record::LogSum::default();
+    values.iter().for_each(|(weight, value)| sum.add(*weight, *value));
+    approx::assert_relative_eq!(sum.total(), values.iter().map(|(w, v)| w * v.ln()).sum::<f64>(), max_relative = 1e-12);
+    assert_eq!(super::record::LogSum::default().total(), 0.0);
+}

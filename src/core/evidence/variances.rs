@@ -4,7 +4,7 @@ use crate::data::TestKind;
 
 use super::common::Common;
 use super::likelihood::{Squares, restricted};
-use super::record::{Alike, Channel};
+use super::record::{Alike, Channel, LogSum};
 use super::{Counts, Evidence, Record, Seen, Settings};
 
 /// Kinds of test.
@@ -226,12 +226,13 @@ impl Evidence {
             let lots: Vec<(&Alike, f64)> = alike[t].iter().map(of).collect();
             for (b, channel) in record.channels.iter().enumerate() {
                 let cost = |g: f64| {
-                    let tau = (v.tau + g).exp().max(channel.least);
+                    let (tau, mut logs) = ((v.tau + g).exp().max(channel.least), LogSum::default());
                     let of = |(lot, squares): &(&Alike, f64)| {
                         let part = lot.part(&channels, tau);
-                        0.5 * (lot.level(&part, &channels) + squares / part.variance(lot.z))
+                        lot.level(&part, &channels, &mut logs) + squares / part.variance(lot.z)
                     };
-                    lots.iter().filter(|(lot, _)| lot.channel == b).map(of).sum::<f64>() + 0.5 * (g / s.model_error_spread).powi(2)
+                    let sum: f64 = lots.iter().filter(|(lot, _)| lot.channel == b).map(of).sum();
+                    0.5 * (sum + logs.total() + (g / s.model_error_spread).powi(2))
                 };
                 let costs: Vec<(f64, f64)> = s.own_grid().map(|g| (g, cost(g))).collect();
                 v.own[t][b] = costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |c| c.0);
