@@ -334,7 +334,7 @@ fn next(input: &ReportInput, stages: &[Stage]) -> String {
             _ if l.interrupted => format!("let the search go to its end: <code>misfit ladder {folder}</code>"),
             (Verdict::Unexplained, _) if l.undecided() => {
                 "measure one more test like those that are held out, with the effect at its strongest, and hold it out as well: what is named takes the misfit \
-                 away, and these do not bear it out."
+                 away, and the held-out tests do not bear it out."
                     .into()
             }
             (Verdict::Unexplained, _) => {

@@ -206,15 +206,15 @@ impl Evidence {
                 let fitted = of_parts(&x, &shared, &parts, &counts.z[t]);
                 fitted.map_or(f64::NEG_INFINITY, |(inner, ld)| -0.5 * (ld + inner[(0, 0)] + (g / s.model_error_spread).powi(2)))
             };
-            let mut all: Vec<f64> = s.own_grid().map(&mut density).collect();
-            let mut most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            for g in s.beyond_own_grid() {
-                let (last, next) = (all.last().copied().unwrap_or(f64::NEG_INFINITY), density(g));
-                if !(next > last || next > most - s.negligible) {
+            let (mut all, mut most, mut last) = (Vec::new(), f64::NEG_INFINITY, f64::NEG_INFINITY);
+            for (k, g) in s.endless_grid().enumerate() {
+                let next = density(g);
+                let reaches = next > last || next > most - s.negligible;
+                if k >= s.own_points && !reaches {
                     break;
                 }
                 all.push(next);
-                most = most.max(next);
+                (most, last) = (most.max(next), next);
             }
             let weight: f64 = s.own_grid().map(|g| (-0.5 * (g / s.model_error_spread).powi(2)).exp()).sum();
             if most.is_finite() { most + (all.iter().map(|l| (l - most).exp()).sum::<f64>() / weight).ln() } else { most }

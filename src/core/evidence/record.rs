@@ -88,17 +88,12 @@ impl Part {
         if z == 0.0 || !self.noise.is_finite() {
             return 0.0;
         }
-        self.level_by(z, Logs { noise: self.noise.ln(), scale: self.scale.ln() })
-    }
-
-    /// The same of a coefficient that is compared. The variances of a model are estimated from some hundred levels of every coefficient, and logarithms
-    /// were half of their cost.
-    fn level_by(&self, z: f64, logs: Logs) -> f64 {
         let whole = self.whole();
-        z * self.free * whole.ln() + self.beside_whole(z, whole, logs)
+        z * self.free * whole.ln() + self.beside_whole(z, whole, Logs { noise: self.noise.ln(), scale: self.scale.ln() })
     }
 
-    /// The same without `z free ln D`.
+    /// The same of a coefficient that is compared, without `z free ln D`. The variances of a model are estimated from some hundred levels of every coefficient,
+    /// and logarithms were half of their cost.
     fn beside_whole(&self, z: f64, whole: f64, logs: Logs) -> f64 {
         let known = (1.0 - self.free * self.colour).max(0.0) * (1.0 - self.noise / whole);
         let rough = if self.free < 1.0 { (1.0 - self.free) * logs.noise + known } else { 0.0 };
@@ -150,7 +145,7 @@ impl Alike {
 }
 
 /// A sum of logarithms, each times a weight. Values of one weight that follow each other are multiplied, and the logarithm of their product is taken: one for
-/// each of the thousand lines of an FRF was a tenth of a ladder.
+/// each of the thousand lines of an FRF took up to a tenth of a ladder's time.
 pub(super) struct LogSum {
     sum: f64,
     weight: f64,

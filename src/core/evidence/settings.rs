@@ -76,14 +76,13 @@ pub struct Settings {
 impl Settings {
     /// Logarithms of a channel's own model error over the common one that are tried.
     pub(super) fn own_grid(&self) -> impl Iterator<Item = f64> {
-        let (reach, points) = (self.own_reach, self.own_points);
-        (0..points).map(move |k| reach * (2.0 * k as f64 / (points - 1) as f64 - 1.0))
+        self.endless_grid().take(self.own_points)
     }
 
-    /// The same grid beyond its upper end; what all of the prior's weight lies on ends far below.
-    pub(super) fn beyond_own_grid(&self) -> impl Iterator<Item = f64> {
+    /// The same grid, going on without an end.
+    pub(super) fn endless_grid(&self) -> impl Iterator<Item = f64> {
         let (reach, points) = (self.own_reach, self.own_points);
-        (1..).map(move |k| reach * (1.0 + 2.0 * k as f64 / (points - 1) as f64))
+        (0..).map(move |k| reach * (2.0 * k as f64 / (points - 1) as f64 - 1.0))
     }
 
     /// Least error of any channel.

@@ -348,11 +348,11 @@ impl Climb<'_> {
         if !self.added.is_empty() {
             self.refresh(&mut rungs)?;
         }
-        let LastWord { before, after, held_out, missing, remainder, seen, open, judged, ended } = self.last_word(&mut rungs, end)?;
+        let LastWord { before, after, held_out, missing, remainder, seen, judged, ended } = self.last_word(&mut rungs, end)?;
         let (next_test, no_next_test) = self.next_test(started);
         // What was added is no part of the answer where it leaves most of the question.
         let of = if judged.remainder.is_some_and(|r| r > self.settings.remainder) { &self.first } else { &self.now };
-        let formula = if judged.verdict == Verdict::Unexplained && open { self.suggestion(of) } else { None };
+        let formula = if judged.verdict == Verdict::Unexplained && judged.open { self.suggestion(of) } else { None };
         let system = &self.now.fitted.system;
         let would = if judged.verdict == Verdict::NothingMissing { detectable(&self.case, system, &visible) } else { vec![] };
         if rungs.len() > 1
@@ -422,8 +422,7 @@ impl Climb<'_> {
         }
         let remainder = word.map_or(grounds.model_error, |w| w.left.1);
         let seen = grounds.seen(remainder, &self.settings);
-        let open = grounds.seen(remainder.max(grounds.model_error), &self.settings);
-        Ok(LastWord { before, after, held_out, missing, remainder, seen, open, judged, ended })
+        Ok(LastWord { before, after, held_out, missing, remainder, seen, judged, ended })
     }
 
     /// What the held-out tests say of the first and of the last model, and of every effect that was added.
@@ -470,8 +469,6 @@ struct LastWord {
     /// Model error that is left, and whether it is seen beside the noise.
     remainder: f64,
     seen: bool,
-    /// The same on the fitted tests or these.
-    open: bool,
     judged: Judged,
     /// Why the climb ended, in words.
     ended: String,

@@ -43,6 +43,8 @@ pub struct Judged {
     pub why: String,
     /// Part of the first model error that is left.
     pub remainder: Option<f64>,
+    /// Whether an error is seen beside the noise, on the fitted tests or the held-out ones.
+    pub open: bool,
     /// Whether what was added is taken back: the held-out tests do not bear it out, what they and the fitted ones say for it is little, and the model without it
     /// shows no error there.
     pub withdrawn: bool,
@@ -97,7 +99,7 @@ pub fn judged(g: &Grounds, s: &Settings) -> Judged {
     } else {
         Verdict::NothingMissing
     };
-    Judged { verdict, proven, why, remainder, withdrawn }
+    Judged { verdict, proven, why, remainder, open: unexplained, withdrawn }
 }
 
 #[cfg(test)]
@@ -144,6 +146,8 @@ mod tests {
         }
         let j = of(&g);
         assert!(!j.proven && j.verdict == Verdict::Unexplained && j.why.contains("no more than its standard error"), "{j:?}");
+        // Nothing is left of the error, on the held-out tests; or on the fitted ones.
+        assert!(!j.open && of(&Grounds { model_error: 0.1, ..g }).open);
     }
 
     #[test]
