@@ -26,24 +26,26 @@ fn by_motion(steps: usize, dt: f64) -> Loads {
     Loads { dt, prescribed: vec![(2, (0..=steps).map(|k| at(k as f64 * dt)).collect())], forces: vec![] }
 }
 
-/// Readings at the ends of steps, `columns` slopes each.
+/// Readings of one probe at the ends of steps, `columns` slopes each.
+#[derive(Clone, Default)]
 struct Read {
     values: Vec<f64>,
     slopes: Vec<f64>,
 }
 
-fn run(system: &System, loads: &Loads, probe: Probe, exact: bool, every: usize, sensitivities: bool) -> Read {
+/// The readings of one march, probe by probe.
+fn run(system: &System, loads: &Loads, probes: &[Probe], exact: bool, every: usize, sensitivities: bool) -> Vec<Read> {
     let bound = bind(system);
     let columns = if sensitivities { bound.n_free } else { 0 };
     let march = if exact { March::exact(&system.model, &bound, loads, 0.6) } else { March::new(&system.model, &bound, loads, 0.6) };
     let mut march = march.unwrap();
-    let (mut state, mut read) = (march.rest(columns), Read { values: vec![], slopes: vec![] });
+    let (mut state, mut read) = (march.rest(columns), vec![Read::default(); probes.len()]);
     let steps = loads.prescribed.first().map(|p| p.1.len()).or(loads.forces.first().map(|f| f.1.len())).unwrap() - 1;
     let mut d = vec![0.0; columns];
     for k in 1..=steps {
         march.step(k, &mut state, columns).unwrap();
-        if k % every == 0 {
-            read.values.push(march.read(probe, &state, &mut d));
+        for (probe, read) in probes.iter().zip(&mut read).filter(|_| k % every == 0) {
+            read.values.push(march.read(*probe, &state, &mut d));
             read.slopes.extend(&d);
         }
     }
@@ -104,11 +106,11 @@ fn slopes_of_linear_laws_are_of_fourth_order() {
             let mut moved = system.clone();
             let p = &mut moved.instances[free[k].instance].params[free[k].param];
             p.value *= 1.0 + h;
-            run(&moved, &by_force(steps * parts, dt / parts as f64), Probe::Dof(0), true, parts, false).values
+            run(&moved, &by_force(steps * parts, dt / parts as f64), &[Probe::Dof(0)], true, parts, false).remove(0).values
         };
         let scale = if free[k].log { 1.0 } else { system.instances[free[k].instance].params[free[k].param].value };
         let numeric: Vec<f64> = at(1e-5).iter().zip(at(-1e-5)).map(|(a, b)| (a - b) / 2e-5).collect();
-        let slopes = run(&system, &by_force(steps * parts, dt / parts as f64), Probe::Dof(0), true, parts, true).slopes;
+        let slopes = run(&system, &by_force(steps * parts, dt / parts as f64), &[Probe::Dof(0)], true, parts, true).remove(0).slopes;
         let own: Vec<f64> = slopes.chunks(free.len()).map(|d| d[k] * scale).collect();
         apart(&own, &numeric)
     };
@@ -128,10 +130,11 @@ fn exact_steps_come_to_what_the_march_for_any_model_does() {
     let force = [Probe::Dof(0), Probe::Velocity(2), Probe::Acceleration(2), Probe::Relative(1), Probe::Force(0), Probe::Force(1)];
     let motion = [Probe::Reaction(2), Probe::Dof(0), Probe::Force(2), Probe::RelativeVelocity(1)];
     for (probes, loads) in [(&force[..], by_force as fn(usize, f64) -> Loads), (&motion[..], by_motion)] {
-        for probe in probes {
-            let of = |exact, parts: usize| run(&system, &loads(400 * parts, dt / parts as f64), *probe, exact, parts, false).values;
-            let truth = beyond(&of(false, 128), &of(false, 64));
-            let (coarse, fine) = (apart(&of(true, 4), &truth), apart(&of(true, 16), &truth));
+        let of = |exact, parts: usize| run(&system, &loads(400 * parts, dt / parts as f64), probes, exact, parts, false);
+        let (marched, half, coarse, fine) = (of(false, 128), of(false, 64), of(true, 4), of(true, 16));
+        for (k, probe) in probes.iter().enumerate() {
+            let truth = beyond(&marched[k].values, &half[k].values);
+            let (coarse, fine) = (apart(&coarse[k].values, &truth), apart(&fine[k].values, &truth));
             assert!(fine < coarse / 8.0 && fine < 3e-4, "{probe:?}: {coarse} {fine}");
         }
     }
@@ -149,19 +152,19 @@ fn slopes_of_exact_steps_equal_differences() {
         (by_force(200 * parts, dt / parts as f64), vec![Probe::Dof(0), Probe::Acceleration(2), Probe::Force(1)]),
         (by_motion(200 * parts, dt / parts as f64), vec![Probe::Reaction(2), Probe::Dof(0)]),
     ] {
-        for probe in probes {
-            let slopes = run(&system, &loads, probe, true, parts, true).slopes;
-            for (k, f) in free.iter().enumerate() {
-                let value = system.instances[f.instance].params[f.param].value;
-                let h = if f.log { 1e-4 } else { 1e-4 * value };
-                let at = |h: f64| {
-                    let mut moved = system.clone();
-                    let p = &mut moved.instances[f.instance].params[f.param];
-                    p.value = if f.log { value * h.exp() } else { value + h };
-                    run(&moved, &loads, probe, true, parts, false).values
-                };
-                let numeric: Vec<f64> = at(h).iter().zip(at(-h)).map(|(a, b)| (a - b) / (2.0 * h)).collect();
-                let own: Vec<f64> = slopes.chunks(free.len()).map(|d| d[k]).collect();
+        let slopes = run(&system, &loads, &probes, true, parts, true);
+        for (k, f) in free.iter().enumerate() {
+            let value = system.instances[f.instance].params[f.param].value;
+            let h = if f.log { 1e-4 } else { 1e-4 * value };
+            let at = |h: f64| {
+                let mut moved = system.clone();
+                let p = &mut moved.instances[f.instance].params[f.param];
+                p.value = if f.log { value * h.exp() } else { value + h };
+                run(&moved, &loads, &probes, true, parts, false)
+            };
+            for ((probe, read), (above, below)) in probes.iter().zip(&slopes).zip(at(h).iter().zip(at(-h))) {
+                let numeric: Vec<f64> = above.values.iter().zip(below.values).map(|(a, b)| (a - b) / (2.0 * h)).collect();
+                let own: Vec<f64> = read.slopes.chunks(free.len()).map(|d| d[k]).collect();
                 let gap = apart(&own, &numeric);
                 // Those of linear laws are cubics over a step.
                 let tolerance = if matches!(system.instances[f.instance].name(), "linear_stiffness" | "viscous") { 1e-4 } else { 1e-5 };
@@ -177,7 +180,7 @@ fn followers_of_exact_steps_give_the_slope_at_zero_strength() {
     let system = mixed(true);
     let free = system.free();
     let loads = by_force(1600, 2.5e-4);
-    let slopes = run(&system, &loads, Probe::Dof(0), true, 8, true).slopes;
+    let slopes = run(&system, &loads, &[Probe::Dof(0)], true, 8, true).remove(0).slopes;
     for (k, f) in free.iter().enumerate().filter(|(_, f)| system.instances[f.instance].follower) {
         let h = match system.instances[f.instance].name() {
             "cubic_stiffness" => 100.0,
@@ -189,7 +192,7 @@ fn followers_of_exact_steps_give_the_slope_at_zero_strength() {
             let mut moved = system.clone();
             moved.instances[f.instance].follower = false;
             moved.instances[f.instance].params[f.param].value = h;
-            run(&moved, &loads, Probe::Dof(0), true, 8, false).values
+            run(&moved, &loads, &[Probe::Dof(0)], true, 8, false).remove(0).values
         };
         let numeric: Vec<f64> = at(h).iter().zip(at(-h)).map(|(a, b)| (a - b) / (2.0 * h)).collect();
         let own: Vec<f64> = slopes.chunks(free.len()).map(|d| d[k]).collect();

@@ -6,6 +6,7 @@
 //! problems) finds the damped one by block-tridiagonal solves. A start that falls onto a mode found before is taken up again with that
 //! mode projected out.
 
+mod form;
 mod mode;
 mod shares;
 
@@ -20,6 +21,8 @@ use crate::model::{Bound, Model};
 use super::EngineError;
 use super::blocktri::{BlockTri, BlockTriError, Layout, Levels};
 use super::small::Small;
+
+use form::{Form, alike};
 
 pub use mode::Mode;
 pub use shares::{Shares, shares};
@@ -123,14 +126,18 @@ struct Start {
 
 struct Problem<'a> {
     small: Small<'a>,
-    /// Slots of each element's block and of each entry of mass and geometric stiffness.
+    /// Slots of the block of each relative displacement that elements act at, and of each entry of mass and geometric stiffness.
     slots: Vec<Vec<(usize, f64)>>,
+    /// Which of these displacements is each element's: a spring and a damper at one joint add up before they go into the matrix.
+    acts_at: Vec<usize>,
     mass_slots: Vec<usize>,
     stiffness_slots: Vec<usize>,
     matrix: BlockTri<Complex64>,
     z: Vec<Complex64>,
     dz: Vec<Complex64>,
     dp: Vec<Complex64>,
+    /// Stiffnesses of the elements of each displacement together.
+    sums: Vec<Complex64>,
     /// Largest undamped circular frequency.
     highest: f64,
 }
@@ -151,8 +158,9 @@ impl<'a> Problem<'a> {
     fn new(model: &Model, bound: &'a Bound, sensitivities: bool) -> Result<Self, EngineError> {
         let small = Small::new(model, bound, sensitivities)?;
         let layout = Arc::new(Layout::new(Levels::new(small.n, &small.pairs())?));
-        let mut slots = Vec::with_capacity(small.rows.len());
-        for row in &small.rows {
+        let (acts_at, first) = alike(&small.rows);
+        let mut slots = Vec::with_capacity(first.len());
+        for row in first.iter().map(|e| &small.rows[*e]) {
             let mut block = Vec::with_capacity(row.len() * row.len());
             for (i, bi) in row {
                 for (j, bj) in row {
@@ -164,6 +172,8 @@ impl<'a> Problem<'a> {
         let of = |m: &[(usize, usize, f64)]| m.iter().map(|e| layout.slot(e.0, e.1)).collect::<Result<Vec<_>, _>>();
         Ok(Problem {
             slots,
+            acts_at,
+            sums: vec![],
             mass_slots: of(&small.mass)?,
             stiffness_slots: of(&small.stiffness)?,
             matrix: BlockTri::new(layout),
@@ -179,7 +189,7 @@ impl<'a> Problem<'a> {
     fn laws(&mut self, s: Complex64) -> Result<(), EngineError> {
         self.z.clear();
         self.dz.clear();
-        for i in 0..self.slots.len() {
+        for i in 0..self.acts_at.len() {
             let first = self.small.same[i];
             let (z, dz) = if first < i {
                 (self.z[first], self.dz[first])
@@ -201,25 +211,15 @@ impl<'a> Problem<'a> {
         for (slot, k) in self.stiffness_slots.iter().zip(&self.small.stiffness) {
             self.matrix.add_at(*slot, Complex64::from(k.2));
         }
-        for (block, z) in self.slots.iter().zip(&self.z) {
+        self.sums.clear();
+        self.sums.resize(self.slots.len(), Complex64::ZERO);
+        self.acts_at.iter().zip(&self.z).for_each(|(at, z)| self.sums[*at] += z);
+        for (block, z) in self.slots.iter().zip(&self.sums) {
             for (slot, b) in block {
                 self.matrix.add_at(*slot, *z * *b);
             }
         }
         self.matrix.factor().map(|_| ())
-    }
-
-    /// `u' Z(s) v` and `u' Z'(s) v` with the laws at `s` at hand.
-    fn products(&self, s: Complex64, u: &[Complex64], v: &[Complex64]) -> (Complex64, Complex64) {
-        let form = |m: &[(usize, usize, f64)]| m.iter().map(|(i, j, x)| u[*i] * v[*j] * *x).sum::<Complex64>();
-        let inertia = form(&self.small.mass);
-        let (mut value, mut slope) = (s * s * inertia + form(&self.small.stiffness), s * inertia * 2.0);
-        for (e, (z, dz)) in self.z.iter().zip(&self.dz).enumerate() {
-            let ab = self.small.relative(e, u) * self.small.relative(e, v);
-            value += z * ab;
-            slope += dz * ab;
-        }
-        (value, slope)
     }
 
     /// `Z'(s) u` with the laws at `s` at hand.
@@ -344,7 +344,7 @@ impl<'a> Problem<'a> {
     fn creeps(&mut self, start: &Start) -> Result<bool, EngineError> {
         let (shape, s): (Vec<Complex64>, _) = (start.shape.iter().map(|x| Complex64::from(*x)).collect(), Complex64::new(0.0, start.omega));
         self.laws(s)?;
-        Ok(self.products(s, &shape, &shape).0.im >= 2.0 * start.omega * start.omega)
+        Ok(self.at(s, &self.form(&shape, &shape)).0.im >= 2.0 * start.omega * start.omega)
     }
 
     fn damped(&mut self, start: &Start, found: &[Mode]) -> Result<Mode, EngineError> {
@@ -372,6 +372,7 @@ impl<'a> Problem<'a> {
         let mut u: Vec<Complex64> = start.shape.iter().map(|x| Complex64::new(*x, 0.0)).collect();
         let mut s = Complex64::new(0.0, start.omega);
         s = self.functional(s, &u)?;
+        let own: Vec<Form> = taken.iter().map(|t| self.form(&found[*t].shape, &found[*t].shape)).collect();
         let mut change = f64::INFINITY;
         for _ in 0..ITERATIONS {
             self.laws(s)?;
@@ -394,11 +395,11 @@ impl<'a> Problem<'a> {
                 break;
             }
             u = next.iter().map(|x| x / largest).collect();
-            for &t in taken {
+            for (&t, own) in taken.iter().zip(&own) {
                 // Modes of a nonlinear problem are orthogonal in the divided difference of Z, that at the midpoint to second order.
                 let middle = (s + found[t].lambda) * 0.5;
                 self.laws(middle)?;
-                let share = self.products(middle, &found[t].shape, &u).1 / self.products(middle, &found[t].shape, &found[t].shape).1;
+                let share = self.at(middle, &self.form(&found[t].shape, &u)).1 / self.at(middle, own).1;
                 u.iter_mut().zip(&found[t].shape).for_each(|(x, y)| *x -= share * y);
             }
             let better = self.functional(s, &u)?;
@@ -411,7 +412,7 @@ impl<'a> Problem<'a> {
                     u.iter_mut().for_each(|x| *x = x.conj());
                 }
                 self.laws(s)?;
-                let scale = (self.products(s, &u, &u).1 / (s * 2.0)).sqrt();
+                let scale = (self.at(s, &self.form(&u, &u)).1 / (s * 2.0)).sqrt();
                 u.iter_mut().for_each(|x| *x /= scale);
                 return Ok((s, u));
             }
@@ -421,9 +422,10 @@ impl<'a> Problem<'a> {
 
     /// The root of `u' Z(s) u = 0` next to `s`.
     fn functional(&mut self, mut s: Complex64, u: &[Complex64]) -> Result<Complex64, EngineError> {
+        let form = self.form(u, u);
         for _ in 0..20 {
             self.laws(s)?;
-            let (value, slope) = self.products(s, u, u);
+            let (value, slope) = self.at(s, &form);
             let step = value / slope;
             if !step.is_finite() {
                 break;
@@ -444,7 +446,7 @@ impl<'a> Problem<'a> {
             return Ok(slopes);
         }
         self.laws(mode.lambda)?;
-        let weight = -self.products(mode.lambda, &mode.shape, &mode.shape).1.inv();
+        let weight = -self.at(mode.lambda, &self.form(&mode.shape, &mode.shape)).1.inv();
         // Elements of one law do their part together.
         let mut square = vec![Complex64::ZERO; bound.elements.len()];
         for (e, first) in self.small.same.iter().enumerate() {
