@@ -13,6 +13,8 @@ mod shares;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::{MatMut, MatRef, Par, Side};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
@@ -122,6 +124,10 @@ impl<'a> Modes<'a> {
 struct Start {
     omega: f64,
     shape: Vec<f64>,
+}
+
+fn dense_ref(m: &DMatrix<f64>) -> MatRef<'_, f64> {
+    MatRef::from_column_major_slice(m.as_slice(), m.nrows(), m.ncols())
 }
 
 struct Problem<'a> {
@@ -303,28 +309,37 @@ impl<'a> Problem<'a> {
         let follow = if light.is_empty() { DMatrix::zeros(0, heavy.len()) } else { -inner.solve(&coupling) };
         let mut reduced = k.select_rows(&heavy).select_columns(&heavy) + coupling.transpose() * &follow;
         // With the mass as L L', the shapes are L'^-1 times the eigenvectors of L^-1 K L'^-1.
-        let Some(root) = mass.select_rows(&heavy).select_columns(&heavy).cholesky() else {
+        let Ok(root) = dense_ref(&mass.select_rows(&heavy).select_columns(&heavy)).llt(Side::Lower) else {
             return Err(BlockTriError::Singular { dof: heavy.first().copied().unwrap_or(0), pivot: 0.0 }.into());
         };
-        let root = root.l();
-        let solved = |m: &DMatrix<f64>| root.solve_lower_triangular(m).unwrap_or_else(|| m.clone());
-        reduced = solved(&solved(&reduced).transpose());
+        let solved = |m: &mut DMatrix<f64>| {
+            let (rows, columns) = m.shape();
+            solve_lower_triangular_in_place(root.L(), MatMut::from_column_major_slice_mut(m.as_mut_slice(), rows, columns), Par::Seq);
+        };
+        solved(&mut reduced);
+        reduced.transpose_mut();
+        solved(&mut reduced);
         reduced = (&reduced + reduced.transpose()) * 0.5;
-        let eigen = reduced.symmetric_eigen();
-        self.highest = eigen.eigenvalues.iter().fold(0.0f64, |m, e| m.max(*e)).sqrt();
-        let least = eigen.eigenvalues.iter().copied().enumerate().fold((0, 0.0f64), |m, (k, e)| if e < m.1 { (k, e) } else { m });
+        let Ok(eigen) = dense_ref(&reduced).self_adjoint_eigen(Side::Lower) else {
+            return Err(EngineError::NoMode { frequency: omega / TAU, residual: f64::NAN });
+        };
+        let (squares, vectors) = (eigen.S().column_vector(), eigen.U());
+        self.highest = squares.iter().fold(0.0f64, |m, e| m.max(*e)).sqrt();
+        let least = squares.iter().copied().enumerate().fold((0, 0.0f64), |m, (k, e)| if e < m.1 { (k, e) } else { m });
         if -least.1 > (RIGID * self.highest).powi(2).max(1e-12 * self.highest * self.highest) {
-            let shape = eigen.eigenvectors.column(least.0);
-            return Err(EngineError::Unstable { step: 1, steps: 1, dof: self.small.name(heavy[shape.iamax()]) });
+            let shape = vectors.col(least.0).iter().enumerate();
+            let largest = shape.fold((0, 0.0f64), |m, (k, x)| if x.abs() > m.1 { (k, x.abs()) } else { m });
+            return Err(EngineError::Unstable { step: 1, steps: 1, dof: self.small.name(heavy[largest.0]) });
         }
-        let shapes = root.transpose().solve_upper_triangular(&eigen.eigenvectors).unwrap_or_else(|| eigen.eigenvectors.clone());
+        let mut shapes = vectors.to_owned();
+        solve_upper_triangular_in_place(root.L().transpose(), shapes.as_mut(), Par::Seq);
         let mut starts: Vec<Start> = (0..heavy.len())
             .map(|c| {
-                let y: DVector<f64> = shapes.column(c).into_owned();
+                let y = DVector::from_iterator(heavy.len(), shapes.col(c).iter().copied());
                 let inside = &follow * &y;
                 let mut shape = vec![0.0; n];
                 heavy.iter().zip(y.iter()).chain(light.iter().zip(inside.iter())).for_each(|(d, x)| shape[*d] = *x);
-                Start { omega: eigen.eigenvalues[c].max(0.0).sqrt(), shape }
+                Start { omega: squares[c].max(0.0).sqrt(), shape }
             })
             .collect();
         starts.sort_by(|a, b| a.omega.total_cmp(&b.omega));
