@@ -38,7 +38,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         study.title,
         text::tests(&tests),
         text::notes(&case.notes()),
-        text::verdict(&tests, &shown),
+        text::verdict(&tests, &shown, 0),
         folder.path.display()
     );
     Ok(Outcome { json: value, text, code: 0 })

@@ -36,6 +36,7 @@ use clap::{Parser, Subcommand};
 use serde_json::Value;
 
 use crate::work::Failure;
+use crate::work::terminal::plain;
 
 pub use call::{Called, Watcher, call};
 
@@ -189,12 +190,12 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     let json = cli.verb.json();
     match cli.verb.run() {
         Ok(outcome) => {
-            print(json, &outcome.json, &outcome.text);
-            outcome.code
+            let told = print(json, &outcome.json, &outcome.text);
+            told.map_or_else(|failure| untold(&failure), |()| outcome.code)
         }
         Err(failure) => {
             if json {
-                print(true, &failure.json(), "");
+                let _ = print(true, &failure.json(), "");
             }
             failure.tell();
             NOT_DONE
@@ -210,18 +211,30 @@ fn usage(e: &clap::Error, json: bool) -> u8 {
         return 0;
     }
     if json {
-        print(true, &call::wrong(e).json(), "");
+        let _ = print(true, &call::wrong(e).json(), "");
     }
     USAGE
 }
 
-/// One JSON object, or the text, on stdout; nothing of a verb that has told all there is. A reader that has closed the pipe is no error of ours.
-fn print(json: bool, value: &Value, text: &str) {
-    use std::io::Write;
+/// One JSON object, or the text, on stdout; nothing of a verb that has told all there is.
+///
+/// # Errors
+/// What was found cannot be written, as on a full disk. A reader that has closed the pipe has read enough.
+fn print(json: bool, value: &Value, text: &str) -> std::io::Result<()> {
+    use std::io::{ErrorKind, Write};
     if value.is_null() {
-        return;
+        return Ok(());
     }
     let mut out = std::io::stdout().lock();
-    let _ = if json { writeln!(out, "{value}") } else { write!(out, "{text}") };
-    let _ = out.flush();
+    let written = if json { writeln!(out, "{value}") } else { write!(out, "{}", plain(text)) };
+    match written.and_then(|()| out.flush()) {
+        Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
+        told => told,
+    }
+}
+
+/// What was found, and could not be told.
+fn untold(why: &std::io::Error) -> u8 {
+    Failure::new("cli", "standard output", format!("what was found cannot be written there: {why}"), "a file or a pipe with room").tell();
+    NOT_DONE
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::identify;
+use crate::work::terminal::say;
 
 use super::call::Watched;
 
@@ -69,7 +70,7 @@ impl Progress {
         let Ok(mut state) = self.state.lock() else { return };
         // What failed stays to be read, however short the run.
         if step.contains(FAILED) {
-            self.bar.suspend(|| eprintln!("misfit: {:.0} s: {}", self.started.elapsed().as_secs_f64(), step.trim()));
+            self.bar.suspend(|| say(&format!("misfit: {:.0} s: {}", self.started.elapsed().as_secs_f64(), step.trim())));
             return;
         }
         state.step = step.to_string();
@@ -82,7 +83,7 @@ impl Progress {
     pub fn note(&self, text: &str) {
         match &self.watcher.0 {
             Some(w) => w.step(text),
-            None => eprintln!("{text}"),
+            None => say(text),
         }
     }
 
@@ -107,7 +108,7 @@ impl Progress {
             self.bar.enable_steady_tick(Duration::from_millis(200));
         }
         if plain {
-            eprintln!("misfit: {:.0} s: {text}", self.started.elapsed().as_secs_f64());
+            say(&format!("misfit: {:.0} s: {text}", self.started.elapsed().as_secs_f64()));
             state.last = Some(Instant::now());
         }
         state.text.clone_from(&text);
@@ -141,7 +142,7 @@ fn beat(started: Instant, state: Arc<Mutex<State>>) -> (Sender<()>, JoinHandle<(
         while stopped.recv_timeout(QUIET) == Err(RecvTimeoutError::Timeout) {
             let Ok(mut state) = state.lock() else { return };
             if !state.text.is_empty() && state.last.unwrap_or(started).elapsed() >= BETWEEN {
-                eprintln!("misfit: {:.0} s: still {}", started.elapsed().as_secs_f64(), state.text.trim());
+                say(&format!("misfit: {:.0} s: still {}", started.elapsed().as_secs_f64(), state.text.trim()));
                 state.last = Some(Instant::now());
             }
         }

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use crate::identify::interrupt_flag;
 use crate::serve::{Address, Options, serve};
 use crate::work::Failure;
+use crate::work::terminal::say;
 
 use super::session::threads;
 use super::{INTERRUPTED, Outcome, print};
@@ -50,9 +51,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
 
 /// Says where the page is: the one object on stdout, a hint for people beside it.
 fn begun(args: &Args, address: &Address) {
-    print(true, &json!({ "url": address.url, "port": address.port }), "");
+    // A page whose address nobody could be told can still be stopped.
+    let _ = print(true, &json!({ "url": address.url, "port": address.port }), "");
     if !args.json {
-        eprintln!("The workbench: {}\nCtrl-C ends it; what runs then keeps its best state.", address.url);
+        say(&format!("The workbench: {}\nCtrl-C ends it; what runs then keeps its best state.", address.url));
     }
     if args.open {
         open(&address.url);
@@ -74,6 +76,6 @@ fn open(url: &str) {
         .stderr(std::process::Stdio::null())
         .spawn();
     if let Err(e) = started {
-        eprintln!("misfit: no browser could be started with {program}: {e}");
+        say(&format!("misfit: no browser could be started with {program}: {e}"));
     }
 }

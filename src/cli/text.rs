@@ -89,15 +89,20 @@ pub(super) fn pooled(tests: &[TestResult], split: SplitName) -> Option<(f64, f64
 /// Error over floor beyond which a model is said to miss its data.
 const MISSES: f64 = 1.2;
 
-/// One sentence per split, and what to do next.
-pub(super) fn verdict(tests: &[TestResult], study: &str) -> String {
+/// One sentence per split, and what to do next. `free`: parameters that were fitted.
+pub(super) fn verdict(tests: &[TestResult], study: &str, free: usize) -> String {
     let mut text = String::new();
     let mut misses = false;
+    let fitted: usize = tests.iter().filter(|t| t.split == SplitName::Fit).map(|t| t.n).sum();
     for which in SplitName::ALL {
         let Some((error, floor)) = pooled(tests, which) else { continue };
         let ratio = error / floor;
         misses |= ratio > MISSES;
-        let words = if ratio <= MISSES { "the model agrees to within the noise" } else { "the model misses what was measured" };
+        let words = match ratio <= MISSES {
+            true if which == SplitName::Fit && fitted <= free => "the model meets no more values than it has free parameters, as any would",
+            true => "the model agrees to within the noise",
+            false => "the model misses what was measured",
+        };
         let (split, error, floor) = (split(which), percent(error), percent(floor));
         text += &format!("On the {split} tests {words}: error {error}, noise floor {floor}, ratio {}.\n", significant(ratio, 3));
     }
@@ -172,5 +177,5 @@ pub(super) fn fit(fit: &FitResult, study: &str) -> String {
     text += &Reading::describe(&fit.readings).iter().map(|r| format!("{r}.\n")).collect::<String>();
     text += &notes(&fit.notes);
     text += "\n";
-    text + &verdict(&fit.tests, study)
+    text + &verdict(&fit.tests, study, fit.n_free)
 }

@@ -1,10 +1,13 @@
 //! An error of any stage on its way to a person or a script.
 
 use std::fmt;
+use std::io::Write;
 
 use serde_json::{Value, json};
 
 use crate::explain::Explain;
+
+use super::terminal::plain;
 
 /// What could not be done, where, and what would be accepted.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,9 +52,11 @@ impl Failure {
     /// On stderr, for people.
     pub fn tell(&self) {
         let label = |text: &str| console::style(text.to_string()).for_stderr().bold();
-        eprintln!("{} {}", label(&format!("error[{}]:", self.stage)).red(), self.message);
+        // Where nobody can read it, the exit code says it still.
+        let mut stderr = std::io::stderr();
+        let _ = writeln!(stderr, "{} {}", label(&format!("error[{}]:", self.stage)).red(), plain(&self.message));
         for (name, text) in [("where", &self.place), ("accepted", &self.accepted)].iter().filter(|(_, text)| !text.is_empty()) {
-            eprintln!("  {} {text}", label(&format!("{name}:")));
+            let _ = writeln!(stderr, "  {} {}", label(&format!("{name}:")), plain(text));
         }
     }
 }

@@ -14,6 +14,7 @@ pub mod new;
 mod profiles;
 mod replicates;
 mod scores;
+pub mod terminal;
 
 pub use add::{Refitted, Wish, refit, wished};
 pub use check::{Checked, check};

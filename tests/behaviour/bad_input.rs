@@ -307,3 +307,18 @@ fn modes_without_mass() {
     let whole = format!("{stage} | {place} | {message} | {accepted}");
     assert!(whole.contains("modes") && whole.contains("has 0 flexible modes"), "{whole}");
 }
+
+/// Two parameters meet two energies whatever the model is: that is said, and not that the model agrees.
+#[test]
+fn as_many_parameters_as_values_prove_nothing() {
+    let rig = Rig::new();
+    rig.write(
+        "data/dataset.toml",
+        "schema = 1\n[[test]]\nid = \"loop-1Hz\"\nkind = \"energy\"\nat = \"c1.x\"\ncontrol = \"displacement\"\namplitude = \"1 mm\"\n\
+         rows = [{ frequency = \"1 Hz\", W_D = \"1 mJ\", W_s = \"10 mJ\" }]\n",
+    );
+    rig.change("study.toml", "split = { select = [\"loop-2Hz\"], held_out = [\"loop-5Hz\"] }\n", "");
+    let told = rig.run("fit", &[]);
+    assert!(told.code == 0 && told.stdout.contains("2 are free and 2 values are compared"), "{}{}", told.stdout, told.stderr);
+    assert!(told.stdout.contains("as any would") && !told.stdout.contains("agrees to within the noise"), "{}", told.stdout);
+}

@@ -77,6 +77,34 @@ fn a_closed_pipe_is_no_failure() {
     assert_eq!(child.wait().unwrap().code(), Some(0));
 }
 
+/// What was found and cannot be written is not done; an error that nobody can read is one all the same.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_output_is_no_success() {
+    let rig = Rig::new();
+    let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    for words in [&["fit", "--json"][..], &["compare"]] {
+        let output = program().arg(words[0]).arg(rig.folder()).args(&words[1..]).stdout(full()).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(1) && said.contains("standard output"), "{:?} {said}", output.status);
+    }
+    let output = program().args(["fit", "/nowhere"]).stderr(full()).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+}
+
+/// A title that would clear the screen and name the window is told in letters, by a table and by an error.
+#[test]
+fn a_title_commands_no_terminal() {
+    let rig = Rig::new();
+    let evil = "\\u001b[2J\\u001b]0;owned\\u0007";
+    rig.change("study.toml", "schema = 1\n", &format!("schema = 1\ntitle = \"{evil}\"\n"));
+    let told = rig.run("compare", &[]);
+    assert!(told.code == 0 && told.stdout.contains("owned") && !told.stdout.contains('\u{1b}'), "{}", told.stdout);
+    rig.change("study.toml", "name = \"ground\"", &format!("name = \"{evil}\""));
+    let refused = rig.run("compare", &[]);
+    assert!(refused.code == 1 && refused.stderr.contains("owned") && !refused.stderr.contains('\u{1b}'), "{}", refused.stderr);
+}
+
 /// SIGTERM stops a fit as Ctrl-C does, within an evaluation of the model too.
 #[test]
 fn terminate_is_interrupt() {

@@ -55,6 +55,13 @@ pub fn findings(plan: &Plan, computed: &[f64], told: &Telling) -> Vec<Finding> {
     found.collect()
 }
 
+/// The normal deviate that is exceeded as rarely as a chi-square of two degrees of freedom is `square`: `Q(z) = exp(-square / 2)`. Where that is no
+/// number any more, by Mills' ratio: `z^2 + ln(2 pi z^2) = square`.
+fn as_rare_as(square: f64, normal: &Normal) -> f64 {
+    let rare = (-0.5 * square).exp();
+    if rare > 1e-280 { -normal.inverse_cdf(rare.min(1.0 - 1e-16)) } else { (square - (TAU * square).ln()).sqrt() }
+}
+
 /// A statistic of a residual that is a standard normal deviate where the model is right.
 struct Statistic {
     claim: String,
@@ -135,9 +142,7 @@ impl<'a> Residual<'a> {
         all.extend(harmonics.map(|(h, words)| {
             let wave = |shift: f64| move |k: usize| (TAU * (h * k as f64 / n as f64 + shift)).cos();
             let part = |shift: f64| self.along(wave(shift), |k| self.measured[k] - self.computed[k]).powi(2);
-            // chi2 with two degrees of freedom as a normal deviate of equal tail probability.
-            let tail = (1.0 - (-0.5 * (part(0.0) + part(0.25))).exp()).clamp(1e-300, 1.0 - 1e-16);
-            self.statistic(words, normal.inverse_cdf(tail), self.level() / (n as f64).sqrt())
+            self.statistic(words, as_rare_as(part(0.0) + part(0.25), normal), self.level() / (n as f64).sqrt())
         }));
         all
     }
@@ -155,5 +160,21 @@ impl<'a> Residual<'a> {
         let (from, to) = (self.block.abscissa[k], self.block.abscissa[(k + band - 1).min(lines - 1)]);
         let words = format!("the misfit is largest between {from:.4} and {to:.4} Hz");
         Some(self.statistic(&words, (mean - 1.0) / (2.0 / count).sqrt(), self.level() / count.sqrt()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_harmonic_is_told_by_its_size_however_large() {
+        let normal = Normal::standard();
+        // Q(1.96) = 0.025.
+        assert!((as_rare_as(-2.0 * 0.025f64.ln(), &normal) - 1.959964).abs() < 1e-5);
+        let (near, far) = (as_rare_as(1289.0, &normal), as_rare_as(1290.0, &normal));
+        assert!(near < far && far - near < 0.03, "{near} {far}");
+        assert!((as_rare_as(1e6, &normal) - 1e3).abs() < 0.01);
+        assert!(as_rare_as(0.0, &normal).is_finite());
     }
 }

@@ -82,6 +82,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
                 .into(),
         );
     }
+    notes.extend(as_many(&tests, fitted.free.len()));
     notes.extend(too_quiet(&tests, fitted.free.len(), &case.search.settings.fitting));
     notes.extend(case.notes());
     let away = ran_away(&fitted, &parameters, start, case.search.settings.fitting.ran_away);
@@ -107,6 +108,17 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
         notes,
     };
     Ok((case.clone(), fitted, result))
+}
+
+/// Where no more values are compared than parameters are free, every model of as many parameters meets them.
+fn as_many(tests: &[TestResult], free: usize) -> Option<String> {
+    let compared: usize = tests.iter().filter(|t| t.split == SplitName::Fit).map(|t| t.n).sum();
+    (0 < compared && compared <= free).then(|| {
+        format!(
+            "parameters: {free} are free and {compared} values are compared: a model of as many meets them whatever it is, and what is left says nothing \
+             about this one; more tests, or fewer free parameters, do"
+        )
+    })
 }
 
 /// Fitted tests that leave much less than their sigma, of which a model that is wrong would leave no more than noise.
