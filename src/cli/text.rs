@@ -124,7 +124,7 @@ pub(super) fn errors(model: &[OwnError], scatter: &[ScatterOf], noise: f64) -> S
     let kinds: Vec<&ScatterOf> = scatter.iter().take_while(|s| s.parameter == scatter[0].parameter).collect();
     let scatter = match kinds.as_slice() {
         [] => String::new(),
-        [all] => format!("; strengths scatter between tests by {}", percent(all.relative)),
+        [one] => format!("; strengths scatter between tests by {} ({})", percent(one.relative), one.kind),
         kinds => {
             let each: Vec<String> = kinds.iter().map(|s| format!("{} ({})", percent(s.relative), s.kind)).collect();
             format!("; strengths scatter between tests by {}", each.join(", "))

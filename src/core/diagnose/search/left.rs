@@ -41,7 +41,7 @@ impl Scale {
         list
     }
 
-    /// How much each strength differs from test to test, in tests of every kind; none in one test.
+    /// How much each strength differs from test to test, in tests of every kind where that is more than none (`no_scatter`); none in one test.
     pub fn scatter(&self, w: &Weighed) -> Vec<ScatterOf> {
         if self.evidence.records.len() < 2 {
             return vec![];
@@ -49,7 +49,8 @@ impl Scale {
         let system = &w.fitted.system;
         let mut kinds: Vec<&Record> = vec![];
         for record in &self.evidence.records {
-            if kinds.iter().all(|k| k.kind != record.kind) {
+            let any = w.v.scatter(record) > self.settings.evidence.no_scatter;
+            if any && kinds.iter().all(|k| k.kind != record.kind) {
                 kinds.push(record);
             }
         }
