@@ -192,8 +192,7 @@ fn add_to(loaded: &Loaded, job: &Job, before: &(Case, Fitted, FitResult), order:
         condition: order.condition.clone(),
         reference: order.reference.clone(),
     };
-    let mut grown = before_fit.system.clone();
-    grown.instances.push(work::wished(&wish, study)?);
+    let grown = work::wished(&wish, study, &before_fit.system)?;
     let folder = begin(loaded, job, order)?;
     let monitor = job.monitor(grown);
     let done = work::refit(study, case, &before_fit.system, &wish, &loaded.splits(), &monitor, &|step| job.say(step));

@@ -1,0 +1,51 @@
+//! What readers have stumbled over: laws over what was just added, errors out of sight, and what a page says of work that has ended.
+
+use serde_json::json;
+
+use super::client::{Served, error as error_of};
+use crate::rig::{Rig, loop_csv};
+
+/// A rig whose dry friction grows with the interference `i`: 0.5 N at 0.1 mm, 1.5 N at 0.3 mm, 2.5 N at 0.5 mm.
+fn friction_that_grows() -> Rig {
+    let rig = Rig::new();
+    let toml = rig.read("data/dataset.toml");
+    let (mut tests, mut parts) = (String::new(), toml.split("[[test]]"));
+    tests += parts.next().unwrap();
+    for (part, (f, i)) in parts.zip([(1, 0.1), (2, 0.3), (5, 0.5)]) {
+        rig.write(&format!("data/loop{f}.csv"), &loop_csv(f64::from(f), |_, v| 5.0 * i * v.signum()));
+        tests += &format!("[[test]]{}", part.replace("i = \"0.3 mm\"", &format!("i = \"{i} mm\"")));
+    }
+    rig.write("data/dataset.toml", &tests);
+    rig.change("study.toml", "split = { select = [\"loop-2Hz\"], held_out = [\"loop-5Hz\"] }\n", "");
+    rig
+}
+
+#[test]
+fn a_law_is_added_over_what_was_added_before() {
+    let rig = friction_that_grows();
+    let served = Served::start(rig.folder(), &["--json"]);
+    let added = served.run(&json!({ "verb": "add", "model": "study", "effect": "coulomb", "at": "c1.x" }));
+    let friction = added["result"]["model"].as_str().unwrap_or_else(|| panic!("{added}")).to_string();
+    let scored = served.run(&json!({ "verb": "score", "model": friction }));
+    let all = scored["result"]["candidates"].as_array().unwrap_or_else(|| panic!("{scored}"));
+    let law = all.iter().find(|c| c["effect"] == "linear_law" && c["of"] == "coulomb.f over i").unwrap_or_else(|| panic!("{scored}"));
+    let target = &law["target"];
+    let order = json!({ "verb": "add", "model": friction, "effect": "linear_law", "at": law["at"], "set": law["set"], "of": target["of"],
+                        "condition": target["condition"], "reference": target["reference"] });
+    let done = served.run(&order);
+    let with = done["result"]["model"].as_str().unwrap_or_else(|| panic!("{done}"));
+    let node = |id: &str| served.state()["models"].as_array().unwrap().iter().find(|m| m["id"] == id).unwrap().clone();
+    let error = |id: &str| node(id)["errors"]["fit"]["error"].as_f64().unwrap();
+    assert!(error(with) < 0.3 * error(&friction), "{} {}", error(with), error(&friction));
+    // Beside another, and in a server that reads the run from its folder.
+    let other = json!({ "verb": "add", "model": friction, "effect": "interference_law", "at": law["at"], "of": target["of"],
+                        "condition": target["condition"], "reference": target["reference"] });
+    let mut both = order;
+    both["other"] = other;
+    let pair = served.run(&both);
+    assert!(pair["result"]["beside"].is_string(), "{pair}");
+    let again = Served::start(rig.folder(), &["--json"]);
+    again.state();
+    let errors = [served, again].map(|s| error_of(&s.compare(with, &json!({})), "loop-1Hz"));
+    assert!((errors[0] / errors[1] - 1.0).abs() < 1e-6, "{errors:?}");
+}
