@@ -3,7 +3,7 @@ import { state, el, api, of, on, emit, attempt, say, command, node, modelName, p
 import { load } from "./compare.js";
 import "./structure.js";
 import "./parameters.js";
-import { run, event } from "./models.js";
+import { run, event, settle } from "./models.js";
 import "./new.js";
 
 // The token is in the cookie now; in the address it would be seen and kept.
@@ -93,7 +93,8 @@ async function look() {
     state.about = about;
     const running = about.jobs.find(j => !j.ended);
     if (running && state.job?.id !== running.id) { state.job = running; command(running.command); }
-    if (state.job && !state.job.ended) { const known = about.jobs.find(j => j.id === state.job.id); if (known?.ended) state.job.ended = known.ended; }
+    const known = about.jobs.find(j => j.id === state.job?.id);
+    if (known?.ended) settle(known.ended);
     if (!node()) { state.model = "study"; await showModel(); }
     emit("about");
   });

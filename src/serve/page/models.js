@@ -14,6 +14,8 @@ export async function run(order) {
     state.job = { id: begun.job, verb: begun.verb, model: begun.model, lines: [], cost: [], ended: null, order };
     drawJob();
     if (order.verb === "ladder") drawLadder();
+    // A job that fails at once may have ended before this page knew its number.
+    emit("reload-tree");
   });
 }
 
@@ -44,14 +46,21 @@ export function event(e) {
     const shown = state.view === "compare" ? visibleTests().map(t => t.id) : [follow()?.id].filter(Boolean);
     if (shown.length && node() && job.model === state.model) move("job:" + job.id, {}, shown);
   }
-  if (e.type === "end") { job.ended = e.ended; ended(job); }
+  if (e.type === "end") settle(e.ended);
   if (!drawing) { drawing = true; requestAnimationFrame(() => { drawing = false; drawJob(); if (state.view === "ladder") drawLadder(); }); }
+}
+
+/** The end of the job, once: by its event, or by the state of the study, whichever is read first. */
+export function settle(end) {
+  if (!state.job || state.job.ended) return;
+  state.job.ended = end;
+  ended(state.job);
 }
 
 async function ended(job) {
   const end = job.ended;
   if (job.model === state.model && !["add", "fit", "ladder"].includes(job.verb) || end.status === "failed") restore();
-  if (end.status === "failed") { say(`${job.verb}: ${end.error.message}${end.error.accepted ? "; accepted: " + end.error.accepted : ""}`, true); return; }
+  if (end.status === "failed") { say(`${job.verb}: ${failureText(end.error)}`, true); return; }
   if (job.verb === "score") { if (end.result?.candidates && state.described && job.model === state.model) { state.described.scored = end.result.candidates; emit("described"); emit("view", "structure"); } return; }
   if (job.verb === "profile" && end.result) { emit("reload-model"); return; }
   if (end.result?.beside_failed) say(`The second effect: ${failureText(end.result.beside_failed)}`, true);
@@ -65,7 +74,7 @@ function drawJob() {
   // One work at a time on a study.
   for (const id of ["do-fit", "do-score"]) document.getElementById(id).disabled = !!job && !job.ended;
   if (!job) { jobBox.replaceChildren(); return; }
-  const running = !job.ended;
+  const running = !job.ended, failed = job.ended?.error;
   const last = job.lines[job.lines.length - 1] || "begins";
   const recent = job.cost.slice(-300);
   let chart = null;
@@ -78,7 +87,7 @@ function drawJob() {
   const test = running && state.view !== "compare" ? follow() : null;
   if (test && picture?.id !== test.id) picture = { id: test.id, ...thumb(test.curves[0]) };
   jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status}`),
-    el("p", { class: "line", "aria-live": "polite" }, last), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
+    el("p", { class: failed ? "line warn" : "line", "aria-live": "polite" }, failed ? failureText(failed) : last), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
     test ? el("div", { class: "panel" }, picture.node, el("span", { class: "soft" }, test.id)) : null,
     running ? stopButton("Stop") : null, job.ended?.status === "stopped" && job.ended.result?.model ? goOn(job.ended.result.model) : null));
 }

@@ -2,7 +2,9 @@
 
 use serde_json::json;
 
+use super::browser::{ANSWER, click, press};
 use super::client::{Served, error as error_of};
+use super::devtools::Browser;
 use crate::rig::{Rig, loop_csv};
 
 /// A rig whose dry friction grows with the interference `i`: 0.5 N at 0.1 mm, 1.5 N at 0.3 mm, 2.5 N at 0.5 mm.
@@ -48,4 +50,33 @@ fn a_law_is_added_over_what_was_added_before() {
     again.state();
     let errors = [served, again].map(|s| error_of(&s.compare(with, &json!({})), "loop-1Hz"));
     assert!((errors[0] / errors[1] - 1.0).abs() < 1e-6, "{errors:?}");
+}
+
+/// Whether an element is seen whole in the window.
+fn in_sight(selector: &str) -> String {
+    format!("(r => r.height > 0 && r.top >= 0 && r.bottom <= innerHeight)(document.querySelector({selector:?}).getBoundingClientRect())")
+}
+
+#[test]
+fn an_error_is_seen_where_the_reader_is_each_time() {
+    let rig = Rig::new();
+    let served = Served::start(rig.folder(), &["--json"]);
+    let Some(mut browser) = Browser::start(1024, 420) else { return };
+    browser.go(&served.url);
+    click(&mut browser, "#tab-models");
+    browser.until("document.querySelector('input.format')", 10);
+    // A format that is none fails before the page knows the number of its job.
+    for _ in 0..4 {
+        browser.eval("for (const i of document.querySelectorAll('input.format')) { i.checked = true; i.value = 'xlsx'; }");
+        browser.eval("document.querySelector('main').scrollTop = 1e6");
+        press(&mut browser, "Export");
+        browser.until(&format!("{ANSWER}?.includes('there is no format `xlsx`')"), 10);
+        assert!(
+            browser.eval("document.querySelector('main').scrollTop").as_f64().unwrap() > 60.0,
+            "the line that answers would be out of sight"
+        );
+        assert_eq!(browser.eval(&in_sight("#answer")), true);
+        browser.until("document.querySelector('.job h2').textContent.startsWith('export: failed')", 5);
+        assert_eq!(browser.eval("document.querySelector('.job .line').textContent.includes('there is no format `xlsx`')"), true);
+    }
 }
