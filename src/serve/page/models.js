@@ -75,7 +75,6 @@ function drawJob() {
   for (const id of ["do-fit", "do-score"]) document.getElementById(id).disabled = !!job && !job.ended;
   if (!job) { jobBox.replaceChildren(); return; }
   const running = !job.ended, failed = job.ended?.error;
-  const last = job.lines[job.lines.length - 1] || "begins";
   const recent = job.cost.slice(-300);
   let chart = null;
   if (recent.length > 1) {
@@ -86,8 +85,8 @@ function drawJob() {
   }
   const test = running && state.view !== "compare" ? follow() : null;
   if (test && picture?.id !== test.id) picture = { id: test.id, ...thumb(test.curves[0]) };
-  jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status}`),
-    el("p", { class: failed ? "line warn" : "line", "aria-live": "polite" }, failed ? failureText(failed) : last), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
+  jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status} after ${digits(job.ended.seconds)} s`),
+    el("p", { class: failed ? "line warn" : "line", "aria-live": "polite" }, running ? job.lines.at(-1) || "begins" : failed ? failureText(failed) : ""), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
     test ? el("div", { class: "panel" }, picture.node, el("span", { class: "soft" }, test.id)) : null,
     running ? stopButton("Stop") : null, job.ended?.status === "stopped" && job.ended.result?.model ? goOn(job.ended.result.model) : null));
 }

@@ -80,3 +80,19 @@ fn an_error_is_seen_where_the_reader_is_each_time() {
         assert_eq!(browser.eval("document.querySelector('.job .line').textContent.includes('there is no format `xlsx`')"), true);
     }
 }
+
+#[test]
+fn the_time_of_a_job_is_that_of_its_end() {
+    let rig = Rig::new();
+    let served = Served::start(rig.folder(), &["--json"]);
+    let Some(mut browser) = Browser::start(1024, 768) else { return };
+    browser.go(&served.url);
+    click(&mut browser, "#do-score");
+    browser.until("/^score: done after .* s$/.test(document.querySelector('.job h2')?.textContent)", 60);
+    let job = served.state()["jobs"][0].clone();
+    let told = browser.eval("parseFloat(document.querySelector('.job h2').textContent.split('after ')[1])").as_f64().unwrap();
+    let (took, lines) = (job["ended"]["seconds"].as_f64().unwrap(), job["lines"].as_array().unwrap());
+    assert!((told / took - 1.0).abs() < 0.01, "{told} {took}");
+    let last: f64 = lines.last().unwrap().as_str().unwrap().split(" s:").next().unwrap().parse().unwrap();
+    assert!(took >= last - 0.05, "the last line was said at {last} s, the end was at {took} s");
+}
