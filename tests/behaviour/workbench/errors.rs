@@ -5,7 +5,7 @@ use serde_json::json;
 use super::browser::{ANSWER, click, press};
 use super::client::{Served, error as error_of};
 use super::devtools::Browser;
-use crate::rig::{Rig, loop_csv};
+use crate::rig::{Rig, loop_csv, misfit};
 
 /// A rig whose dry friction grows with the interference `i`: 0.5 N at 0.1 mm, 1.5 N at 0.3 mm, 2.5 N at 0.5 mm.
 fn friction_that_grows() -> Rig {
@@ -50,6 +50,34 @@ fn a_law_is_added_over_what_was_added_before() {
     again.state();
     let errors = [served, again].map(|s| error_of(&s.compare(with, &json!({})), "loop-1Hz"));
     assert!((errors[0] / errors[1] - 1.0).abs() < 1e-6, "{errors:?}");
+}
+
+#[test]
+fn the_command_of_an_addition_does_what_the_page_does_and_changes_no_record() {
+    let rig = Rig::hiding(|x, v| 1.5 * v.signum() + 8.0 * x.powi(3));
+    let served = Served::start(rig.folder(), &["--json"]);
+    let own = rig.read("study.toml");
+    let mut model = "study".to_string();
+    for effect in ["coulomb", "cubic_stiffness"] {
+        let begun = served.post("run", &json!({ "verb": "add", "model": model, "effect": effect, "at": "c1.x" })).json();
+        let ended = served.wait(&begun["job"]);
+        let record = |name: &str, file: &str| rig.read(&if name == "study" { file.into() } else { format!("runs/{name}/{file}") });
+        let before = record(&model, "study.toml");
+        let words: Vec<&str> = begun["command"].as_str().unwrap().split(' ').skip(1).chain(["--json"]).collect();
+        let ran = misfit(&words);
+        assert_eq!(ran.code, 0, "{words:?}: {}", ran.stdout);
+        assert_eq!(record(&model, "study.toml"), before, "{words:?}");
+        model = ended["result"]["model"].as_str().unwrap_or_else(|| panic!("{ended}")).to_string();
+        let of_page: serde_json::Value = serde_json::from_str(&record(&model, "result.json")).unwrap();
+        let costs = [&of_page, &ran.json()].map(|r| r["after"]["cost"].as_f64().unwrap());
+        assert!((costs[0] / costs[1] - 1.0).abs() < 1e-4, "{costs:?}");
+        assert!(std::fs::read_to_string(ran.json()["run"].as_str().unwrap().to_string() + "/study.toml").unwrap().contains(effect));
+    }
+    assert_eq!(rig.read("study.toml"), own);
+    // Without the option a run is no study that an effect is written into.
+    let record = rig.path("runs").join(&model).display().to_string();
+    let refused = misfit(&["add", &record, "maxwell", "--at", "c1.x", "--json"]).error();
+    assert!(refused[1].contains(&record) && refused[2].contains("record of a run") && refused[3].contains("--keep-study"), "{refused:?}");
 }
 
 /// Whether an element is seen whole in the window.
