@@ -38,13 +38,20 @@ tabs.forEach((tab, k) => {
 function suggest() {
   if (!state.about || state.view === "new" || (state.job && !state.job.ended)) return;
   const folder = state.about.study.folder, path = state.model === "study" ? folder : `${folder}/runs/${state.model}`;
-  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${/^[\w\-./]+$/.test(path) ? path : `'${path}'`}${state.view === "structure" ? " --scores" : ""}${state.about.study.options}`);
+  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${quoted(path)}${state.view === "structure" ? " --scores" : ""}${state.about.study.options}`);
 }
+
+const quoted = path => /^[\w\-./]+$/.test(path) ? path : `'${path}'`;
 
 let source = null;
 async function openStudy(id, model, view) {
   state.study = id; state.model = "study"; state.about = null; state.described = null; state.tests = []; state.job = null; state.exported = null; state.place = null; state.before = null;
   document.getElementById("study").value = id;
+  // Nothing of the study before is this one's: it may turn out that its data cannot be read.
+  source?.close();
+  emit("about");
+  const study = state.studies.find(s => s.id === id);
+  command(`misfit check ${quoted(study.path)}${study.options}`);
   readable(true);
   say("Reading the study …");
   await attempt(async () => {

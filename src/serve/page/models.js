@@ -98,7 +98,7 @@ const goOn = id => el("button", { type: "button", onclick: () => run({ verb: "re
 const ratio = e => e ? `${percent(e.error)} (${digits(e.error / e.floor, 2)} × floor)` : "-";
 
 function drawTree() {
-  const all = state.about.models;
+  const all = state.about?.models || [];
   const below = parent => all.filter(m => m.parent === parent);
   const branch = m => el("li", {}, el("button", { type: "button", class: "node" + (m.id === state.model ? " chosen" : ""), "aria-current": m.id === state.model ? "true" : null, onclick: () => emit("go", { model: m.id }) },
     el("b", {}, modelName(m)), el("span", { class: "soft" }, [runTime(m.id), m.errors?.fit ? `fit ${percent(m.errors.fit.error)}` : "", m.errors?.select ? `select ${percent(m.errors.select.error)}` : ""].filter(Boolean).join(", "))),
@@ -166,4 +166,4 @@ function drawLadder() {
   ladder.replaceChildren(...parts);
 }
 
-on("about", () => { drawTree(); drawModels(); drawLadder(); drawJob(); });
+on("about", () => { drawTree(); drawJob(); if (state.about) { drawModels(); drawLadder(); } });

@@ -124,3 +124,38 @@ fn the_time_of_a_job_is_that_of_its_end() {
     let last: f64 = lines.last().unwrap().as_str().unwrap().split(" s:").next().unwrap().parse().unwrap();
     assert!(took >= last - 0.05, "the last line was said at {last} s, the end was at {took} s");
 }
+
+#[test]
+fn nothing_of_another_study_stays_beside_one_that_cannot_be_read() {
+    let (good, bad) = (Rig::new(), Rig::new());
+    std::fs::remove_file(bad.path("data/loop1.csv")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, rig) in [("a-good", &good), ("b-bad", &bad)] {
+        std::fs::create_dir_all(folder.path().join(name).join("data")).unwrap();
+        for file in ["study.toml", "data/dataset.toml", "data/loop1.csv", "data/loop2.csv", "data/loop5.csv"] {
+            // The one that is missing stays missing.
+            let _ = std::fs::copy(rig.path(file), folder.path().join(name).join(file));
+        }
+    }
+    let served = Served::start(folder.path(), &["--json"]);
+    let Some(mut browser) = Browser::start(1024, 768) else { return };
+    browser.go(&served.url);
+    browser.until("document.querySelectorAll('.tree .node').length === 1", 20);
+    let choose = |browser: &mut Browser, id: &str| {
+        browser.eval(&format!("{{ const s = document.getElementById('study'); s.value = {id:?}; s.dispatchEvent(new Event('change')); }}"))
+    };
+    choose(&mut browser, "b-bad");
+    browser.until(&format!("{ANSWER}?.includes('loop1.csv')"), 20);
+    assert_eq!(browser.eval("document.querySelectorAll('.tree .node').length"), 0, "no model of the study before");
+    assert_eq!(browser.eval("document.getElementById('model-name').textContent"), "");
+    // What the foot shows says the same.
+    let line = browser.eval("document.getElementById('command').textContent").as_str().unwrap().to_string();
+    let words: Vec<&str> = line.split(' ').skip(1).chain(["--json"]).collect();
+    assert!(words[1].ends_with("b-bad"), "{line}");
+    assert!(misfit(&words).stdout.contains("loop1.csv"), "{line}");
+    choose(&mut browser, "a-good");
+    browser.until(
+        "document.querySelectorAll('.tree .node').length === 1 && document.querySelectorAll('#view-compare .card').length === 3",
+        20,
+    );
+}
