@@ -159,3 +159,27 @@ fn nothing_of_another_study_stays_beside_one_that_cannot_be_read() {
         20,
     );
 }
+
+#[test]
+fn a_chart_that_was_drawn_behind_another_tab_fits_its_frame() {
+    let rig = Rig::hiding(|_, v| 1.5 * v.signum());
+    let served = Served::start(rig.folder(), &["--json"]);
+    let Some(mut browser) = Browser::start(1024, 768) else { return };
+    browser.go(&served.url);
+    browser.until("document.querySelectorAll('#view-compare button.card').length === 2", 20);
+    click(&mut browser, "#view-compare button.card");
+    let plots = "[...document.querySelectorAll('#large .js-plotly-plot')]";
+    browser.until(&format!("{plots}.length === 4"), 30);
+    click(&mut browser, "#do-score");
+    browser.until("document.querySelector('.candidate')", 60);
+    press(&mut browser, "coulomb");
+    press(&mut browser, "Add coulomb at c1.x");
+    browser.until("document.getElementById('model-name').textContent === '+ coulomb at c1.x'", 60);
+    browser.until(&format!("{plots}.length === 4 && {plots}.every(p => p.querySelector('.main-svg'))"), 30);
+    assert_eq!(browser.eval("document.getElementById('view-compare').hidden"), true, "they are drawn while nobody sees them");
+    click(&mut browser, "#tab-compare");
+    browser.until(
+        &format!("{plots}.every(p => Math.abs(p.querySelector('.main-svg').getBoundingClientRect().width - p.clientWidth) < 2)"),
+        10,
+    );
+}
