@@ -183,3 +183,28 @@ fn a_chart_that_was_drawn_behind_another_tab_fits_its_frame() {
         10,
     );
 }
+
+#[test]
+fn a_mode_leaves_the_ground_where_it_is_and_stays_in_its_frame() {
+    let study = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("studies/06-virtual-tensioner");
+    let served = Served::start(&study, &["--json"]);
+    let Some(mut browser) = Browser::start(1024, 768) else { return };
+    // Without motion a shape stands at its largest.
+    browser.call("Emulation.setEmulatedMedia", json!({ "features": [{ "name": "prefers-reduced-motion", "value": "reduce" }] }));
+    browser.go(&served.url);
+    click(&mut browser, "#tab-structure");
+    click(&mut browser, "#show-modes");
+    browser.until("document.querySelector('.structure .rest')", 30);
+    let ends = |lines: &str| {
+        format!(
+            "[...document.querySelectorAll({lines:?})].map(l => {{ const p = l.getPointAtLength(l.getTotalLength()).matrixTransform(l.getScreenCTM()); return [p.x, p.y]; }})"
+        )
+    };
+    for name in ["device", "shelf"] {
+        let foot = format!("{}[0]", ends(&format!(".structure .place[aria-label^={name}] path")));
+        let stays = format!("(([x, y]) => {}.some(r => Math.hypot(r[0] - x, r[1] - y) < 0.5))({foot})", ends(".structure .rest path"));
+        assert_eq!(browser.eval(&stays), true, "the foot of `{name}` stands on the ground");
+    }
+    let inside = "(f => [...document.querySelectorAll('.structure .part, .structure .spot')].every(p => (r => r.top >= f.top && r.bottom <= f.bottom && r.left >= f.left && r.right <= f.right)(p.getBoundingClientRect())))(document.querySelector('#view-structure .scroll').getBoundingClientRect())";
+    assert_eq!(browser.eval(inside), true, "what moves stays in the frame");
+}
