@@ -61,12 +61,19 @@ async function ended(job) {
   const end = job.ended;
   if (job.model === state.model && !["add", "fit", "ladder"].includes(job.verb) || end.status === "failed") restore();
   if (end.status === "failed") { say(`${job.verb}: ${failureText(end.error)}`, true); return; }
-  if (job.verb === "score") { if (end.result?.candidates && state.described && job.model === state.model) { state.described.scored = end.result.candidates; emit("described"); emit("view", "structure"); } return; }
+  if (job.verb === "score") { if (end.result?.candidates && state.described && job.model === state.model) { state.described.scored = end.result.candidates; emit("described"); emit("view", "structure"); if (end.status === "done") scored(end.result); } return; }
   if (job.verb === "profile" && end.result) { emit("reload-model"); return; }
   if (end.result?.beside_failed) say(`The second effect: ${failureText(end.result.beside_failed)}`, true);
   if (end.result?.beside) { state.beside = end.result.beside; emit("view", "compare"); }
   if (job.verb === "export" && end.result) { state.exported = end.result; drawModels(); return; }
   if (end.result?.model) { const old = node(job.model); emit("go", { model: end.result.model, from: old, verb: job.verb }); }
+}
+
+/** What the scores come to, and the error of the fit that they are about, which need not be a model of the tree. */
+function scored({ candidates, errors }) {
+  const worth = candidates.filter(m => m.promises).length;
+  const told = ["fit", "select", "held_out"].filter(s => errors?.[s]).map(s => `${ratio(errors[s])} on the ${splitWords[s]} tests`).join(", ");
+  say(`${worth ? `${worth} of ${candidates.length} candidates ${worth === 1 ? "is" : "are"} worth a refit.` : "Nothing is worth a refit: no effect may gain as much as it costs."} They were scored about the fit of this model, whose error is ${told}${state.model === "study" ? "; the curves are those of the starting values" : ""}.`);
 }
 
 function drawJob() {

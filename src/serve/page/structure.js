@@ -13,8 +13,8 @@ const marks = () => state.described?.scored || null;
 const at = (m, place) => place === null || m.places.includes(place) || (place === "*channels" && m.role === "channel");
 /** The largest drop that the score test expects at a place. */
 const drop = place => Math.max(0, ...(marks() || []).filter(m => m.places.includes(place) && m.promises).map(m => m.predicted_drop));
-/** The largest anywhere: the end of the colour scale. */
-const most = () => Math.max(1e-9, ...(marks() || []).filter(m => m.promises && m.places.length).map(m => m.predicted_drop));
+/** The largest anywhere: the end of the colour scale; 0 where no effect at a place may gain more than it costs. */
+const most = () => Math.max(0, ...(marks() || []).filter(m => m.promises && m.places.length).map(m => m.predicted_drop));
 
 function pick(place) { state.place = state.place === place ? null : place; open = null; draw(); }
 
@@ -22,7 +22,7 @@ function pick(place) { state.place = state.place === place ? null : place; open 
 const round = v => Math.round(100 * v) / 100;
 
 function shade(node, part) {
-  node.style.setProperty("--heat", `${Math.round(100 * Math.min(1, part / most()))}%`);
+  node.style.setProperty("--heat", `${Math.round(100 * (part && Math.min(1, part / most())))}%`);
 }
 
 function picture(d) {
@@ -185,7 +185,8 @@ async function demonstrate(name, into) {
 export function draw() {
   const d = state.described;
   if (!d) return;
-  const scale = el("p", { class: "legend" }, marks() ? el("span", {}, "0 %") : null, el("span", { class: "ramp" }), marks() ? el("span", {}, percent(most())) : null, el("span", { class: "soft" }, marks() ? "part of the cost that one effect at the place is expected to take away; the number counts the effects that act there" : "not scored yet; the number counts the effects that act there"));
+  const told = !marks() ? "not scored yet" : most() ? "part of the cost that one effect at the place is expected to take away" : "no place is coloured: no effect at any of them is worth a refit";
+  const scale = el("p", { class: "legend" }, ...(most() ? [el("span", {}, "0 %"), el("span", { class: "ramp" }), el("span", {}, percent(most()))] : []), el("span", { class: "soft" }, `${told}; the number counts the effects that act there`));
   view.replaceChildren(scale, controls(), picture(d), list());
 }
 

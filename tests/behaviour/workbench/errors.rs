@@ -208,3 +208,24 @@ fn a_mode_leaves_the_ground_where_it_is_and_stays_in_its_frame() {
     let inside = "(f => [...document.querySelectorAll('.structure .part, .structure .spot')].every(p => (r => r.top >= f.top && r.bottom <= f.bottom && r.left >= f.left && r.right <= f.right)(p.getBoundingClientRect())))(document.querySelector('#view-structure .scroll').getBoundingClientRect())";
     assert_eq!(browser.eval(inside), true, "what moves stays in the frame");
 }
+
+#[test]
+fn where_nothing_is_worth_adding_the_page_says_so_and_colours_nothing() {
+    let rig = Rig::new();
+    let served = Served::start(rig.folder(), &["--json"]);
+    let Some(mut browser) = Browser::start(1024, 768) else { return };
+    browser.go(&served.url);
+    click(&mut browser, "#do-score");
+    browser.until("document.querySelectorAll('.candidate').length > 5", 60);
+    browser.until(&format!("{ANSWER}?.startsWith('Nothing is worth a refit: no effect may gain as much as it costs.')"), 5);
+    // The fit that the scores are about is told; it is no model of the tree.
+    let job = served.state()["jobs"][0]["ended"]["result"]["errors"]["fit"].clone();
+    let error = browser.eval(&format!("parseFloat({ANSWER}.split('whose error is ')[1])")).as_f64().unwrap();
+    assert!((error / 100.0 / job["error"].as_f64().unwrap() - 1.0).abs() < 0.01, "{error} {job}");
+    assert!(job["error"].as_f64().unwrap() < 1.2 * job["floor"].as_f64().unwrap(), "{job}");
+    let legend = browser.eval("document.querySelector('#view-structure .legend').textContent").to_string();
+    assert!(legend.contains("no place is coloured") && !legend.contains('%'), "{legend}");
+    assert_eq!(browser.eval("document.querySelectorAll('#view-structure .ramp').length"), 0);
+    let hot = "[...document.querySelectorAll('.structure .place')].filter(p => p.style.getPropertyValue('--heat') !== '0%').length";
+    assert_eq!(browser.eval(hot), 0);
+}
