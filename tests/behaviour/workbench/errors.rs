@@ -229,3 +229,22 @@ fn where_nothing_is_worth_adding_the_page_says_so_and_colours_nothing() {
     let hot = "[...document.querySelectorAll('.structure .place')].filter(p => p.style.getPropertyValue('--heat') !== '0%').length";
     assert_eq!(browser.eval(hot), 0);
 }
+
+#[test]
+fn a_bar_goes_from_the_floor_to_a_hundred_times_it() {
+    // The first test agrees with the model to within the noise, the second does not by far.
+    let rig = Rig::new();
+    rig.change("study.toml", "15 N/mm", "20 N/mm").change("study.toml", "0.3 N s/mm", "0.1 N s/mm");
+    rig.write("data/loop2.csv", &loop_csv(2.0, |_, v| 0.3 * v.signum()));
+    let served = Served::start(rig.folder(), &["--json"]);
+    let Some(mut browser) = Browser::start(1024, 768) else { return };
+    browser.go(&served.url);
+    browser.until("document.querySelectorAll('#view-compare button.card').length === 2", 20);
+    let bars = "[...document.querySelectorAll('#view-compare button.card .bar')].map(b => parseFloat(getComputedStyle(b, '::after').width) / b.clientWidth)";
+    let drawn: Vec<f64> = serde_json::from_value(browser.eval(bars)).unwrap();
+    for (part, test) in drawn.iter().zip(served.compare("study", &json!({}))) {
+        let ratio = test["error"].as_f64().unwrap() / test["floor"].as_f64().unwrap();
+        assert!((part - (ratio.max(1.0).log10() / 2.0)).abs() < 0.02, "{part} of the bar at {ratio} times the floor");
+    }
+    assert!(drawn[0] < 0.1 && drawn[1] > 0.4, "{drawn:?}");
+}
