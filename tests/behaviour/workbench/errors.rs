@@ -184,10 +184,31 @@ fn a_chart_that_was_drawn_behind_another_tab_fits_its_frame() {
     );
 }
 
+fn virtual_tensioner() -> std::path::PathBuf {
+    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("studies/06-virtual-tensioner")
+}
+
+#[test]
+fn at_1024_pixels_no_column_is_cut_off() {
+    let served = Served::start(&virtual_tensioner(), &["--json"]);
+    let Some(mut browser) = Browser::start(1024, 768) else { return };
+    browser.go(&served.url);
+    click(&mut browser, "#tab-parameters");
+    browser.until("document.querySelectorAll('#view-parameters tbody tr').length > 10", 20);
+    let whole = "(t => t.scrollWidth <= t.clientWidth)(document.querySelector('#view-parameters .scroll'))";
+    assert_eq!(browser.eval(whole), true, "the table of parameters");
+    let rig = Rig::hiding(|_, v| 1.5 * v.signum());
+    let served = Served::start(rig.folder(), &["--json"]);
+    browser.go(&served.url);
+    click(&mut browser, "#do-score");
+    browser.until("document.querySelectorAll('.candidate').length > 5", 60);
+    let verdicts = "[...document.querySelectorAll('.candidate')].every(c => (v => /^(worth a refit|too little)$/.test(v.textContent) && v.getBoundingClientRect().width > 0)(c.lastChild) && c.scrollWidth <= c.clientWidth)";
+    assert_eq!(browser.eval(verdicts), true, "the verdict of every candidate");
+}
+
 #[test]
 fn a_mode_leaves_the_ground_where_it_is_and_stays_in_its_frame() {
-    let study = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("studies/06-virtual-tensioner");
-    let served = Served::start(&study, &["--json"]);
+    let served = Served::start(&virtual_tensioner(), &["--json"]);
     let Some(mut browser) = Browser::start(1024, 768) else { return };
     // Without motion a shape stands at its largest.
     browser.call("Emulation.setEmulatedMedia", json!({ "features": [{ "name": "prefers-reduced-motion", "value": "reduce" }] }));
