@@ -137,9 +137,12 @@ on("go", async ({ model, from, verb }) => {
 /** The studies that can be opened, and whether new ones can be made. */
 function list(studies) {
   state.studies = studies.studies; state.folder = studies.folder;
-  document.getElementById("study").replaceChildren(...state.studies.map(s => el("option", { value: s.id }, s.id)));
+  document.getElementById("study").replaceChildren(...state.studies.map(s => el("option", { value: s.id }, within(s))));
   emit("studies");
 }
+
+/** A study by its way from the folder that is served; one that is served alone by its name. */
+const within = ({ id, path }) => state.folder && path.startsWith(state.folder) ? path.slice(state.folder.length).replace(/^[\\/]+/, "") : id;
 
 /** What needs a study. */
 function able(yes) {

@@ -130,7 +130,7 @@ fn nothing_of_another_study_stays_beside_one_that_cannot_be_read() {
     let (good, bad) = (Rig::new(), Rig::new());
     std::fs::remove_file(bad.path("data/loop1.csv")).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    for (name, rig) in [("a-good", &good), ("b-bad", &bad)] {
+    for (name, rig) in [("a-good", &good), ("measured/b-bad", &bad)] {
         std::fs::create_dir_all(folder.path().join(name).join("data")).unwrap();
         for file in ["study.toml", "data/dataset.toml", "data/loop1.csv", "data/loop2.csv", "data/loop5.csv"] {
             // The one that is missing stays missing.
@@ -141,6 +141,8 @@ fn nothing_of_another_study_stays_beside_one_that_cannot_be_read() {
     let Some(mut browser) = Browser::start(1024, 768) else { return };
     browser.go(&served.url);
     browser.until("document.querySelectorAll('.tree .node').length === 1", 20);
+    let names = browser.eval("[...document.getElementById('study').options].map(o => o.textContent).join()");
+    assert_eq!(names, "a-good,measured/b-bad", "each is named by its way from the folder");
     let choose = |browser: &mut Browser, id: &str| {
         browser.eval(&format!("{{ const s = document.getElementById('study'); s.value = {id:?}; s.dispatchEvent(new Event('change')); }}"))
     };
