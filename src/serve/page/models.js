@@ -73,7 +73,7 @@ async function ended(job) {
 function scored({ candidates, errors }) {
   const worth = candidates.filter(m => m.promises).length;
   const told = ["fit", "select", "held_out"].filter(s => errors?.[s]).map(s => `${ratio(errors[s])} on the ${splitWords[s]} tests`).join(", ");
-  say(`${worth ? `${worth} of ${candidates.length} candidates ${worth === 1 ? "is" : "are"} worth a refit.` : "Nothing is worth a refit: no effect may gain as much as it costs."} They were scored about the fit of this model, whose error is ${told}${state.model === "study" ? "; the curves are those of the starting values" : ""}.`);
+  say(`${worth ? `${worth} of ${candidates.length} candidates ${worth === 1 ? "is" : "are"} worth a refit.` : "Nothing is worth a refit: no effect may gain as much as it costs."} All were scored about the fit of this model, whose error is ${told}${state.model === "study" ? "; the curves are those of the starting values" : ""}.`);
 }
 
 function drawJob() {
@@ -92,7 +92,7 @@ function drawJob() {
   }
   const test = running && state.view !== "compare" ? follow() : null;
   if (test && picture?.id !== test.id) picture = { id: test.id, ...thumb(test.curves[0]) };
-  jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status} after ${digits(job.ended.seconds)} s`),
+  jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status} after ${job.ended.seconds.toFixed(1)} s`),
     el("p", { class: failed ? "line warn" : "line", "aria-live": "polite" }, running ? job.lines.at(-1) || "begins" : failed ? failureText(failed) : ""), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
     test ? el("div", { class: "panel" }, picture.node, el("span", { class: "soft" }, test.id)) : null,
     running ? stopButton("Stop") : null, job.ended?.status === "stopped" && job.ended.result?.model ? goOn(job.ended.result.model) : null));
