@@ -218,14 +218,17 @@ class Study:
         of: str | None = None,
         condition: str | None = None,
         reference: str | None = None,
+        keep_study: bool = False,
         **common: Any,
     ) -> results.Add:
         """Writes an effect into study.toml and refits. `set` gives starts of parameters with units, `{"d": "0.1 mm"}`; a coefficient takes
-        `of` ("viscous.c"), `condition` and `reference`."""
+        `of` ("viscous.c"), `condition` and `reference`. With `keep_study` study.toml stays as it is, and `resolved()` of the result is the
+        study with the effect."""
         words = [effect, "--at", at]
         for name, value in (set or {}).items():
             words += ["--set", f"{name}={value}"]
         words += _option("--of", of) + _option("--condition", condition) + _option("--reference", reference)
+        words += ["--keep-study"] if keep_study else []
         done = self._verb(results.Add, "add", words, common)
         self._model = None
         return done

@@ -1,6 +1,6 @@
 //! `misfit add`: writes an effect into study.toml and refits.
 //!
-//! The refit comes first, in memory: the file is touched only when it works.
+//! The refit comes first, in memory: the file is touched only when it works, and never where it is the record of a run.
 
 use serde_json::json;
 
@@ -33,6 +33,9 @@ pub(super) struct Args {
     /// For a coefficient: value of the condition at which the factor is 1, such as "0.3 mm"
     #[arg(long, value_name = "VALUE", requires = "condition")]
     reference: Option<String>,
+    /// Leaves study.toml as it is: the study with the effect stands in the folder of the run alone
+    #[arg(long)]
+    keep_study: bool,
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {
@@ -43,6 +46,11 @@ fn pair(text: &str) -> Result<(String, String), String> {
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let study = session.study()?;
+    if !args.keep_study && study.folder.join("result.json").is_file() {
+        let message = "it is the record of a run, and stays as it was written";
+        let accepted = "--keep-study, with which the study with the effect stands in the folder of the new run alone";
+        return Err(Failure::new("study", study.file.display().to_string(), message, accepted));
+    }
     let case = session.case(&study)?;
     session.progress.say("fit before");
     let (case, before_fit, before) = diagnose::fit(&case, &SplitName::ALL, &session.monitor())?;
@@ -70,14 +78,19 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let value = fit::json(&json!({ "before": fit::plain(&before)?, "after": fit::plain(after)?, "added": fit::plain(&added)? }), &folder)?;
     report::write(&folder, &study, &done.fitted.system, Some(after), None, None)?;
     folder.result(&value)?;
-    study.write_effect(instance)?;
+    let file = if args.keep_study {
+        folder.path.join("study.toml")
+    } else {
+        study.write_effect(instance)?;
+        study.file.clone()
+    };
     let shown = args.common.study.display().to_string();
     let text = format!(
         "before\n{}\nafter: {} at {} is in {}\n{}",
         text::tests(&before.tests),
         added.effect,
         added.at,
-        study.file.display(),
+        file.display(),
         text::fit(after, &shown)
     );
     Ok(Outcome { json: value, text, code: fit::code(&after.termination) })

@@ -13,6 +13,7 @@ use crate::study::unit_of;
 use crate::work::{self, Failure, Scored, Wish, keep, plain};
 
 use super::bench::{Bench, Loaded, Model};
+use super::curves::pooled;
 use super::job::Job;
 use super::order::{ORDER, Order, VERBS, quoted};
 use super::picture::{places, printed};
@@ -192,8 +193,7 @@ fn add_to(loaded: &Loaded, job: &Job, before: &(Case, Fitted, FitResult), order:
         condition: order.condition.clone(),
         reference: order.reference.clone(),
     };
-    let mut grown = before_fit.system.clone();
-    grown.instances.push(work::wished(&wish, study)?);
+    let grown = work::wished(&wish, study, &before_fit.system)?;
     let folder = begin(loaded, job, order)?;
     let monitor = job.monitor(grown);
     let done = work::refit(study, case, &before_fit.system, &wish, &loaded.splits(), &monitor, &|step| job.say(step));
@@ -222,8 +222,11 @@ fn fitted(loaded: &Loaded, job: &Job, model: &Model, id: &str) -> Result<Arc<Mod
 
 fn score(loaded: &Loaded, job: &Job, model: &Model, order: &Order) -> Result<Value, Failure> {
     let model = fitted(loaded, job, model, &order.model)?;
+    // The fit that the scores are about need not be a model of the tree.
+    let tests = model.result.as_ref().map_or(Ok(Value::Null), |r| plain(&r.tests))?;
+    let errors = tests.as_array().map(|t| pooled(t));
     if let Some(marks) = &model.marks {
-        return Ok(json!({ "candidates": **marks, "model": order.model }));
+        return Ok(json!({ "candidates": **marks, "model": order.model, "errors": errors }));
     }
     let Some(fitted) = &model.fitted else { return Ok(Value::Null) };
     let monitor = job.monitor(fitted.system.clone());
@@ -235,7 +238,7 @@ fn score(loaded: &Loaded, job: &Job, model: &Model, order: &Order) -> Result<Val
     if !job.stopped() {
         loaded.keep(&order.model, Arc::new(Model { marks: Some(all.clone()), ..(*model).clone() }));
     }
-    Ok(json!({ "candidates": *all, "model": order.model }))
+    Ok(json!({ "candidates": *all, "model": order.model, "errors": errors }))
 }
 
 /// A candidate with how it is shown beside its score.

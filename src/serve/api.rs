@@ -146,7 +146,8 @@ async fn get(app: &Arc<App>, path: &[&str]) -> Answer {
         ["favicon.ico"] => page("icon.svg"),
         ["page", name] => page(name),
         ["api", "studies"] => {
-            let all: Vec<Value> = app.benches().iter().map(|b| json!({ "id": b.id, "path": b.path.display().to_string() })).collect();
+            let one = |b: &Arc<Bench>| json!({ "id": b.id, "path": b.path.display().to_string(), "options": options(b) });
+            let all: Vec<Value> = app.benches().iter().map(one).collect();
             let folder = app.folder.as_ref().map(|f| f.display().to_string());
             told(&json!({ "studies": all, "folder": folder, "version": env!("CARGO_PKG_VERSION") }))
         }

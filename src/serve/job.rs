@@ -128,10 +128,11 @@ impl Job {
 
     /// Its end.
     pub fn end(&self, result: Result<Value, Failure>) {
-        let ended = match result {
+        let mut ended = match result {
             Ok(value) => json!({ "status": if self.stopped() { "stopped" } else { "done" }, "result": value }),
             Err(failure) => json!({ "status": "failed", "error": failure.json()["error"] }),
         };
+        ended["seconds"] = self.started.elapsed().as_secs_f64().into();
         let mut state = self.state();
         (state.ended, state.trial) = (Some(ended.clone()), None);
         drop(state);
@@ -147,7 +148,7 @@ impl Job {
     pub fn json(&self) -> Value {
         let state = self.state();
         json!({
-            "id": self.id, "verb": self.verb, "model": self.model, "command": self.command, "seconds": self.started.elapsed().as_secs_f64(),
+            "id": self.id, "verb": self.verb, "model": self.model, "command": self.command,
             "lines": state.lines, "cost": state.cost, "ended": state.ended,
         })
     }

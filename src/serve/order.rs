@@ -69,7 +69,8 @@ pub fn command(bench: &Bench, order: &Order) -> String {
         verb => format!("misfit {verb} {study}"),
     };
     if order.verb == "add" {
-        line += &format!(" {} --at {}", quoted(&order.effect), quoted(&order.at));
+        // The page changes neither the reader's study.toml nor the record of a run.
+        line += &format!(" {} --at {} --keep-study", quoted(&order.effect), quoted(&order.at));
         for (name, value) in &order.set {
             line += &format!(" --set {}", quoted(&format!("{name}={value}")));
         }
@@ -129,6 +130,9 @@ mod tests {
             set,
             ..Order::default()
         };
-        assert_eq!(command(&bench, &order), "misfit add 'my study/runs/20261124-112100-fit' coulomb --at c1.x --set 'd=0.07 mm' --seed 2");
+        assert_eq!(
+            command(&bench, &order),
+            "misfit add 'my study/runs/20261124-112100-fit' coulomb --at c1.x --keep-study --set 'd=0.07 mm' --seed 2"
+        );
     }
 }

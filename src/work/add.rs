@@ -53,7 +53,7 @@ pub fn refit(
 ) -> Result<Option<Refitted>, Failure> {
     let mut best: Option<(Case, Fitted, FitResult)> = None;
     let mut first_failure = None;
-    for (k, instance) in starts(wish, study, case)?.into_iter().enumerate() {
+    for (k, instance) in starts(wish, &with_model(study, system), case)?.into_iter().enumerate() {
         say(&format!("refit with {} at {}, start {}", wish.effect, wish.at, k + 1));
         let mut with = case.clone();
         with.system = system.clone();
@@ -78,6 +78,11 @@ pub fn refit(
         return Err(Failure::new("identify", "", "the refit lost the effect", "another start"));
     };
     Ok(Some(Refitted { instance, case, fitted, result }))
+}
+
+/// The study with the model that an effect is added to: a law acts on what stands in the model, which may be more than study.toml has.
+fn with_model(study: &Study, system: &System) -> Study {
+    Study { system: system.clone(), ..study.clone() }
 }
 
 /// The new effect at every start worth trying: strengths at none and at a tenth of what acts there, shapes over their grid.
@@ -178,8 +183,11 @@ fn given(wish: &Wish, study: &Study, of: &Option<CoefficientOf>) -> Result<Vec<(
     wish.set.iter().map(one).collect()
 }
 
-/// The effect as it is wished for, before a fit.
-pub fn wished(wish: &Wish, study: &Study) -> Result<Instance, Failure> {
-    let of = coefficient(wish, study)?;
-    Ok(study.instance(&wish.effect, &wish.at, &[], of.as_ref())?)
+/// `system` with the effect as it is wished for, before a fit.
+pub fn wished(wish: &Wish, study: &Study, system: &System) -> Result<System, Failure> {
+    let mut study = with_model(study, system);
+    let of = coefficient(wish, &study)?;
+    let instance = study.instance(&wish.effect, &wish.at, &[], of.as_ref())?;
+    study.system.instances.push(instance);
+    Ok(study.system)
 }

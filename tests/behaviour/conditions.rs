@@ -75,7 +75,13 @@ fn rig() -> Rig {
 
 #[test]
 fn a_limit_that_grows_tenfold_with_the_contact_area_is_named_alone() {
-    let result = rig().json("ladder", &[]);
+    let ran = rig().run("ladder", &["--json"]);
+    let result = ran.json();
+    assert!(
+        ran.stderr.contains("added linear_law at c1.x (elastic_slip.f over A): "),
+        "a law is told with what it acts on: {}",
+        ran.stderr
+    );
     let missing = result["missing"].as_array().unwrap();
     assert!(missing.len() == 1 && missing[0]["effect"] == "linear_law" && missing[0]["at"] == "c1.x", "{missing:?}");
     let of = |name: &str| {

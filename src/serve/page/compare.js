@@ -90,7 +90,7 @@ function draw() {
   const opened = state.about.held_out_opened.length && state.about.study.tests.some(t => t.split === "held_out")
     ? el("p", { class: "note" }, `The held-out tests were opened (${state.about.held_out_opened.map(o => o.by === "ladder" ? "by a ladder" : "by the reader").join(", ")}); that stands in the results from then on.`) : null;
   const legend = el("p", { class: "legend" }, el("span", { class: "key measured" }, "measured"), el("span", { class: "key computed" }, "computed"),
-    state.before ? el("span", { class: "key old" }, "before") : null, el("span", { class: "soft" }, "error: rms(measured − computed) / rms(measured − mean); floor: the noise alone would give this; bar: from the floor to a hundred times the floor, logarithmic"));
+    state.before ? el("span", { class: "key old" }, "before") : null, el("span", { class: "soft" }, "error: rms(measured − computed) / rms(measured − mean); floor: the noise alone would give this; bar: from the floor to a hundred times the floor, logarithmic, blue below one and a half times"));
   view.replaceChildren(legend, chooser(), ...[open, opened].filter(Boolean), large, grid);
   enlarge(state.detail, false);
 }

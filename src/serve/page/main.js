@@ -3,7 +3,7 @@ import { state, el, api, of, on, emit, attempt, say, command, node, modelName, p
 import { load } from "./compare.js";
 import "./structure.js";
 import "./parameters.js";
-import { run, event } from "./models.js";
+import { run, event, settle } from "./models.js";
 import "./new.js";
 
 // The token is in the cookie now; in the address it would be seen and kept.
@@ -38,13 +38,20 @@ tabs.forEach((tab, k) => {
 function suggest() {
   if (!state.about || state.view === "new" || (state.job && !state.job.ended)) return;
   const folder = state.about.study.folder, path = state.model === "study" ? folder : `${folder}/runs/${state.model}`;
-  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${/^[\w\-./]+$/.test(path) ? path : `'${path}'`}${state.view === "structure" ? " --scores" : ""}${state.about.study.options}`);
+  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${quoted(path)}${state.view === "structure" ? " --scores" : ""}${state.about.study.options}`);
 }
+
+const quoted = path => /^[\w\-./]+$/.test(path) ? path : `'${path}'`;
 
 let source = null;
 async function openStudy(id, model, view) {
   state.study = id; state.model = "study"; state.about = null; state.described = null; state.tests = []; state.job = null; state.exported = null; state.place = null; state.before = null;
   document.getElementById("study").value = id;
+  // Nothing of the study before is this one's: it may turn out that its data cannot be read.
+  source?.close();
+  emit("about");
+  const study = state.studies.find(s => s.id === id);
+  command(`misfit check ${quoted(study.path)}${study.options}`);
   readable(true);
   say("Reading the study …");
   await attempt(async () => {
@@ -93,7 +100,8 @@ async function look() {
     state.about = about;
     const running = about.jobs.find(j => !j.ended);
     if (running && state.job?.id !== running.id) { state.job = running; command(running.command); }
-    if (state.job && !state.job.ended) { const known = about.jobs.find(j => j.id === state.job.id); if (known?.ended) state.job.ended = known.ended; }
+    const known = about.jobs.find(j => j.id === state.job?.id);
+    if (known?.ended) settle(known.ended);
     if (!node()) { state.model = "study"; await showModel(); }
     emit("about");
   });
@@ -129,9 +137,12 @@ on("go", async ({ model, from, verb }) => {
 /** The studies that can be opened, and whether new ones can be made. */
 function list(studies) {
   state.studies = studies.studies; state.folder = studies.folder;
-  document.getElementById("study").replaceChildren(...state.studies.map(s => el("option", { value: s.id }, s.id)));
+  document.getElementById("study").replaceChildren(...state.studies.map(s => el("option", { value: s.id }, within(s))));
   emit("studies");
 }
+
+/** A study by its way from the folder that is served; one that is served alone by its name. */
+const within = ({ id, path }) => state.folder && path.startsWith(state.folder) ? path.slice(state.folder.length).replace(/^[\\/]+/, "") : id;
 
 /** What needs a study. */
 function able(yes) {

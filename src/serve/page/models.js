@@ -14,6 +14,8 @@ export async function run(order) {
     state.job = { id: begun.job, verb: begun.verb, model: begun.model, lines: [], cost: [], ended: null, order };
     drawJob();
     if (order.verb === "ladder") drawLadder();
+    // A job that fails at once may have ended before this page knew its number.
+    emit("reload-tree");
   });
 }
 
@@ -44,15 +46,22 @@ export function event(e) {
     const shown = state.view === "compare" ? visibleTests().map(t => t.id) : [follow()?.id].filter(Boolean);
     if (shown.length && node() && job.model === state.model) move("job:" + job.id, {}, shown);
   }
-  if (e.type === "end") { job.ended = e.ended; ended(job); }
+  if (e.type === "end") settle(e.ended);
   if (!drawing) { drawing = true; requestAnimationFrame(() => { drawing = false; drawJob(); if (state.view === "ladder") drawLadder(); }); }
+}
+
+/** The end of the job, once: by its event, or by the state of the study, whichever is read first. */
+export function settle(end) {
+  if (!state.job || state.job.ended) return;
+  state.job.ended = end;
+  ended(state.job);
 }
 
 async function ended(job) {
   const end = job.ended;
   if (job.model === state.model && !["add", "fit", "ladder"].includes(job.verb) || end.status === "failed") restore();
-  if (end.status === "failed") { say(`${job.verb}: ${end.error.message}${end.error.accepted ? "; accepted: " + end.error.accepted : ""}`, true); return; }
-  if (job.verb === "score") { if (end.result?.candidates && state.described && job.model === state.model) { state.described.scored = end.result.candidates; emit("described"); emit("view", "structure"); } return; }
+  if (end.status === "failed") { say(`${job.verb}: ${failureText(end.error)}`, true); return; }
+  if (job.verb === "score") { if (end.result?.candidates && state.described && job.model === state.model) { state.described.scored = end.result.candidates; emit("described"); emit("view", "structure"); if (end.status === "done") scored(end.result); } return; }
   if (job.verb === "profile" && end.result) { emit("reload-model"); return; }
   if (end.result?.beside_failed) say(`The second effect: ${failureText(end.result.beside_failed)}`, true);
   if (end.result?.beside) { state.beside = end.result.beside; emit("view", "compare"); }
@@ -60,13 +69,19 @@ async function ended(job) {
   if (end.result?.model) { const old = node(job.model); emit("go", { model: end.result.model, from: old, verb: job.verb }); }
 }
 
+/** What the scores come to, and the error of the fit that they are about, which need not be a model of the tree. */
+function scored({ candidates, errors }) {
+  const worth = candidates.filter(m => m.promises).length;
+  const told = ["fit", "select", "held_out"].filter(s => errors?.[s]).map(s => `${ratio(errors[s])} on the ${splitWords[s]} tests`).join(", ");
+  say(`${worth ? `${worth} of ${candidates.length} candidates ${worth === 1 ? "is" : "are"} worth a refit.` : "Nothing is worth a refit: no effect may gain as much as it costs."} All were scored about the fit of this model, whose error is ${told}${state.model === "study" ? "; the curves are those of the starting values" : ""}.`);
+}
+
 function drawJob() {
   const job = state.job;
   // One work at a time on a study.
   for (const id of ["do-fit", "do-score"]) document.getElementById(id).disabled = !!job && !job.ended;
   if (!job) { jobBox.replaceChildren(); return; }
-  const running = !job.ended;
-  const last = job.lines[job.lines.length - 1] || "begins";
+  const running = !job.ended, failed = job.ended?.error;
   const recent = job.cost.slice(-300);
   let chart = null;
   if (recent.length > 1) {
@@ -77,8 +92,8 @@ function drawJob() {
   }
   const test = running && state.view !== "compare" ? follow() : null;
   if (test && picture?.id !== test.id) picture = { id: test.id, ...thumb(test.curves[0]) };
-  jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status}`),
-    el("p", { class: "line", "aria-live": "polite" }, last), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
+  jobBox.replaceChildren(el("div", { class: "job" + (running ? " running" : "") }, el("h2", {}, running ? `${job.verb} is running` : `${job.verb}: ${job.ended.status} after ${job.ended.seconds.toFixed(1)} s`),
+    el("p", { class: failed ? "line warn" : "line", "aria-live": "polite" }, running ? job.lines.at(-1) || "begins" : failed ? failureText(failed) : ""), chart, recent.length ? el("p", { class: "soft" }, `cost ${digits(recent[recent.length - 1], 5)}`) : null,
     test ? el("div", { class: "panel" }, picture.node, el("span", { class: "soft" }, test.id)) : null,
     running ? stopButton("Stop") : null, job.ended?.status === "stopped" && job.ended.result?.model ? goOn(job.ended.result.model) : null));
 }
@@ -90,7 +105,7 @@ const goOn = id => el("button", { type: "button", onclick: () => run({ verb: "re
 const ratio = e => e ? `${percent(e.error)} (${digits(e.error / e.floor, 2)} × floor)` : "-";
 
 function drawTree() {
-  const all = state.about.models;
+  const all = state.about?.models || [];
   const below = parent => all.filter(m => m.parent === parent);
   const branch = m => el("li", {}, el("button", { type: "button", class: "node" + (m.id === state.model ? " chosen" : ""), "aria-current": m.id === state.model ? "true" : null, onclick: () => emit("go", { model: m.id }) },
     el("b", {}, modelName(m)), el("span", { class: "soft" }, [runTime(m.id), m.errors?.fit ? `fit ${percent(m.errors.fit.error)}` : "", m.errors?.select ? `select ${percent(m.errors.select.error)}` : ""].filter(Boolean).join(", "))),
@@ -158,4 +173,4 @@ function drawLadder() {
   ladder.replaceChildren(...parts);
 }
 
-on("about", () => { drawTree(); drawModels(); drawLadder(); drawJob(); });
+on("about", () => { drawTree(); drawJob(); if (state.about) { drawModels(); drawLadder(); } });

@@ -78,6 +78,14 @@ export function move(pose, scale) {
   step(begun);
 }
 
+/** The largest displacement of any mode in the picture: the frame is the same for all of them. */
+export function reach(scale) {
+  if (!moving()) return 0;
+  const phases = [...Array(16).keys()].map(k => k * Math.PI / 16);
+  const sizes = current().modes.flatMap(m => phases.flatMap(p => [...displaced(m, p, scale).values()].flatMap(d => (d.ends || [[d.dx, d.dy]]).map(e => Math.hypot(...e)))));
+  return Math.max(0, ...sizes);
+}
+
 export const moving = () => Boolean(current()?.modes[shown.mode]);
 
 on("described", () => { if (shown.of?.startsWith(`${state.study} `) && !current()) load(); });

@@ -52,6 +52,9 @@ function profile(p) {
       f.better !== null ? " A better fit was met on the way: fit again from these values." : ""));
 }
 
+/** A name of several places may go on in another line behind each of them. */
+const breakable = name => name.split(/(?<=[.,])/).flatMap((part, k) => k ? [el("wbr"), part] : [part]);
+
 function row(p) {
   const s = scale(p), k = p.factor || 1, now = state.values[p.key] ?? p.value;
   const inUnit = v => digits(v / k, 5);
@@ -70,7 +73,7 @@ function row(p) {
     range.style.setProperty("--to", clip(b) + "%");
   } else range.classList.add(p.identifiable === false ? "open" : "none");
   const ask = p.free ? el("button", { type: "button", title: "Refits all others with this one held at values around it", "aria-label": `Profile of ${p.name}`, onclick: () => run({ verb: "profile", parameter: p.name }) }, "Profile") : null;
-  const main = el("tr", { title: p.doc, class: p.key in state.values ? "moved" : null }, el("th", { scope: "row" }, p.name), el("td", { class: "n" }, number, " ", p.unit), el("td", {}, slider, range), el("td", { class: "soft" }, interval), el("td", { class: p.identifiable === false ? "warn" : "soft" }, word(p)), el("td", {}, ask));
+  const main = el("tr", { title: p.doc, class: p.key in state.values ? "moved" : null }, el("th", { scope: "row" }, ...breakable(p.name)), el("td", { class: "n" }, number, " ", p.unit), el("td", {}, slider, range), el("td", { class: "soft" }, interval), el("td", { class: p.identifiable === false ? "warn" : "soft" }, word(p)), el("td", {}, ask));
   return p.profile ? [main, el("tr", { class: "profile" }, el("td", { colspan: 6 }, profile(p)))] : [main];
 }
 

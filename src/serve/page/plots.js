@@ -69,6 +69,9 @@ export function plotly() {
   return loading;
 }
 
+/** Gives a large plot the size of its frame whenever that changes; in a tab that is hidden a frame has none, and a plot that is drawn there another size. */
+const fitted = new ResizeObserver(frames => { for (const f of frames) if (f.contentRect.width && f.target.data) window.Plotly.Plots.resize(f.target); });
+
 const plain = text => String(text).replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
 const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const titled = (name, unit) => plain(unit && unit !== "1" ? `${name} [${unit}]` : name);
@@ -152,10 +155,11 @@ export async function drawLarge(into, curves, computed, before) {
       if (!figure) {
         figure = el("figure", {}, el("figcaption", {}), el("div"));
         into.append(figure);
+        fitted.observe(figure.lastChild);
       }
       figure.firstChild.replaceChildren(el("b", {}, curve.label), " " + f.caption);
       figure.lastChild.style.height = f.height + "px";
-      await P.react(figure.lastChild, f.traces, { ...f.layout, uirevision: "keep" }, { responsive: true, displaylogo: false, displayModeBar: false });
+      await P.react(figure.lastChild, f.traces, { ...f.layout, uirevision: "keep" }, { displaylogo: false, displayModeBar: false });
       k++;
     }
   }

@@ -1,7 +1,7 @@
 // Structure: bodies and connectors, coloured by what each place carries of the misfit; the candidates of a place, and adding one.
 import { state, el, svg, of, api, on, emit, attempt, percent, digits } from "./core.js";
 import { run } from "./models.js";
-import { controls, move, moving } from "./modes.js";
+import { controls, move, moving, reach } from "./modes.js";
 
 const view = document.getElementById("view-structure");
 let open = null;
@@ -13,8 +13,8 @@ const marks = () => state.described?.scored || null;
 const at = (m, place) => place === null || m.places.includes(place) || (place === "*channels" && m.role === "channel");
 /** The largest drop that the score test expects at a place. */
 const drop = place => Math.max(0, ...(marks() || []).filter(m => m.places.includes(place) && m.promises).map(m => m.predicted_drop));
-/** The largest anywhere: the end of the colour scale. */
-const most = () => Math.max(1e-9, ...(marks() || []).filter(m => m.promises && m.places.length).map(m => m.predicted_drop));
+/** The largest anywhere: the end of the colour scale; 0 where no effect at a place may gain more than it costs. */
+const most = () => Math.max(0, ...(marks() || []).filter(m => m.promises && m.places.length).map(m => m.predicted_drop));
 
 function pick(place) { state.place = state.place === place ? null : place; open = null; draw(); }
 
@@ -22,7 +22,7 @@ function pick(place) { state.place = state.place === place ? null : place; open 
 const round = v => Math.round(100 * v) / 100;
 
 function shade(node, part) {
-  node.style.setProperty("--heat", `${Math.round(100 * Math.min(1, part / most()))}%`);
+  node.style.setProperty("--heat", `${Math.round(100 * (part && Math.min(1, part / most())))}%`);
 }
 
 function picture(d) {
@@ -58,17 +58,20 @@ function picture(d) {
     const a = bodies[c.from], b = bodies[c.to];
     const heat = Math.max(0, ...c.places.map(drop));
     let [x1, y1, x2, y2] = [X(a.x), Y(a.y), X(b.x), Y(b.y)];
-    let mx = (x1 + x2) / 2, my = (y1 + y2) / 2, lines = [svg("line", { x1, y1, x2, y2, class: "link" })], named = true, bow = null;
+    let mx = (x1 + x2) / 2, my = (y1 + y2) / 2, lines = [svg("line", { x1, y1, x2, y2, class: "link" })], named = true;
+    /** The way of a line that is not straight, its ends moved by (ax, ay) and (bx, by). */
+    let bent = null;
     const hangs = d.spatial && (a.fixed || b.fixed);
     if (hangs) {
-      // A connector to the ground hangs below its part.
+      // A connector to the ground hangs below its part, its foot where it is.
       const [x, y] = a.fixed ? [x2, y2] : [x1, y1];
       [mx, my] = [x, y + 46];
-      lines = [svg("path", { d: `M${x} ${y}V${y + 82}M${x - 14} ${y + 82}h28`, class: "link" })];
+      bent = (ax, ay, bx, by) => `M${x + ax + bx} ${y + ay + by}L${x} ${y + 82}M${x - 14} ${y + 82}h28`;
+      lines = [svg("path", { d: bent(0, 0, 0, 0), class: "link" })];
     } else if (d.spatial && Math.abs(c.from - c.to) > 1) {
       const deep = Math.max(y1, y2) + 90;
-      bow = (ax, ay, bx, by) => `M${x1 + ax} ${y1 + ay}Q${mx + 0.5 * (ax + bx)} ${deep + 0.5 * (ay + by)} ${x2 + bx} ${y2 + by}`;
-      lines = [svg("path", { d: bow(0, 0, 0, 0), class: "link" })];
+      bent = (ax, ay, bx, by) => `M${x1 + ax} ${y1 + ay}Q${mx + 0.5 * (ax + bx)} ${deep + 0.5 * (ay + by)} ${x2 + bx} ${y2 + by}`;
+      lines = [svg("path", { d: bent(0, 0, 0, 0), class: "link" })];
       my = 0.25 * y1 + 0.5 * deep + 0.25 * y2;
     } else if (d.spatial) named = links.length <= 14 || places(c);
     const link = lines[0];
@@ -77,11 +80,11 @@ function picture(d) {
       svg("text", { x: hangs ? mx + 40 : mx, y: hangs ? my + 4 : named === "above" ? my - 16 : my + 27, class: "name over", "aria-hidden": "true" }, named ? c.name : ""), svg("text", { x: mx, y: my + 4, class: "count", "aria-hidden": "true" }, String(acts(c).length)));
     posers.push(all => {
       const [ax, ay] = shift(all, c.from), [bx, by] = shift(all, c.to);
-      const [dx, dy] = hangs ? (a.fixed ? [bx, by] : [ax, ay]) : [0.5 * (ax + bx), 0.5 * (ay + by)];
+      const [dx, dy] = [0.5 * (ax + bx), 0.5 * (ay + by)];
       // A line follows its ends, all else of the connector the middle between them.
-      if (bow) link.setAttribute("d", bow(ax, ay, bx, by));
-      else if (!hangs) for (const [name, v] of [["x1", x1 + ax], ["y1", y1 + ay], ["x2", x2 + bx], ["y2", y2 + by]]) link.setAttribute(name, v);
-      for (const part of !hangs ? [spot, ...[...whole.children].slice(1)] : [whole]) part.setAttribute("transform", `translate(${round(dx)} ${round(dy)})`);
+      if (bent) link.setAttribute("d", bent(ax, ay, bx, by));
+      else for (const [name, v] of [["x1", x1 + ax], ["y1", y1 + ay], ["x2", x2 + bx], ["y2", y2 + by]]) link.setAttribute(name, v);
+      for (const part of [spot, ...[...whole.children].slice(1)]) part.setAttribute("transform", `translate(${round(dx)} ${round(dy)})`);
     });
     return whole;
   });
@@ -104,11 +107,13 @@ function picture(d) {
   });
   // It shrinks with the window as far as names can be read, and scrolls beyond.
   const fits = width < 1400;
+  // A body reaches 22 from its place, and has 46 to the edge: what moves farther widens the frame.
+  const scale = flat ? 1 : 0.5 * step, more = Math.ceil(Math.max(0, reach(scale) - 24));
   const drawn = d.spatial ? [...boxes.filter(Boolean), ...nodes] : [...nodes, ...boxes];
   // Where everything lies at rest stands behind what moves.
   const rest = moving() ? svg("g", { class: "rest", "aria-hidden": "true" }, ...drawn.flatMap(n => [...n.querySelectorAll("line, rect, path")]).map(n => n.cloneNode())) : null;
-  move(all => posers.forEach(p => p(all)), flat ? 1 : 0.5 * step);
-  return el("div", { class: "scroll" }, svg("svg", { class: fits ? "structure fits" : "structure", viewBox: `0 0 ${width} ${height}`, width, height: fits ? null : height, role: "group", "aria-label": "Structure" }, rest, ...drawn));
+  move(all => posers.forEach(p => p(all)), scale);
+  return el("div", { class: "scroll" }, svg("svg", { class: fits ? "structure fits" : "structure", viewBox: `${-more} ${-more} ${width + 2 * more} ${height + 2 * more}`, width: width + 2 * more, height: fits ? null : height + 2 * more, role: "group", "aria-label": "Structure" }, rest, ...drawn));
 }
 
 function list() {
@@ -180,7 +185,8 @@ async function demonstrate(name, into) {
 export function draw() {
   const d = state.described;
   if (!d) return;
-  const scale = el("p", { class: "legend" }, marks() ? el("span", {}, "0 %") : null, el("span", { class: "ramp" }), marks() ? el("span", {}, percent(most())) : null, el("span", { class: "soft" }, marks() ? "part of the cost that one effect at the place is expected to take away; the number counts the effects that act there" : "not scored yet; the number counts the effects that act there"));
+  const told = !marks() ? "not scored yet" : most() ? "part of the cost that one effect at the place is expected to take away" : "no place is coloured: no effect at any of them is worth a refit";
+  const scale = el("p", { class: "legend" }, ...(most() ? [el("span", {}, "0 %"), el("span", { class: "ramp" }), el("span", {}, percent(most()))] : []), el("span", { class: "soft" }, `${told}; the number counts the effects that act there`));
   view.replaceChildren(scale, controls(), picture(d), list());
 }
 

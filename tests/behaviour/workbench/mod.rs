@@ -4,6 +4,7 @@ mod beyond;
 mod browser;
 mod client;
 mod devtools;
+mod errors;
 mod fresh;
 mod hostile;
 mod numbers;

@@ -253,7 +253,7 @@ impl Climb<'_> {
         parallel::watched(&watch, || self.add(taken, step));
         let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
         for n in &taken.names {
-            (self.watch)(&format!("added {} at {}: {:.1} nats", n.effect, n.at, taken.gain));
+            (self.watch)(&format!("added {n}: {:.1} nats", taken.gain));
         }
         let before = self.added.len() - taken.names.len();
         let removed = parallel::watched(&watch, || self.remove(before));

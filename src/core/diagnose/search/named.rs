@@ -9,6 +9,14 @@ use crate::diagnose::calibrate::weigh::{Tied, Weighed};
 use crate::diagnose::results::{Instrument, Missing};
 use crate::model::Instance;
 
+impl std::fmt::Display for Name {
+    /// A law over a condition is told with the parameter and the condition: several may act at one place.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} at {}", self.effect, self.at)?;
+        self.of.as_ref().map_or(Ok(()), |of| write!(f, " ({of})"))
+    }
+}
+
 impl Climb<'_> {
     /// Physics that was added, what costs most to leave out first.
     pub(in crate::diagnose) fn missing(&self, held: Option<(&HeldOutTests, &Look)>) -> Vec<Missing> {

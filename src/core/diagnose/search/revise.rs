@@ -60,7 +60,7 @@ impl Climb<'_> {
             let Some((k, (gain, small))) = worst.min_by(|a, b| a.1.0.total_cmp(&b.1.0)) else { break };
             let gone = self.added.remove(k);
             among -= 1;
-            (self.watch)(&format!("removed {} at {}: it would gain {gain:.1} nats", gone.name.effect, gone.name.at));
+            (self.watch)(&format!("removed {}: it would gain {gain:.1} nats", gone.name));
             removed.push(EffectAt { effect: gone.name.effect.into(), at: gone.name.at });
             self.now = small;
             self.forget();
@@ -100,10 +100,7 @@ impl Climb<'_> {
         let acted_on = self.acted_on(k);
         let own = self.now.fitted.system.instances.get(self.base + k).cloned();
         let mut gone = self.added.remove(k);
-        (self.watch)(&format!(
-            "{} at {} takes the place of {} at {}: {nats:.1} nats",
-            name.effect, name.at, gone.name.effect, gone.name.at
-        ));
+        (self.watch)(&format!("{name} takes the place of {}: {nats:.1} nats", gone.name));
         let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
         let exchanged = (named(&name), named(&gone.name));
         let mut kin: Vec<(Name, Instance)> = std::mem::take(&mut gone.kin).into_iter().filter(|(n, _)| *n != name).collect();
@@ -134,7 +131,7 @@ impl Climb<'_> {
             let found = (0..self.added.len()).filter_map(|k| Some((k, against(k)?)));
             let Some((k, nats)) = found.max_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(()) };
             let gone = self.added.remove(k);
-            (self.watch)(&format!("removed {} at {}: held-out tests say {nats:.1} nats against it", gone.name.effect, gone.name.at));
+            (self.watch)(&format!("removed {}: held-out tests say {nats:.1} nats against it", gone.name));
             let Some(without) = gone.without else { return Ok(()) };
             self.now = without;
             self.forget();

@@ -231,7 +231,7 @@ pub(in crate::diagnose) fn survey(a: &Against) -> Result<Survey, DiagnoseError> 
     (a.watch)(&format!("scoring {} effects at places, {} shapes", names.len(), trials.len()));
     let started = std::time::Instant::now();
     let scores = scored(&race, base, &trials)?;
-    (a.watch)(&format!("they are as much of a choice as {:.0} independent ones", scores.independent));
+    (a.watch)(&format!("these effects are as much of a choice as {:.0} that have nothing in common", scores.independent));
     let effort = Effort { trials: trials.len(), score_s: started.elapsed().as_secs_f64(), ..Effort::default() };
     Ok(Survey { loose, squares, race, names, trials, scores, effort })
 }
