@@ -1,6 +1,6 @@
 //! `misfit add`: writes an effect into study.toml and refits.
 //!
-//! The refit comes first, in memory: the file is touched only when it works, and never where it is the record of a run.
+//! The refit comes first, in memory: the file is touched only when it works.
 
 use serde_json::json;
 
@@ -46,11 +46,6 @@ fn pair(text: &str) -> Result<(String, String), String> {
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let study = session.study()?;
-    if !args.keep_study && study.folder.join("result.json").is_file() {
-        let message = "it is the record of a run, and stays as it was written";
-        let accepted = "--keep-study, with which the study with the effect stands in the folder of the new run alone";
-        return Err(Failure::new("study", study.file.display().to_string(), message, accepted));
-    }
     let case = session.case(&study)?;
     session.progress.say("fit before");
     let (case, before_fit, before) = diagnose::fit(&case, &SplitName::ALL, &session.monitor())?;

@@ -74,10 +74,6 @@ fn the_command_of_an_addition_does_what_the_page_does_and_changes_no_record() {
         assert!(std::fs::read_to_string(ran.json()["run"].as_str().unwrap().to_string() + "/study.toml").unwrap().contains(effect));
     }
     assert_eq!(rig.read("study.toml"), own);
-    // Without the option a run is no study that an effect is written into.
-    let record = rig.path("runs").join(&model).display().to_string();
-    let refused = misfit(&["add", &record, "maxwell", "--at", "c1.x", "--json"]).error();
-    assert!(refused[1].contains(&record) && refused[2].contains("record of a run") && refused[3].contains("--keep-study"), "{refused:?}");
 }
 
 /// Whether an element is seen whole in the window.
