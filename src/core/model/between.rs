@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::effect::own_motion;
 
-use super::bound::{Chain, coefficients};
+use super::bound::Chain;
 use super::{Instance, ModelError, Site, System};
 
 /// A number with its derivatives.
@@ -24,6 +24,8 @@ impl Known {
 /// A test's numbers, before they act at places.
 pub(super) struct Numbers<'a> {
     pub system: &'a System,
+    /// Its instances that scale others.
+    pub laws: &'a [usize],
     pub conditions: &'a BTreeMap<String, f64>,
     pub values: &'a [Vec<f64>],
     pub chains: &'a [Vec<Chain>],
@@ -66,7 +68,7 @@ impl Numbers<'_> {
                 continue;
             }
             let (mut p, mut chain) = (self.values[i].clone(), self.chains[i].clone());
-            coefficients(self.system, i, place, self.conditions, self.values, self.chains, &mut p, &mut chain)?;
+            self.scale(i, place, &mut p, &mut chain)?;
             found[into].add(&Known { value: p[0], chain: chain.swap_remove(0) }, 1.0);
         }
         Ok(found)

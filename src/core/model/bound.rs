@@ -90,6 +90,7 @@ impl Bound {
             chains[f.instance][f.param].push((k, slope));
         }
         every_condition_has_values(system, conditions)?;
+        let laws = system.laws();
         let mut elements: BTreeMap<usize, Element> = BTreeMap::new();
         let mut channels = Vec::new();
         for (i, instance) in system.instances.iter().enumerate() {
@@ -107,8 +108,9 @@ impl Bound {
                 (effect, Site::Places(places)) => {
                     for &place in places.iter().filter(|p| system.model.present(system.model.places[**p].connector, test)) {
                         let (mut p, mut chain) = (values[i].clone(), chains[i].clone());
-                        coefficients(system, i, place, conditions, &values, &chains, &mut p, &mut chain)?;
-                        Numbers { system, conditions, values: &values, chains: &chains }.take(i, place, &mut p, &mut chain)?;
+                        let numbers = Numbers { system, laws: &laws, conditions, values: &values, chains: &chains };
+                        numbers.scale(i, place, &mut p, &mut chain)?;
+                        numbers.take(i, place, &mut p, &mut chain)?;
                         let element = elements.entry(place).or_insert_with(|| Element::new(&system.model, place));
                         match effect {
                             Effect::Force(law) => element.push_force(*law, p, chain, instance.follower),
@@ -157,14 +159,15 @@ impl System {
     pub fn acting(&self, test: &str, conditions: &BTreeMap<String, f64>) -> Result<Vec<Acting>, ModelError> {
         let values: Vec<Vec<f64>> = self.instances.iter().map(|i| i.params.iter().map(|p| p.value).collect()).collect();
         let none: Vec<Vec<Chain>> = self.instances.iter().map(|i| vec![Chain::new(); i.params.len()]).collect();
-        let mut all = Vec::new();
+        let (laws, mut all) = (self.laws(), Vec::new());
         let acts = |i: &Instance| i.only.as_ref().is_none_or(|only| only.holds(conditions));
         for (i, instance) in self.instances.iter().enumerate().filter(|(_, i)| acts(i)) {
             let (Site::Places(places), false) = (&instance.site, matches!(instance.effect, Effect::Coefficient(_))) else { continue };
             for &place in places.iter().filter(|p| self.model.present(self.model.places[**p].connector, test)) {
                 let (mut p, mut chain) = (values[i].clone(), none[i].clone());
-                coefficients(self, i, place, conditions, &values, &none, &mut p, &mut chain)?;
-                Numbers { system: self, conditions, values: &values, chains: &none }.take(i, place, &mut p, &mut chain)?;
+                let numbers = Numbers { system: self, laws: &laws, conditions, values: &values, chains: &none };
+                numbers.scale(i, place, &mut p, &mut chain)?;
+                numbers.take(i, place, &mut p, &mut chain)?;
                 all.push(Acting { instance: i, place, values: p });
             }
         }
@@ -172,38 +175,39 @@ impl System {
     }
 }
 
-/// Applies the coefficients that act at `place` on instance `i`: `p = p_ref * factor`, chain rule in both.
-#[allow(clippy::too_many_arguments)]
-pub(super) fn coefficients(
-    system: &System,
-    i: usize,
-    place: usize,
-    conditions: &BTreeMap<String, f64>,
-    values: &[Vec<f64>],
-    chains: &[Vec<Chain>],
-    p: &mut [f64],
-    chain: &mut [Chain],
-) -> Result<(), ModelError> {
-    for (c, law) in system.instances.iter().enumerate() {
-        let (Effect::Coefficient(coefficient), Some(target), Site::Places(places)) = (law.effect, &law.target, &law.site) else { continue };
-        if !target.instances.contains(&i) || !places.contains(&place) {
-            continue;
-        }
-        let condition = conditions.get(&target.condition).ok_or_else(|| {
-            ModelError::invalid(
-                format!("{}.{}", law.at, law.name()),
-                format!("a test does not state the condition `{}` that `{}` needs", target.condition, law.name()),
-                format!("conditions = {{ {} = \"...\" }} in every test", target.condition),
-            )
-        })?;
-        let mut dp = vec![0.0; values[c].len()];
-        let factor = coefficient.factor(condition - target.reference, &values[c], &mut dp);
-        let base = p[target.param];
-        p[target.param] = base * factor;
-        chain[target.param].iter_mut().for_each(|(_, d)| *d *= factor);
-        for (own, d) in chains[c].iter().zip(&dp) {
-            chain[target.param].extend(own.iter().map(|(k, slope)| (*k, base * d * slope)));
-        }
+impl System {
+    /// The instances that scale the strengths of others.
+    fn laws(&self) -> Vec<usize> {
+        (0..self.instances.len()).filter(|i| matches!(self.instances[*i].effect, Effect::Coefficient(_))).collect()
     }
-    Ok(())
+}
+
+impl Numbers<'_> {
+    /// Applies the coefficients that act at `place` on instance `i`: `p = p_ref * factor`, chain rule in both.
+    pub(super) fn scale(&self, i: usize, place: usize, p: &mut [f64], chain: &mut [Chain]) -> Result<(), ModelError> {
+        for (c, law) in self.laws.iter().map(|c| (*c, &self.system.instances[*c])) {
+            let (Effect::Coefficient(coefficient), Some(target), Site::Places(places)) = (law.effect, &law.target, &law.site) else {
+                continue;
+            };
+            if !target.instances.contains(&i) || !places.contains(&place) {
+                continue;
+            }
+            let condition = self.conditions.get(&target.condition).ok_or_else(|| {
+                ModelError::invalid(
+                    format!("{}.{}", law.at, law.name()),
+                    format!("a test does not state the condition `{}` that `{}` needs", target.condition, law.name()),
+                    format!("conditions = {{ {} = \"...\" }} in every test", target.condition),
+                )
+            })?;
+            let mut dp = vec![0.0; self.values[c].len()];
+            let factor = coefficient.factor(condition - target.reference, &self.values[c], &mut dp);
+            let base = p[target.param];
+            p[target.param] = base * factor;
+            chain[target.param].iter_mut().for_each(|(_, d)| *d *= factor);
+            for (own, d) in self.chains[c].iter().zip(&dp) {
+                chain[target.param].extend(own.iter().map(|(k, slope)| (*k, base * d * slope)));
+            }
+        }
+        Ok(())
+    }
 }
