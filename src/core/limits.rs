@@ -28,16 +28,22 @@ pub fn open(path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// The whole of a regular file of at most `most` bytes.
-pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+/// Opens a regular file of at most `most` bytes; its length with it.
+pub fn bounded(path: &Path, most: u64) -> Result<(File, u64)> {
     let file = open(path)?;
     let length = file.metadata()?.len();
-    let long = || Error::new(ErrorKind::FileTooLarge, format!("it is longer than {} MB", most >> 20));
-    if length > most {
-        return Err(long());
-    }
+    if length > most { Err(long(most)) } else { Ok((file, length)) }
+}
+
+fn long(most: u64) -> Error {
+    Error::new(ErrorKind::FileTooLarge, format!("it is longer than {} MB", most >> 20))
+}
+
+/// The whole of a regular file of at most `most` bytes.
+pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let (file, length) = bounded(path, most)?;
     let mut bytes = Vec::new();
-    let asked = usize::try_from(length).map_err(|_| long())?;
+    let asked = usize::try_from(length).map_err(|_| long(most))?;
     bytes.try_reserve_exact(asked).map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{length} bytes do not fit into memory")))?;
     // A file that grows meanwhile is read as far as it was.
     file.take(length).read_to_end(&mut bytes)?;
@@ -87,6 +93,7 @@ mod tests {
         std::fs::write(&file, "twelve bytes").unwrap();
         assert_eq!(bytes(&file, 12).unwrap(), b"twelve bytes");
         assert_eq!(bytes(&file, 11).unwrap_err().kind(), ErrorKind::FileTooLarge);
+        assert_eq!(bounded(&file, 11).unwrap_err().kind(), ErrorKind::FileTooLarge);
         assert!(open(folder.path()).unwrap_err().to_string().contains("folder"));
         #[cfg(unix)]
         assert!(open(Path::new("/dev/zero")).unwrap_err().to_string().contains("regular"));

@@ -28,6 +28,8 @@ pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head:
     if ended && (held.trim_ascii().is_empty() || held == b"\xef\xbb\xbf") {
         return Err(DataError::Empty { file: file() });
     }
+    dialect::whole_text(path, &held)?;
+    ending(path, &held, 1)?;
     let mut dialect = dialect::find(path, &held)?;
     let mut from = dialect.body.min(held.len());
     let mut all: Option<(Columns, Vec<usize>)> = None;
@@ -48,7 +50,10 @@ pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head:
             };
             let part = rows(path, body, &dialect, at, wanted, ended, (&mut origin, &mut stamped))?;
             dialect.first_line += part.len();
-            columns.append(part);
+            columns.append(part).map_err(|_| DataError::Unreadable {
+                file: file(),
+                reason: format!("its numbers up to line {} do not fit into memory", dialect.first_line - 1),
+            })?;
         }
         if ended {
             break;
@@ -56,11 +61,33 @@ pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head:
         held.drain(..end);
         from = 0;
         ended = more(&mut held, size)?;
+        ending(path, &held, dialect.first_line)?;
     }
     let (mut columns, at) = all.ok_or_else(|| DataError::NoRows { file: file() })?;
     let unit = |(i, stamped): (&usize, &bool)| if *stamped { Some("s".to_string()) } else { dialect.units.get(*i).cloned().flatten() };
     columns.units = at.iter().zip(&stamped).map(unit).collect();
     Ok(columns)
+}
+
+/// Refuses a line, or blank lines together, of more than [`LINE_BYTES`]: they would be held until they end. `line` is that of the first byte.
+fn ending(path: &Path, bytes: &[u8], line: usize) -> Result<(), DataError> {
+    let mut from = 0;
+    while bytes.len() - from > LINE_BYTES {
+        let reach = &bytes[from..=from + LINE_BYTES];
+        let end = memchr::memrchr(b'\n', reach).filter(|_| !reach.iter().all(u8::is_ascii_whitespace));
+        let Some(end) = end else {
+            let before = memchr::memchr_iter(b'\n', &bytes[..from]).count();
+            return Err(FileError {
+                file: path.to_path_buf(),
+                place: format!("line {}", line + before),
+                message: format!("no row ends within {} MB", LINE_BYTES >> 20),
+                accepted: "text of one row a line".into(),
+            }
+            .into());
+        };
+        from += end + 1;
+    }
+    Ok(())
 }
 
 /// Bytes up to the end of the last whole line that is not blank: blank ones may be the end of the file.
