@@ -8,6 +8,11 @@ use std::path::Path;
 pub const CONFIG_BYTES: u64 = 64 << 20;
 /// Most bytes of a measurement file: 32 GB, an hour of a hundred channels at 10 kHz as text.
 pub const DATA_BYTES: u64 = 32 << 30;
+/// Most bytes of one line of a text file: 16 MB, a million columns. A text is read by its lines, so what has no line ends is held whole.
+pub const LINE_BYTES: usize = 16 << 20;
+/// Largest magnitude of a number that is measured or declared, in SI: 1e50. Numbers are squared to be weighed, and divided by up to the fourth
+/// power of a frequency: the sixth power of this one is still a number.
+pub const MAGNITUDE: f64 = 1e50;
 /// Most bodies one `[[body]]` or `[[part]]` stands for, by `count` or by its modal basis: 100 000; a frequency response of so many takes a
 /// minute.
 pub const COUNT: i64 = 100_000;

@@ -7,6 +7,7 @@ use super::readers::{Column, Columns};
 use super::sampling::{Sampling, sampling};
 use super::toml_strict::{TableView, TomlError, ValueView};
 use super::{Content, DataError, History, LoopError, Note, SettledLoop};
+use crate::limits::MAGNITUDE;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -355,13 +356,13 @@ pub(super) fn content(file: &Path, row: Option<String>, test: &str, spec: &Chann
     .into()
 }
 
-/// Takes a column to SI; a value that is finite in the file may not be in SI.
+/// Takes a column to SI. A value that is finite in the file may be beyond [`MAGNITUDE`] in SI, or after its scale and offset.
 pub(super) fn to_si(file: &Path, rows: &Columns, id: &str, spec: &ChannelSpec, values: &mut [f64]) -> Result<(), DataError> {
     for (i, v) in values.iter_mut().enumerate() {
         let si = spec.reading.of(spec.unit.to_si(*v));
-        if !si.is_finite() {
-            let message = format!("{v} {} is beyond any number", spec.unit.symbol);
-            return Err(content(file, Some(rows.place(i)), id, spec, &message, "a finite number"));
+        if si.is_nan() || si.abs() > MAGNITUDE {
+            let message = format!("{} is beyond any number that is reckoned with", spec.unit.written(*v));
+            return Err(content(file, Some(rows.place(i)), id, spec, &message, &format!("a number of at most {MAGNITUDE:e} in SI")));
         }
         *v = si;
     }

@@ -216,6 +216,12 @@ fn files_that_are_wrong_name_their_line() {
         "frf.csv, line 4, test frf-a, channel frequency",
     );
     case("frf.csv", line(frf_csv(), 4, "1,1,1,0.9"), "the frequency goes back: 1 Hz after 11 Hz", "frf.csv, line 4");
+    case(
+        "frf.csv",
+        line(frf_csv(), 51, "1e300,1,1,0.9"),
+        "1e300 Hz is beyond any number",
+        "frf.csv, line 51, test frf-a, channel frequency",
+    );
     case("frf.csv", line(frf_csv(), 2, "0,1,1,0.9"), "a frequency of 0 Hz has no receptance", "frf.csv, line 2");
     case("frf.csv", line(frf_csv(), 4, "12,1,1,1.01"), "a coherence of 1.01", "frf.csv, line 4, test frf-a, channel coherence");
     case("frf.csv", line(frf_csv(), 4, "12,1,1,0"), "a coherence of 0", "frf.csv, line 4");

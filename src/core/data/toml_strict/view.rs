@@ -2,6 +2,7 @@
 
 use super::error::{TomlError, TomlProblem, misspelt, nearest};
 use super::tree::{Node, Table, TomlFile, Value, quoted_key};
+use crate::limits::MAGNITUDE;
 use crate::units::{self, Dimension, Quantity, Spread, Unit};
 
 /// A table of the file, with its place.
@@ -206,7 +207,10 @@ impl<'a> ValueView<'a> {
     pub fn number(&self) -> Result<f64, TomlError> {
         match self.node.value {
             Value::Integer(i) => Ok(i as f64),
-            Value::Float(f) if f.is_finite() => Ok(f),
+            Value::Float(f) if f.abs() <= MAGNITUDE => Ok(f),
+            Value::Float(f) if f.is_finite() => {
+                Err(self.refuse(format!("{f:e} is beyond any number that is reckoned with"), format!("a number of at most {MAGNITUDE:e}")))
+            }
             Value::Float(f) => Err(self.refuse(format!("{f} is not a finite number"), "a finite number")),
             _ => Err(self.wrong_type("a number")),
         }
