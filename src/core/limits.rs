@@ -67,11 +67,18 @@ pub fn text(path: &Path) -> Result<String> {
 /// A folder that is missing or cannot be written, a full disk, a folder of that name.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut temporary = tempfile::NamedTempFile::new_in(folder)?;
-    temporary.write_all(bytes)?;
+    let mut temporary = tempfile::NamedTempFile::new_in(folder).map_err(unnamed)?;
+    temporary.as_file_mut().write_all(bytes)?;
     permissions(path, temporary.as_file())?;
     temporary.as_file().sync_all()?;
     temporary.persist(path).map(|_| ()).map_err(|e| e.error)
+}
+
+/// The error without the name of the temporary file, which means nothing to whoever asked for another. The library puts it behind the words
+/// of the system and hands out neither by itself.
+fn unnamed(e: Error) -> Error {
+    let text = e.to_string();
+    text.split_once(" at path ").map_or_else(|| Error::from(e.kind()), |(words, _)| Error::new(e.kind(), words.to_string()))
 }
 
 /// A temporary file is private.
@@ -128,5 +135,8 @@ mod tests {
         // Nothing stands beside it, and where the name is taken by a folder nothing changes.
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         assert!(replace(folder.path(), b"three").is_err());
+        // What is said names no file but the one that was asked for.
+        let e = replace(&folder.path().join("none/a"), b"four").unwrap_err();
+        assert!(e.kind() == ErrorKind::NotFound && !e.to_string().contains("none"), "{e}");
     }
 }

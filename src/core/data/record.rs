@@ -310,7 +310,11 @@ fn evened(
 fn mark_inputs(table: &TableView<'_>, control: Option<Control>, specs: &mut [ChannelSpec]) -> Result<(), DataError> {
     let marked = specs.iter().filter(|s| s.input).count();
     let Some(control) = control else {
-        return if marked > 0 { Ok(()) } else { Err(no_channel(table, "input = true, and no key `control`").into()) };
+        if marked > 0 {
+            return Ok(());
+        }
+        let accepted = "control = \"displacement\" or \"force\", or input = true in the channels that drive it";
+        return Err(table.refuse("nothing drives this test: it has no key `control`, and no channel is marked", accepted).into());
     };
     let role = control.role();
     if let Some(other) = specs.iter().find(|s| s.input && s.role != role) {
