@@ -142,7 +142,7 @@ impl Explain for DataError {
                 format!("{wanted} cells in every row; decimal commas only where the separator is a semicolon or a tab")
             }
             Self::BlankLine { .. } => "rows without blank lines between them".into(),
-            Self::Cell { .. } => "a finite number".into(),
+            Self::Cell { .. } => format!("a finite number; in a column of time also {}", super::readers::STAMPS),
             Self::Format { .. } => "text with one header row over columns of numbers, or Parquet".into(),
             Self::Content(c) => c.accepted.clone(),
             Self::File(e) => e.accepted.clone(),

@@ -6,7 +6,7 @@ use crate::units::{Dimension, parse_unit};
 
 /// Words by which columns are named, of English and German rigs.
 const WORDS: [(Role, &[&str]); 10] = [
-    (Role::Time, &["t", "time", "zeit", "sec", "seconds", "timestamp"]),
+    (Role::Time, &["t", "time", "zeit", "sec", "seconds", "timestamp", "datetime", "uhrzeit", "zeitstempel"]),
     (
         Role::Displacement,
         &["x", "u", "disp", "displacement", "position", "pos", "stroke", "weg", "deflection", "lvdt", "angle", "rotation"],

@@ -4,12 +4,17 @@
 use super::dialect::{self, Dialect, cells, unclosed};
 use super::{Column, Columns, DataError, Wanted};
 use super::{complex, stamp};
+use crate::data::error::FileError;
+use crate::limits::LINE_BYTES;
 use polars::prelude::*;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
 /// Bytes of a file that are looked at together: a long record is read part by part, and only its numbers are held.
 const PART: usize = 32 << 20;
+
+/// Cells among which one of date and time makes a column of them: the first may be the bad one.
+const STAMPED: usize = 5;
 
 pub(super) fn read(path: &Path, source: impl Read, wanted: &[Wanted]) -> Result<Columns, DataError> {
     parts(path, source, wanted, PART, PART)
@@ -201,7 +206,7 @@ fn no_points(path: &Path, body: &str, dialect: &Dialect, at: &[usize], wanted: &
     for (i, line) in body.lines().enumerate().filter(|(_, l)| l.contains('.')) {
         let cells = cells(line, dialect.separator).unwrap_or_default();
         for (k, w) in at.iter().zip(wanted).filter(|(_, w)| !w.text) {
-            if let Some(cell) = cells.get(*k).filter(|c| c.contains('.')) {
+            if let Some(cell) = cells.get(*k).filter(|c| c.contains('.') && stamp::nanoseconds(c).is_none()) {
                 let what = format!("`{}` has a decimal point, and the file is written with decimal commas", clip(cell));
                 return Err(DataError::Cell {
                     file: path.to_path_buf(),
@@ -272,12 +277,13 @@ fn numbers(
             let cell = |(row, v): (usize, Option<f64>)| v.ok_or_else(|| bad(row, "an empty cell".to_string()));
             Column::Numbers(values.iter().enumerate().map(cell).collect::<Result<_, _>>()?)
         } else {
-            let first = series.str().map_err(format)?.iter().next().flatten();
-            if *stamped || first.is_some_and(|c| stamp::nanoseconds(c.trim()).is_some()) {
+            let mut first = series.str().map_err(format)?.iter().take(STAMPED).flatten();
+            if *stamped || first.any(|c| stamp::nanoseconds(c.trim()).is_some()) {
                 *stamped = true;
                 let moment = |(row, c): (usize, Option<&str>)| -> Result<f64, DataError> {
                     let cell = c.map(str::trim).unwrap_or("");
-                    let at = stamp::nanoseconds(cell).ok_or_else(|| bad(row, format!("`{}` is not a date and time", clip(cell))))?;
+                    let what = || if cell.is_empty() { "an empty cell".into() } else { format!("`{}` is not a date and time", clip(cell)) };
+                    let at = stamp::nanoseconds(cell).ok_or_else(|| bad(row, what()))?;
                     Ok(1e-9 * at.saturating_sub(*origin.get_or_insert(at)) as f64)
                 };
                 columns.push(Column::Numbers(series.str().map_err(format)?.iter().enumerate().map(moment).collect::<Result<_, _>>()?));

@@ -222,7 +222,7 @@ fn strip(text: &str) -> &str {
 }
 
 /// The unit in the brackets at the end of a name: `N` of `Force [N]`.
-pub(super) fn bracket(name: &str) -> Option<String> {
+pub(crate) fn bracket(name: &str) -> Option<String> {
     let open = match name.trim_end().chars().last()? {
         ']' => '[',
         ')' => '(',

@@ -17,6 +17,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+pub(super) use stamp::ACCEPTED as STAMPS;
+
 /// A column that is asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wanted {
