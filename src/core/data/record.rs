@@ -284,26 +284,18 @@ fn evened(
     notes: &mut Vec<Note>,
 ) -> Result<Vec<f64>, DataError> {
     let time = &stamps[kept.clone()];
-    match sampling(time) {
-        Sampling::Rounded { quantum, time } => {
-            let rate = (time.len() - 1) as f64 / (time[time.len() - 1] - time[0]);
-            notes.push(Note::new("time", format!("stamps rounded to {quantum} s; taken as sampled uniformly at {rate:.6} Hz")));
-            Ok(time)
-        }
-        Sampling::Uneven { at, step, usual } if !uneven => {
-            let message = format!("not sampled uniformly: a step of {step:.3e} s, where most are {usual:.3e} s");
-            let row = rows.place(kept.start + at);
-            Err(content(
-                file,
-                Some(row),
-                id,
-                spec,
-                &message,
-                "a record sampled uniformly, whose time may be rounded; or from and to around the gap",
-            ))
-        }
-        _ => Ok(time.to_vec()),
+    let found = sampling(time);
+    if uneven && matches!(found, Sampling::Jittered { .. } | Sampling::Uneven { .. }) {
+        return Ok(time.to_vec());
     }
+    if let Some((at, message)) = found.uneven() {
+        let row = rows.place(kept.start + at);
+        let accepted = "a record sampled uniformly, whose time may be rounded; or from and to around the gap";
+        return Err(content(file, Some(row), id, spec, &message, accepted));
+    }
+    let (time, said) = found.placed(time);
+    notes.extend(said.map(|text| Note::new("time", text)));
+    Ok(time)
 }
 
 /// Settles which channels drive: those marked, or the one of the controlled role.

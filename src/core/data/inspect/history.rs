@@ -2,6 +2,7 @@
 
 use super::FoundColumn;
 use crate::data::record::spread;
+use crate::data::sampling::{Sampling, sampling};
 use crate::data::{Channel, Control, Note, Role, SettledLoop, TimeRecord, estimate_frequency, recognised_control};
 use crate::units::{Dimension, Unit, parse_unit};
 use std::path::PathBuf;
@@ -86,6 +87,17 @@ pub fn found(mut columns: Vec<FoundColumn>, said: &Corrected) -> FoundHistory {
         findings.push(Note::new("time", format!("does not increase after sample {}", k + 1)));
         return FoundHistory { columns, samples, rate: 0.0, seconds, cyclic: None, findings };
     }
+    // The times that rounded stamps stand for, as they are taken when the test is read.
+    let found = sampling(&time);
+    let time = match found {
+        Sampling::Rounded { .. } => {
+            let (time, said) = found.placed(&time);
+            findings.extend(said.map(|text| Note::new("time", text)));
+            time
+        }
+        _ => time,
+    };
+    let seconds = time.last().zip(time.first()).map_or(0.0, |(b, a)| b - a);
     let rate = if seconds > 0.0 { (samples.max(1) - 1) as f64 / seconds } else { 0.0 };
     let channels: Vec<Channel> = columns.iter().filter_map(channel).collect();
     let cyclic = cyclic(&time, &channels, said, &mut findings);
