@@ -162,14 +162,7 @@ pub(crate) fn names(path: &Path) -> Result<Vec<(String, Option<String>)>, DataEr
         FileKind::Universal => {
             Err(DataError::Format { file: path.to_path_buf(), reason: "a universal file has functions, not columns".into() })
         }
-        FileKind::Matlab => {
-            let vectors = mat::list(path, &bytes(path)?)?.into_iter().filter(|l| l.numeric && l.rows.saturating_mul(l.columns) > 1);
-            let each = |l: mat::Listed| match (l.rows, l.columns) {
-                (1, _) | (_, 1) => vec![l.name],
-                (_, columns) => (1..=columns.min(64)).map(|k| format!("{}(:,{k})", l.name)).collect(),
-            };
-            Ok(vectors.flat_map(each).map(|n| (n, None)).collect())
-        }
+        FileKind::Matlab => Ok(mat::names(path, &bytes(path)?)?.into_iter().map(|n| (n, None)).collect()),
     }
 }
 
