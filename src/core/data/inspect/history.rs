@@ -9,6 +9,8 @@ use std::path::PathBuf;
 
 /// A cycle is of full size within this part.
 const SETTLED: f64 = 0.01;
+/// An answer is of full size within so many deviations of its late cycles.
+const SCATTER: f64 = 4.0;
 /// Part of the power the fundamental has in the controlled motion of a cyclic test (a triangle has 0.986).
 const CYCLIC: f64 = 0.8;
 
@@ -120,7 +122,9 @@ fn cyclic(time: &[f64], channels: &[Channel], said: &Corrected, findings: &mut V
     if cycles < 2 || 0.5 * inner.amplitude * inner.amplitude < CYCLIC * size * size {
         return None;
     }
-    let (start_up, end) = steady(time, drive, inner.frequency, cycles);
+    let (driven, end) = steady(time, drive, inner.frequency, cycles);
+    let answers = channels.iter().filter(|c| c.role == Role::Force).map(|c| settling(time, &c.values, inner.frequency, end));
+    let start_up = answers.fold(driven, u32::max);
     // One cycle has to be left.
     let start_up = said.start_up.map_or(start_up, |s| s.min(cycles as u32 - 1));
     let end = end.max(start_up as usize + 1);
@@ -165,6 +169,17 @@ fn steady(time: &[f64], drive: &[f64], frequency: f64, cycles: usize) -> (u32, u
     let first = sizes.iter().position(is_full).unwrap_or(0);
     let last = sizes.iter().rposition(is_full).unwrap_or(cycles.saturating_sub(1));
     (first as u32, last + 1)
+}
+
+/// The cycles before which what answers has not settled, though its drive is of full size: the first from which on all cycles are as large as
+/// those of the second half, within their scatter. At most half of the cycles are start-up; what changes on is said with the loop.
+fn settling(time: &[f64], values: &[f64], frequency: f64, cycles: usize) -> u32 {
+    let start = |c: usize| time.partition_point(|t| (t - time[0]) * frequency < c as f64 - 1e-6);
+    let sizes: Vec<f64> = (0..cycles).map(|k| spread(&values[start(k)..start(k + 1)])).collect();
+    let (half, late) = sizes.split_at(cycles / 2);
+    let full = late.iter().sum::<f64>() / late.len().max(1) as f64;
+    let allowed = (SETTLED * full).max(SCATTER * spread(late));
+    half.iter().rposition(|s| (s - full).abs() > allowed).map_or(0, |last| last as u32 + 1)
 }
 
 #[cfg(test)]
