@@ -245,6 +245,6 @@ pub(super) fn columns(
 #[cfg(test)]
 pub(super) mod tests;
 #[cfg(test)]
-mod files_tests;
+pub(super) mod files_tests;
 #[cfg(test)]
 mod reading_tests;

@@ -26,6 +26,14 @@ pub struct FoundHistory {
     pub findings: Vec<Note>,
 }
 
+impl FoundHistory {
+    /// Whether the file gives the units of displacement and force, so that energies are joules.
+    pub fn has_units(&self) -> bool {
+        let of = |role: Role| self.columns.iter().find(|c| c.role == Some(role)).is_none_or(|c| c.unit.is_some());
+        of(Role::Displacement) && of(Role::Force)
+    }
+}
+
 /// A cyclic test in a history.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cyclic {
@@ -74,16 +82,22 @@ pub fn found(mut columns: Vec<FoundColumn>, said: &Corrected) -> FoundHistory {
         findings.push(Note::new(&c.column, format!("has {} values where the time has {samples}: it is of another record", c.values.len())));
         c.role = None;
     }
-    // A second column of one role is of another place; which, only the engineer knows.
-    let mut seen: Vec<Role> = Vec::new();
-    for c in columns.iter_mut().filter(|c| c.role.is_some()) {
-        if let Some(role) = c.role {
-            if seen.contains(&role) {
+    // A second column of one role is of another place, which the file names or only the engineer knows.
+    let mut seen: Vec<(Role, Option<(i64, &str, bool)>)> = Vec::new();
+    let (mut first, mut further) = (vec![false; columns.len()], vec![]);
+    for (k, c) in columns.iter_mut().enumerate() {
+        let Some(role) = c.role else { continue };
+        let same = seen.iter().filter(|s| s.0 == role);
+        first[k] = same.clone().next().is_none();
+        if !first[k] {
+            if c.at.is_none() || same.clone().any(|s| s.1.is_none() || s.1 == c.at) {
                 findings.push(Note::new(&c.column, format!("another {}: give it a place of its own", role.word())));
                 c.role = None;
+                continue;
             }
-            seen.push(role);
+            further.push(k);
         }
+        seen.push((role, c.at));
     }
     if let Some(k) = time.windows(2).position(|w| w[1] <= w[0]) {
         findings.push(Note::new("time", format!("does not increase after sample {}", k + 1)));
@@ -101,8 +115,15 @@ pub fn found(mut columns: Vec<FoundColumn>, said: &Corrected) -> FoundHistory {
     };
     let seconds = time.last().zip(time.first()).map_or(0.0, |(b, a)| b - a);
     let rate = if seconds > 0.0 { (samples.max(1) - 1) as f64 / seconds } else { 0.0 };
-    let channels: Vec<Channel> = columns.iter().filter_map(channel).collect();
+    // Where it drives and is driven a loop has one channel of each role.
+    let channels: Vec<Channel> = columns.iter().zip(&first).filter(|(_, first)| **first).filter_map(|(c, _)| channel(c)).collect();
     let cyclic = cyclic(&time, &channels, said, &mut findings);
+    for k in further.into_iter().filter(|_| cyclic.is_some()) {
+        let c = &mut columns[k];
+        let (node, axis, _) = c.at.unwrap_or_default();
+        findings.push(Note::new(&c.column, format!("another {} of the loop, at n{node}.{axis}", c.role.map_or("", |r| r.word()))));
+        c.role = None;
+    }
     FoundHistory { columns, samples, rate, seconds, cyclic, findings }
 }
 
@@ -192,6 +213,8 @@ mod tests {
             column: column.into(),
             role: Some(role),
             unit: None,
+            guessed: true,
+            at: None,
             values: (0..n).map(|k| (0.1 * k as f64).sin() + if role == Role::Time { k as f64 } else { 0.0 }).collect(),
         };
         let found = found(vec![of("t", Role::Time, 240), of("x", Role::Displacement, 240), of("F", Role::Force, 4)], &Corrected::default());

@@ -25,6 +25,10 @@ pub struct FoundColumn {
     /// The unit the file gives.
     pub unit: Option<String>,
     pub values: Vec<f64>,
+    /// Whether one letter is all that says what it is.
+    pub guessed: bool,
+    /// Node and axis where the file gives them: `(12, "z", against the axis)`.
+    pub at: Option<(i64, &'static str, bool)>,
 }
 
 /// A file and what is in it.
@@ -111,7 +115,8 @@ fn columns(path: &Path) -> Result<Table, DataError> {
             // Date and time are read in seconds, whatever the header says.
             Ok((Column::Numbers(values), own)) => {
                 let unit = unit.or(own);
-                table.columns.push(FoundColumn { role: guess_role(&column, unit.as_deref()), column, unit, values });
+                let (role, guessed) = (guess_role(&column, unit.as_deref()), guess::by_letter(&column, unit.as_deref()));
+                table.columns.push(FoundColumn { role, column, unit, values, guessed, at: None });
             }
             Ok((Column::Text(_), _)) => {}
             Err(e) => table.unread.push((column, e)),
@@ -137,7 +142,13 @@ fn why(e: &DataError) -> String {
     }
 }
 
-fn tabular(path: &Path, Table { columns, unread }: Table) -> Result<Vec<FoundItem>, DataError> {
+fn tabular(path: &Path, Table { mut columns, unread }: Table) -> Result<Vec<FoundItem>, DataError> {
+    // Beside the parts of an FRF, `f` is no force.
+    let of = |columns: &[FoundColumn], role: Role| columns.iter().any(|c| c.role == Some(role));
+    if !of(&columns, Role::Time) && !of(&columns, Role::Frequency) && (of(&columns, Role::Imag) || of(&columns, Role::Phase)) {
+        let letter = |c: &&mut FoundColumn| c.guessed && c.column.eq_ignore_ascii_case("f");
+        columns.iter_mut().find(letter).into_iter().for_each(|c| c.role = Some(Role::Frequency));
+    }
     let has = |role: Role| columns.iter().find(|c| c.role == Some(role));
     if has(Role::Time).is_some() {
         let mut found = history::found(columns, &Corrected::default());

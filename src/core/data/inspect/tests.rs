@@ -155,3 +155,17 @@ fn a_force_that_settles_under_a_constant_stroke_has_a_start_up() {
     let start_up = h.cyclic.as_ref().unwrap().start_up;
     assert!((4..=5).contains(&start_up), "{start_up}");
 }
+
+#[test]
+fn accelerations_at_nodes_have_their_places() {
+    use crate::data::dataset::files_tests::function;
+    let wave = |shift: f64| (0..300).map(|k| (0.37 * f64::from(k * k) * 0.01 + shift).sin()).collect::<Vec<_>>();
+    let channel = |node: i64, kind: i64, unit: &str| function(1, node, (kind, unit), (0, "NONE"), &wave(node as f64), false);
+    let text = channel(1, 13, "N") + &channel(1, 12, "m/s2") + &channel(2, 12, "m/s2") + &channel(3, 12, "m/s2");
+    let (_dir, path) = write("a.uff", &text);
+    let file = inspect(&path).unwrap();
+    let Some(FoundItem::History(h)) = file.items.iter().find(|i| matches!(i, FoundItem::History(_))) else { panic!("{file:?}") };
+    assert!(h.findings.is_empty(), "{:?}", h.findings);
+    let places: Vec<_> = h.columns.iter().filter(|c| c.role == Some(Role::Acceleration)).map(|c| c.at.unwrap().0).collect();
+    assert_eq!(places, [1, 2, 3]);
+}

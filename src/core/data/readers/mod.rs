@@ -87,6 +87,11 @@ impl Columns {
         Ok(())
     }
 
+    /// The first row is left out of the columns: the places are those of the others.
+    pub fn skip_first(&mut self) {
+        self.first_row += 1;
+    }
+
     /// `line 7` or `row 6` of the row of index `i`.
     pub fn place(&self, i: usize) -> String {
         format!("{} {}", self.row_name, i + self.first_row)

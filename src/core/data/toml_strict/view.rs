@@ -154,10 +154,15 @@ impl<'a> ValueView<'a> {
         self.error(TomlProblem::WrongType { found: self.node.value.describe(), wanted: wanted.into() })
     }
 
+    /// Whether it is a string of nothing.
+    pub fn is_blank(&self) -> bool {
+        matches!(&self.node.value, Value::String(s) if s.trim().is_empty())
+    }
+
     /// A string that is not empty.
     pub fn string(&self) -> Result<&'a str, TomlError> {
         match &self.node.value {
-            Value::String(s) if s.trim().is_empty() => Err(self.refuse("an empty string", "a string that is not empty")),
+            Value::String(_) if self.is_blank() => Err(self.refuse("an empty string", "a string that is not empty")),
             Value::String(s) => Ok(s),
             _ => Err(self.wrong_type("a string")),
         }
