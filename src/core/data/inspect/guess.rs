@@ -60,9 +60,10 @@ pub fn guess_role(name: &str, unit: Option<&str>) -> Option<Role> {
     found.or((is(Dimension::DIMENSIONLESS) && called(Role::Coherence)).then_some(Role::Coherence))
 }
 
-/// Whether a column is named by one letter, and has no unit that says what it is: its role is a guess.
+/// Whether a column, alone or in a structure, is named by one letter and has no unit that says what it is: its role is a guess.
 pub(super) fn by_letter(name: &str, unit: Option<&str>) -> bool {
-    let letters = bare(name).trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
+    let bare = bare(name);
+    let letters = bare.rsplit_once('.').map_or(bare, |(_, field)| field).trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
     unit.is_none() && letters.chars().count() == 1
 }
 

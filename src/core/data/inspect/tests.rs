@@ -28,6 +28,9 @@ fn roles_by_unit_and_name() {
     ] {
         assert_eq!(guess_role(name, unit), role, "{name} {unit:?}");
     }
+    let guessed = |name: &str, unit: Option<&str>| guess::by_letter(name, unit);
+    assert!(guessed("F", None) && guessed("x2", None) && guessed("run.t", None));
+    assert!(!guessed("F [N]", Some("N")) && !guessed("force", None) && !guessed("run.force", None));
 }
 
 #[test]
