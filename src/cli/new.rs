@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::data::Estimate;
 use crate::data::inspect::{FoundFile, FoundFrf, FoundHistory, FoundItem};
-use crate::data::modal_fit::{self, ModalFit};
+use crate::data::modal_fit;
 use crate::work::new::{self, Correction, Scaffold};
 
 use super::Outcome;
@@ -66,7 +66,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         "to_confirm": scaffold.to_confirm,
         "left_out": left.iter().map(Failure::problem).collect::<Vec<_>>(),
         "problem": problem.as_ref().map(Failure::problem),
-        "modes": modes.as_ref().map(new::modes_json),
+        "modes": modes.as_ref().and_then(|m| m.as_ref().ok()).map(new::modes_json),
+        "no_modes": modes.as_ref().and_then(|m| m.as_ref().err()),
     });
     Ok(Outcome { json: value, text: told(&found, &left, &scaffold, problem.as_ref(), modes.as_ref(), args), code: 0 })
 }
@@ -76,7 +77,7 @@ fn told(
     left: &[Failure],
     scaffold: &Scaffold,
     problem: Option<&Failure>,
-    modes: Option<&ModalFit>,
+    modes: Option<&new::Modes>,
     args: &Args,
 ) -> String {
     let mut text = String::new();
@@ -89,7 +90,10 @@ fn told(
     for file in left {
         text += &format!("{}\n  left out: {}\n  accepted: {}\n", file.place(), file.message(), file.accepted());
     }
-    if let Some(fit) = modes.filter(|m| !m.modes.is_empty()) {
+    if let Some(Err(why)) = modes {
+        text += &format!("\nNo modes of the FRFs: {why}.\n");
+    }
+    if let Some(Ok(fit)) = modes {
         let row = |m: &modal_fit::Mode| {
             vec![
                 format!("{} +- {}", significant(m.frequency, 6), significant(m.frequency_sigma, 2)),
@@ -126,7 +130,9 @@ fn history(h: &FoundHistory) -> String {
     let mut text = format!("  history: {} samples, {} Hz, {} s\n", h.samples, significant(h.rate, 6), significant(h.seconds, 5));
     for c in &h.columns {
         let role = c.role.map_or("not used", |r| r.word());
-        text += &format!("    {}: {role}, unit {}\n", c.column, c.unit.as_deref().unwrap_or("not given"));
+        let guessed = if c.guessed && c.role.is_some() { " (by its letter alone)" } else { "" };
+        let place = c.at.map_or(String::new(), |(node, axis, against)| format!(" at {node}:{}{axis}", if against { "-" } else { "+" }));
+        text += &format!("    {}: {role}{guessed}{place}, unit {}\n", c.column, c.unit.as_deref().unwrap_or("not given"));
     }
     if let Some(c) = &h.cyclic {
         let sure = if c.recognised { "" } else { " (assumed)" };
@@ -139,8 +145,9 @@ fn history(h: &FoundHistory) -> String {
         );
         if let Some(e) = c.settled.energy(None) {
             let pair = |e: Estimate| format!("{} +- {}", significant(e.value, 4), significant(e.sigma, 2));
-            text +=
-                &format!("    settled loop: W_D {} J, D {}, over {} cycles\n", pair(e.dissipated), pair(e.loss_ratio), c.settled.cycles);
+            let unit = if h.has_units() { "J" } else { "(J only if what has no unit is SI)" };
+            let (energy, ratio) = (pair(e.dissipated), pair(e.loss_ratio));
+            text += &format!("    settled loop: W_D {energy} {unit}, D {ratio}, over {} cycles\n", c.settled.cycles);
         }
     }
     h.findings.iter().for_each(|n| text += &format!("    finding: {}: {}\n", n.about, n.text));

@@ -8,6 +8,11 @@ use std::path::Path;
 pub const CONFIG_BYTES: u64 = 64 << 20;
 /// Most bytes of a measurement file: 32 GB, an hour of a hundred channels at 10 kHz as text.
 pub const DATA_BYTES: u64 = 32 << 30;
+/// Most bytes of one line of a text file: 16 MB, a million columns. A text is read by its lines, so what has no line ends is held whole.
+pub const LINE_BYTES: usize = 16 << 20;
+/// Largest magnitude of a number that is measured or declared, in SI: 1e50. Numbers are squared to be weighed, and divided by up to the fourth
+/// power of a frequency: the sixth power of this one is still a number.
+pub const MAGNITUDE: f64 = 1e50;
 /// Most bodies one `[[body]]` or `[[part]]` stands for, by `count` or by its modal basis: 100 000; a frequency response of so many takes a
 /// minute.
 pub const COUNT: i64 = 100_000;
@@ -28,16 +33,22 @@ pub fn open(path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// The whole of a regular file of at most `most` bytes.
-pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+/// Opens a regular file of at most `most` bytes; its length with it.
+pub fn bounded(path: &Path, most: u64) -> Result<(File, u64)> {
     let file = open(path)?;
     let length = file.metadata()?.len();
-    let long = || Error::new(ErrorKind::FileTooLarge, format!("it is longer than {} MB", most >> 20));
-    if length > most {
-        return Err(long());
-    }
+    if length > most { Err(long(most)) } else { Ok((file, length)) }
+}
+
+fn long(most: u64) -> Error {
+    Error::new(ErrorKind::FileTooLarge, format!("it is longer than {} MB", most >> 20))
+}
+
+/// The whole of a regular file of at most `most` bytes.
+pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let (file, length) = bounded(path, most)?;
     let mut bytes = Vec::new();
-    let asked = usize::try_from(length).map_err(|_| long())?;
+    let asked = usize::try_from(length).map_err(|_| long(most))?;
     bytes.try_reserve_exact(asked).map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{length} bytes do not fit into memory")))?;
     // A file that grows meanwhile is read as far as it was.
     file.take(length).read_to_end(&mut bytes)?;
@@ -56,11 +67,18 @@ pub fn text(path: &Path) -> Result<String> {
 /// A folder that is missing or cannot be written, a full disk, a folder of that name.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut temporary = tempfile::NamedTempFile::new_in(folder)?;
-    temporary.write_all(bytes)?;
+    let mut temporary = tempfile::NamedTempFile::new_in(folder).map_err(unnamed)?;
+    temporary.as_file_mut().write_all(bytes)?;
     permissions(path, temporary.as_file())?;
     temporary.as_file().sync_all()?;
     temporary.persist(path).map(|_| ()).map_err(|e| e.error)
+}
+
+/// The error without the name of the temporary file, which means nothing to whoever asked for another. The library puts it behind the words
+/// of the system and hands out neither by itself.
+fn unnamed(e: Error) -> Error {
+    let text = e.to_string();
+    text.split_once(" at path ").map_or_else(|| Error::from(e.kind()), |(words, _)| Error::new(e.kind(), words.to_string()))
 }
 
 /// A temporary file is private.
@@ -87,6 +105,7 @@ mod tests {
         std::fs::write(&file, "twelve bytes").unwrap();
         assert_eq!(bytes(&file, 12).unwrap(), b"twelve bytes");
         assert_eq!(bytes(&file, 11).unwrap_err().kind(), ErrorKind::FileTooLarge);
+        assert_eq!(bounded(&file, 11).unwrap_err().kind(), ErrorKind::FileTooLarge);
         assert!(open(folder.path()).unwrap_err().to_string().contains("folder"));
         #[cfg(unix)]
         assert!(open(Path::new("/dev/zero")).unwrap_err().to_string().contains("regular"));
@@ -116,5 +135,8 @@ mod tests {
         // Nothing stands beside it, and where the name is taken by a folder nothing changes.
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         assert!(replace(folder.path(), b"three").is_err());
+        // What is said names no file but the one that was asked for.
+        let e = replace(&folder.path().join("none/a"), b"four").unwrap_err();
+        assert!(e.kind() == ErrorKind::NotFound && !e.to_string().contains("none"), "{e}");
     }
 }

@@ -115,9 +115,9 @@ fn dataset_of(file: &Path, text: &str) -> Option<(PathBuf, Option<PathBuf>)> {
     let root = toml.root();
     let beside = file.parent().unwrap_or(Path::new(""));
     let path = beside.join(root.get("dataset")?.string().ok()?);
-    let path = if path.is_dir() { path.join("dataset.toml") } else { path };
+    let path = Dataset::file_of(&path);
     let folder = root.get("folder").and_then(|v| v.string().ok()).map(|f| beside.join(f));
-    path.is_file().then_some((path, folder))
+    path.exists().then_some((path, folder))
 }
 
 /// The problems of every test with its id, and the dataset of the tests without any.

@@ -51,6 +51,8 @@ pub struct New {
     problem: Option<Problem>,
     /// Modes of the FRFs.
     modes: Option<Vec<Value>>,
+    /// Why FRFs show no modes.
+    no_modes: Option<String>,
 }
 
 /// A record of a file.

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use num_complex::Complex64;
 
 use super::channel::along_axis;
-use super::sampling::{Sampling, sampling};
-use super::{Channel, Conditions, Content, Control, DataError, Frf, FrfQuantity, Record, Role, Test, TimeRecord};
+use super::sampling::sampling;
+use super::{Channel, Conditions, Content, Control, DataError, Frf, FrfQuantity, Note, Record, Role, Test, TimeRecord};
 use crate::units::{Dimension, Unit};
 
 impl Channel {
@@ -52,14 +52,13 @@ impl Test {
     /// As [`Test::cycle`]; samples at unlike times.
     pub fn transient(id: &str, control: Control, time: Vec<f64>, channels: Vec<Channel>) -> Result<Test, DataError> {
         let mut record = record(id, control, time, channels)?;
-        match sampling(&record.time) {
-            Sampling::Uneven { at, step, usual } => {
-                let message = format!("not sampled uniformly: a step of {step:.3e} s, where most are {usual:.3e} s");
-                return Err(refuse(id, Some(at), None, message, "samples at equal times"));
-            }
-            Sampling::Rounded { time, .. } => record.time = time,
-            Sampling::Uniform => {}
+        let found = sampling(&record.time);
+        if let Some((at, message)) = found.uneven() {
+            return Err(refuse(id, Some(at), None, message, "samples at equal times"));
         }
+        let (time, said) = found.placed(&record.time);
+        record.time = time;
+        record.notes.extend(said.map(|text| Note::new("time", text)));
         Ok(Test::new(id, Record::Transient(record)))
     }
 

@@ -213,7 +213,11 @@ fn unit(table: &TableView<'_>, role: Role, dimensions: &[Dimension]) -> Result<U
         return Ok(Unit::si(Dimension::DIMENSIONLESS));
     }
     let examples = dimensions.first().map_or(String::new(), |d| d.examples());
-    let value = table.require("unit", &format!("the unit of the {} ({examples})", role.word()))?;
+    let accepted = format!("the unit of the {} ({examples})", role.word());
+    let value = table.require("unit", &accepted)?;
+    if value.is_blank() {
+        return Err(value.refuse(format!("the unit of the {} is missing", role.word()), accepted));
+    }
     let text = value.string()?;
     let mut first = None;
     for d in dimensions {

@@ -97,9 +97,13 @@ impl Dataset {
     ///
     /// Files are looked for in `data` where it is given (`--data`), else in the `folder` that dataset.toml names, else beside it.
     pub fn load(path: &Path, data: Option<&Path>) -> Result<Self, DataError> {
-        let file = if path.is_dir() { path.join("dataset.toml") } else { path.to_path_buf() };
-        let toml = TomlFile::read(&file, "data")?;
+        let toml = TomlFile::read(&Self::file_of(path), "data")?;
         Self::from_toml(&toml, data)
+    }
+
+    /// The dataset.toml that a path stands for: the one in that folder, or the file itself.
+    pub fn file_of(path: &Path) -> PathBuf {
+        if path.is_dir() { path.join("dataset.toml") } else { path.to_path_buf() }
     }
 
     /// As [`Dataset::load`], from a dataset.toml already parsed.
@@ -168,7 +172,8 @@ impl Source<'_> {
         let value = test.require("file", "the name of a .csv, .parquet, .uff, .unv or .mat file")?;
         let name = value.string()?;
         let tried = self.folder.join(name);
-        if tried.is_file() { Ok(tried) } else { Err(DataError::MissingFile { test: id.to_string(), tried, overridden: self.overridden }) }
+        // What is there and is no file, a pipe or a folder, is refused with its reason where it is opened.
+        if tried.exists() { Ok(tried) } else { Err(DataError::MissingFile { test: id.to_string(), tried, overridden: self.overridden }) }
     }
 
     pub fn toml(&self) -> &Path {
@@ -240,6 +245,6 @@ pub(super) fn columns(
 #[cfg(test)]
 pub(super) mod tests;
 #[cfg(test)]
-mod files_tests;
+pub(super) mod files_tests;
 #[cfg(test)]
 mod reading_tests;

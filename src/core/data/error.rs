@@ -132,7 +132,7 @@ impl Explain for DataError {
             Self::Toml(e) => e.accepted(),
             Self::MissingFile { overridden: true, .. } => "the file in the folder given by --data".into(),
             Self::MissingFile { .. } => "the file beside dataset.toml, in its `folder`, or in the folder given by --data".into(),
-            Self::Unreadable { .. } => "a readable file".into(),
+            Self::Unreadable { .. } => format!("a regular file that can be read, of at most {} GB", crate::limits::DATA_BYTES >> 30),
             Self::NoReader { .. } => "a file that ends in .csv, .txt, .tsv, .dat, .asc, .parquet, .uff, .unv or .mat".into(),
             Self::NotText { .. } => "UTF-8 text".into(),
             Self::Empty { .. } | Self::NoRows { .. } => "one header row, then rows of numbers".into(),
@@ -142,7 +142,7 @@ impl Explain for DataError {
                 format!("{wanted} cells in every row; decimal commas only where the separator is a semicolon or a tab")
             }
             Self::BlankLine { .. } => "rows without blank lines between them".into(),
-            Self::Cell { .. } => "a finite number".into(),
+            Self::Cell { .. } => format!("a finite number; in a column of time also {}", super::readers::STAMPS),
             Self::Format { .. } => "text with one header row over columns of numbers, or Parquet".into(),
             Self::Content(c) => c.accepted.clone(),
             Self::File(e) => e.accepted.clone(),

@@ -159,10 +159,11 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
     // Analysers write their lines from 0 Hz on, where neither mobility nor accelerance says anything of the receptance.
     let at = specs.iter().position(|s| s.role == Role::Frequency).unwrap_or(0);
     let from_zero = values.get(at).is_some_and(|f| f.first() == Some(&0.0)) && quantity != FrfQuantity::Receptance;
-    if from_zero && super::readers::FileKind::of(&file) == Ok(super::readers::FileKind::Universal) {
+    if from_zero {
         values.iter_mut().for_each(|v| {
             v.remove(0);
         });
+        rows.skip_first();
         notes.push(Note::new("frequency", "the line at 0 Hz has no receptance and is left out"));
     }
     let column = |role: Role| specs.iter().zip(&values).find(|(s, _)| s.role == role);

@@ -15,7 +15,7 @@ pub use energy::{Estimate, LoopEnergy};
 
 use super::frequency;
 use super::{Channel, FourierInput, Role, TimeRecord};
-use crate::units::Unit;
+use crate::units::{Dimension, Quantity, Unit};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -116,7 +116,7 @@ pub enum LoopError {
     Still { channel: String },
     #[error("{samples} samples are too few for a loop")]
     Short { samples: usize },
-    #[error("the controlled channel moves at {measured:.6} Hz, and {declared} Hz is declared")]
+    #[error("the controlled channel moves at {measured:.6} Hz, and {} is declared", Quantity::si(*declared, Dimension::FREQUENCY))]
     Frequency { channel: String, declared: f64, measured: f64 },
     #[error("{cycles} complete cycles after {discarded} discarded ({seconds:.4} s at {frequency:.6} Hz)")]
     Cycles { cycles: usize, discarded: u32, seconds: f64, frequency: f64 },
@@ -256,7 +256,8 @@ fn grid(record: &TimeRecord, drive: &Channel, notes: &mut Vec<Note>) -> Result<G
         // The declared frequency is exact when the record does not tell them apart: half a percent of a cycle over its whole length.
         Some(declared) if (declared - settled).abs() * seconds < 5e-3 => declared,
         Some(declared) => {
-            notes.push(Note::new(&label, format!("moves at {settled:.6} Hz, and {declared} Hz is declared; the measured one is used")));
+            let stated = Quantity::si(declared, Dimension::FREQUENCY);
+            notes.push(Note::new(&label, format!("moves at {settled:.6} Hz, and {stated} is declared; the measured one is used")));
             settled
         }
         None => settled,

@@ -3,6 +3,7 @@
 use super::Note;
 use super::channel::Role;
 use super::toml_strict::{TableView, TomlError};
+use crate::limits::MAGNITUDE;
 use crate::units::{Dimension, Unit};
 
 /// `value = scale * recorded + offset`, then the mean is taken off where `centre` says so. The window is the time channel's.
@@ -38,8 +39,11 @@ pub(super) fn keys(role: Role) -> &'static [&'static str] {
 /// Reads the keys; the table has none but those of its role.
 pub(super) fn read(table: &TableView<'_>, unit: &Unit) -> Result<Reading, TomlError> {
     let scale = table.optional("scale", |v| match v.number()? {
-        s if s != 0.0 => Ok(s),
-        s => Err(v.refuse(format!("a scale of {s}"), "a factor other than 0; -1 turns the channel")),
+        s if (1.0 / MAGNITUDE..=MAGNITUDE).contains(&s.abs()) => Ok(s),
+        s => {
+            let accepted = format!("a factor from {:e} to {MAGNITUDE:e}, or its negative; -1 turns the channel", 1.0 / MAGNITUDE);
+            Err(v.refuse(format!("a scale of {}", plain(s)), accepted))
+        }
     })?;
     let offset = table.optional("offset", |v| {
         let q = v.quantity(unit.dimension)?;
@@ -63,6 +67,11 @@ pub(super) fn read(table: &TableView<'_>, unit: &Unit) -> Result<Reading, TomlEr
     Ok(Reading { rate, scale: scale.unwrap_or(1.0), offset: offset.unwrap_or(0.0), centre, window })
 }
 
+/// A number without unit in as many digits as it has.
+fn plain(number: f64) -> String {
+    Unit::si(Dimension::DIMENSIONLESS).written(number)
+}
+
 impl Reading {
     /// The value used for a recorded one, SI.
     pub fn of(&self, recorded: f64) -> f64 {
@@ -80,7 +89,7 @@ impl Reading {
         if self.scale == -1.0 {
             done.push("turned (scale = -1)".to_string());
         } else if self.scale != 1.0 {
-            done.push(format!("multiplied by {}", self.scale));
+            done.push(format!("multiplied by {}", plain(self.scale)));
         }
         if self.offset != 0.0 {
             done.push(format!("{} added", unit.print_difference(self.offset)));

@@ -7,6 +7,7 @@ use super::readers::{Column, Columns};
 use super::sampling::{Sampling, sampling};
 use super::toml_strict::{TableView, TomlError, ValueView};
 use super::{Content, DataError, History, LoopError, Note, SettledLoop};
+use crate::limits::MAGNITUDE;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -283,33 +284,29 @@ fn evened(
     notes: &mut Vec<Note>,
 ) -> Result<Vec<f64>, DataError> {
     let time = &stamps[kept.clone()];
-    match sampling(time) {
-        Sampling::Rounded { quantum, time } => {
-            let rate = (time.len() - 1) as f64 / (time[time.len() - 1] - time[0]);
-            notes.push(Note::new("time", format!("stamps rounded to {quantum} s; taken as sampled uniformly at {rate:.6} Hz")));
-            Ok(time)
-        }
-        Sampling::Uneven { at, step, usual } if !uneven => {
-            let message = format!("not sampled uniformly: a step of {step:.3e} s, where most are {usual:.3e} s");
-            let row = rows.place(kept.start + at);
-            Err(content(
-                file,
-                Some(row),
-                id,
-                spec,
-                &message,
-                "a record sampled uniformly, whose time may be rounded; or from and to around the gap",
-            ))
-        }
-        _ => Ok(time.to_vec()),
+    let found = sampling(time);
+    if uneven && matches!(found, Sampling::Jittered { .. } | Sampling::Uneven { .. }) {
+        return Ok(time.to_vec());
     }
+    if let Some((at, message)) = found.uneven() {
+        let row = rows.place(kept.start + at);
+        let accepted = "a record sampled uniformly, whose time may be rounded; or from and to around the gap";
+        return Err(content(file, Some(row), id, spec, &message, accepted));
+    }
+    let (time, said) = found.placed(time);
+    notes.extend(said.map(|text| Note::new("time", text)));
+    Ok(time)
 }
 
 /// Settles which channels drive: those marked, or the one of the controlled role.
 fn mark_inputs(table: &TableView<'_>, control: Option<Control>, specs: &mut [ChannelSpec]) -> Result<(), DataError> {
     let marked = specs.iter().filter(|s| s.input).count();
     let Some(control) = control else {
-        return if marked > 0 { Ok(()) } else { Err(no_channel(table, "input = true, and no key `control`").into()) };
+        if marked > 0 {
+            return Ok(());
+        }
+        let accepted = "control = \"displacement\" or \"force\", or input = true in the channels that drive it";
+        return Err(table.refuse("nothing drives this test: it has no key `control`, and no channel is marked", accepted).into());
     };
     let role = control.role();
     if let Some(other) = specs.iter().find(|s| s.input && s.role != role) {
@@ -355,13 +352,13 @@ pub(super) fn content(file: &Path, row: Option<String>, test: &str, spec: &Chann
     .into()
 }
 
-/// Takes a column to SI; a value that is finite in the file may not be in SI.
+/// Takes a column to SI. A value that is finite in the file may be beyond [`MAGNITUDE`] in SI, or after its scale and offset.
 pub(super) fn to_si(file: &Path, rows: &Columns, id: &str, spec: &ChannelSpec, values: &mut [f64]) -> Result<(), DataError> {
     for (i, v) in values.iter_mut().enumerate() {
         let si = spec.reading.of(spec.unit.to_si(*v));
-        if !si.is_finite() {
-            let message = format!("{v} {} is beyond any number", spec.unit.symbol);
-            return Err(content(file, Some(rows.place(i)), id, spec, &message, "a finite number"));
+        if si.is_nan() || si.abs() > MAGNITUDE {
+            let message = format!("{} is beyond any number that is reckoned with", spec.unit.written(*v));
+            return Err(content(file, Some(rows.place(i)), id, spec, &message, &format!("a number of at most {MAGNITUDE:e} in SI")));
         }
         *v = si;
     }

@@ -7,6 +7,7 @@ use super::readers::{Column, Columns};
 use super::record::{Control, content, to_si};
 use super::toml_strict::{TableView, TomlError, ValueView};
 use super::{Content, DataError, channel};
+use crate::limits::MAGNITUDE;
 use crate::units::{Dimension, Unit};
 use std::path::{Path, PathBuf};
 
@@ -328,11 +329,12 @@ fn from_file(table: &TableView<'_>, id: &str, source: &Source<'_>, roles: &[Role
 }
 
 fn stated(file: &Path, rows: &Columns, i: usize, id: &str, spec: &ChannelSpec, sigma: f64) -> Result<f64, DataError> {
-    if sigma > 0.0 {
+    if sigma > 0.0 && sigma <= MAGNITUDE {
         return Ok(sigma);
     }
     let message = format!("a standard deviation of {}", spec.unit.print_difference(sigma));
-    Err(content(file, Some(rows.place(i)), id, spec, &message, "a standard deviation above 0"))
+    let accepted = format!("a standard deviation above 0, and of at most {MAGNITUDE:e} in SI");
+    Err(content(file, Some(rows.place(i)), id, spec, &message, &accepted))
 }
 
 fn at_row(source: &Source<'_>, id: &str, place: &str, message: String, accepted: &str) -> DataError {

@@ -221,8 +221,7 @@ fn dataset(toml: &TomlFile, data: Option<&Path>) -> Result<(Dataset, Option<Path
     let beside = folder_of(toml.path());
     let value = root.require("dataset", "the folder with dataset.toml, such as \"data\"")?;
     let path = beside.join(value.string()?);
-    let there = if path.is_dir() { path.join("dataset.toml").is_file() } else { path.is_file() };
-    if !there {
+    if !Dataset::file_of(&path).exists() {
         return Err(value.refuse(format!("no dataset.toml at {}", path.display()), "a folder with dataset.toml, or that file").into());
     }
     let folder = root.optional("folder", |v| v.string())?.map(|f| beside.join(f));

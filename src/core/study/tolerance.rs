@@ -276,8 +276,7 @@ fn of_the_parts(needed: &mut Vec<(String, Dimension)>, parts: Option<&Parts>) {
 fn dataset_of_cases(table: &TableView<'_>, folder: &Path) -> Result<Dataset, StudyError> {
     let at = table.require("dataset", "\"../data/table.toml\"")?;
     let path = folder.join(at.string()?);
-    let there = if path.is_dir() { path.join("dataset.toml").is_file() } else { path.is_file() };
-    if !there {
+    if !Dataset::file_of(&path).exists() {
         return Err(at.refuse(format!("no dataset at {}", path.display()), "a folder with dataset.toml, or that file").into());
     }
     Ok(Dataset::load(&path, None)?)

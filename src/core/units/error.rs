@@ -14,7 +14,7 @@ pub enum UnitError {
     NoNumber { text: String, expected: Option<Dimension> },
     #[error("`{text}` is written with a decimal comma")]
     DecimalComma { text: String },
-    #[error("`{text}` is not a finite number")]
+    #[error("`{text}` is not a finite number, or beyond any that is reckoned with")]
     NotFinite { text: String },
     #[error("unknown unit `{symbol}` in `{text}`{}", nearest.as_ref().map_or(String::new(), |n| format!(", nearest is `{n}`")))]
     UnknownUnit { text: String, symbol: String, nearest: Option<String>, expected: Option<Dimension> },
@@ -65,7 +65,7 @@ impl Explain for UnitError {
             Self::WrongDimension { expected, .. } | Self::MissingUnit { expected, .. } => of(expected),
             Self::TooLong { limit, .. } => format!("at most {limit} characters"),
             Self::DecimalComma { .. } => "a decimal point, such as \"0.5 mm\"".to_string(),
-            Self::NotFinite { .. } => "a finite number".to_string(),
+            Self::NotFinite { .. } => format!("a finite number of at most {:e} in SI", crate::limits::MAGNITUDE),
             Self::Spread { .. } => "a value with a standard deviation, such as \"0.4 mm +- 0.02 mm\"".to_string(),
         }
     }

@@ -2,6 +2,7 @@
 
 use super::expression::{self, Factor};
 use super::{Dimension, UnitError};
+use crate::limits::MAGNITUDE;
 use std::fmt;
 
 /// Longest text taken for a quantity.
@@ -71,7 +72,7 @@ impl Unit {
     }
 
     /// A number in this unit, with a power of ten where all its digits would be more than are read again.
-    fn written(&self, number: f64) -> String {
+    pub fn written(&self, number: f64) -> String {
         let plain = format!("{number}");
         let number = if plain.len() > LONGEST { format!("{number:e}") } else { plain };
         if self.symbol.is_empty() { number } else { format!("{number} {}", self.symbol) }
@@ -161,7 +162,7 @@ pub fn parse_spread(text: &str, expected: Option<Dimension>) -> Result<Spread, U
     } else {
         unit(sigma_unit, sigma, Some(quantity.unit.dimension))?.difference_to_si(number)
     };
-    if !(sigma.is_finite() && sigma > 0.0) {
+    if !(sigma <= MAGNITUDE && sigma > 0.0) {
         return Err(UnitError::Spread { text: text.to_string(), what: "the standard deviation must be above 0".to_string() });
     }
     Ok(Spread { quantity, sigma: Some(sigma) })
@@ -184,7 +185,7 @@ fn quantity(text: &str, expected: Option<Dimension>) -> Result<Quantity, UnitErr
         (false, _) => unit(unit_text, text, expected)?,
     };
     let value = unit.to_si(number);
-    if !value.is_finite() {
+    if value.is_nan() || value.abs() > MAGNITUDE {
         return Err(UnitError::NotFinite { text: text.to_string() });
     }
     Ok(Quantity { value, unit })

@@ -85,6 +85,7 @@ impl Correction {
             let Some(column) = columns.iter_mut().find(|c| c.column == *name) else { return Err(self.no_column(name)) };
             if let Some(role) = &said.role {
                 column.role = self.role(role)?;
+                column.guessed = false;
             }
             if let Some(unit) = &said.unit {
                 column.unit = stated(unit);

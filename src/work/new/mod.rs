@@ -116,7 +116,7 @@ pub fn free(dir: &Path) -> Result<(), Failure> {
 }
 
 /// Writes everything beside the target and moves it there in one step: whole, or not at all. Reads the new dataset once for what is still wrong with it.
-pub fn create(dir: &Path, files: &[PathBuf], scaffold: &Scaffold) -> Result<(Option<Failure>, Option<ModalFit>), Failure> {
+pub fn create(dir: &Path, files: &[PathBuf], scaffold: &Scaffold) -> Result<(Option<Failure>, Option<Modes>), Failure> {
     let fail = |e: io::Error| {
         Failure::new("study", dir.display().to_string(), format!("the study cannot be written: {e}"), "a folder that can be written to")
     };
@@ -153,15 +153,28 @@ pub fn create(dir: &Path, files: &[PathBuf], scaffold: &Scaffold) -> Result<(Opt
 /// Values of FRFs up to which modes are looked for.
 const VALUES: usize = 200_000;
 
-/// Modal parameters of the FRFs, where they make one set.
-fn modes(dataset: &Dataset) -> Option<ModalFit> {
+/// Modal parameters of the FRFs, or why there are none.
+pub type Modes = Result<ModalFit, String>;
+
+/// Modal parameters of the FRFs, where they make one set; none where there are no FRFs.
+fn modes(dataset: &Dataset) -> Option<Modes> {
     let frfs: Vec<_> = dataset.tests.iter().filter_map(|t| if let Record::Frf(f) = &t.record { Some(f.as_ref()) } else { None }).collect();
-    let set = FrfSet::from_frfs(&frfs).ok()?;
-    // A look, not a study: large sets would take minutes.
-    if set.h.len() * set.frequency.len() > VALUES {
+    if frfs.is_empty() {
         return None;
     }
-    modal_fit::fit(&set, &modal_fit::Settings::default()).ok()
+    let found = |set: FrfSet| {
+        // A look, not a study: large sets would take minutes.
+        let values = set.h.len() * set.frequency.len();
+        if values > VALUES {
+            return Err(format!("the FRFs have {values} values, and more than {VALUES} would take minutes"));
+        }
+        match modal_fit::fit(&set, &modal_fit::Settings::default()) {
+            Ok(fit) if fit.modes.is_empty() => Err("no pole of the FRFs stays over the orders of the fit".into()),
+            Ok(fit) => Ok(fit),
+            Err(e) => Err(e.to_string()),
+        }
+    };
+    Some(FrfSet::from_frfs(&frfs).map_err(|e| e.to_string()).and_then(found))
 }
 
 /// Modal parameters as JSON.
@@ -179,13 +192,13 @@ pub fn item(path: &str, item: &FoundItem) -> Value {
         FoundItem::History(h) => {
             let channel = |c: &crate::data::inspect::FoundColumn| {
                 let (low, high) = c.values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-                json!({ "column": c.column, "role": c.role.map(|r| r.word()), "unit": c.unit, "min": low, "max": high })
+                json!({ "column": c.column, "role": c.role.map(|r| r.word()), "guessed": c.guessed && c.role.is_some(), "unit": c.unit, "min": low, "max": high })
             };
             let cyclic = h.cyclic.as_ref();
             json!({ "file": path, "what": if cyclic.is_some() { "cycle" } else { "transient" }, "channels": h.columns.iter().map(channel).collect::<Vec<_>>(),
                     "samples": h.samples, "rate_hz": h.rate, "seconds": h.seconds, "frequency_hz": cyclic.map(|c| c.frequency), "cycles": cyclic.map(|c| c.cycles),
                     "start_up_cycles": cyclic.map(|c| c.start_up), "control": cyclic.map(|c| c.control.role().word()),
-                    "control_recognised": cyclic.map(|c| c.recognised), "loop": cyclic.and_then(measured),
+                    "control_recognised": cyclic.map(|c| c.recognised), "loop": cyclic.and_then(measured), "units_given": h.has_units(),
                     "findings": h.findings.iter().map(|n| format!("{}: {}", n.about, n.text)).collect::<Vec<_>>() })
         }
         FoundItem::Frf(f) => {
@@ -213,3 +226,6 @@ fn measured(c: &Cyclic) -> Option<Value> {
                  "W_s_slope": e.stored_slope.map(pair), "W_s_product": pair(e.stored_product), "D": pair(e.loss_ratio) }),
     )
 }
+
+#[cfg(test)]
+mod tests;

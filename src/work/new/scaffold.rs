@@ -34,9 +34,8 @@ struct Writer {
     /// Stiffness and damping (SI) of the loops, with the units to print them in.
     connector: Option<(f64, f64, String, String, &'static str)>,
     loops: bool,
-    /// Nodes of the FRFs and mode shapes with their axes.
+    /// Nodes of the FRFs, mode shapes and histories with their axes.
     nodes: BTreeMap<i64, Vec<&'static str>>,
-    frfs: bool,
 }
 
 pub fn write(found: &[FoundFile]) -> Option<Scaffold> {
@@ -130,19 +129,48 @@ impl Writer {
             self.to_confirm.push(format!("{id}: what drives this history"));
         }
         text += "channels = [\n";
+        let mut acts = false;
         for c in &h.columns {
-            match c.role {
-                Some(Role::Time) => text += &self.channel(&id, Role::Time, None, &c.column, c.unit.as_deref(), ""),
-                Some(r) if r.has_place() => text += &self.channel(&id, r, Some(&at), &c.column, c.unit.as_deref(), ""),
-                _ => text += &format!(" # not used: {}\n", c.column.replace(['\n', '\r'], " ")),
+            let Some(role) = c.role.filter(|r| *r == Role::Time || r.has_place()) else {
+                text += &format!(" # not used: {}\n", c.column.replace(['\n', '\r'], " "));
+                continue;
+            };
+            // The places of a loop are those of the joint it is measured at.
+            let node = c.at.filter(|_| h.cyclic.is_none());
+            let turned = if node.is_some_and(|n| n.2) { ", scale = -1" } else { "" };
+            let at = match node {
+                _ if role == Role::Time => None,
+                Some((node, axis, _)) => Some(self.node(node, axis)),
+                None => {
+                    acts = true;
+                    Some(at.clone())
+                }
+            };
+            let line = self.channel(&id, role, at.as_deref(), &c.column, c.unit.as_deref(), turned);
+            if c.guessed {
+                self.to_confirm.push(format!("{id}: that `{}` is the {}; its letter alone says so", c.column, role.word()));
+                text += &format!("{}   # by its letter alone: confirm it\n", line.trim_end());
+            } else {
+                text += &line;
             }
         }
         for n in &h.findings {
             text += &format!(" # finding: {}: {}\n", n.about, n.text).replace('\r', " ");
         }
         self.tests += &(text + "]\n");
-        self.loops = true;
-        self.to_confirm.push(format!("{id}: place {at} is where the rig acts"));
+        if acts {
+            self.loops = true;
+            self.to_confirm.push(format!("{id}: place {at} is where the rig acts"));
+        }
+    }
+
+    /// A place of the model at a node of the file.
+    fn node(&mut self, node: i64, axis: &'static str) -> String {
+        let axes = self.nodes.entry(node).or_default();
+        if !axes.contains(&axis) {
+            axes.push(axis);
+        }
+        format!("n{node}.{axis}")
     }
 
     /// Start values from the first loop: stiffness by its ranges, damping by its area.
@@ -168,13 +196,7 @@ impl Writer {
         };
         let id = self.id(path, &more);
         let mut place = |p: Option<(i64, &'static str, bool)>, what: &str, confirm: &mut Vec<String>| match p {
-            Some((node, axis, _)) => {
-                let axes = self.nodes.entry(node).or_default();
-                if !axes.contains(&axis) {
-                    axes.push(axis);
-                }
-                format!("n{node}.{axis}")
-            }
+            Some((node, axis, _)) => self.node(node, axis),
             None => {
                 confirm.push(format!("{id}: the place of the {what}"));
                 self.nodes.entry(1).or_insert_with(|| vec!["x"]);
@@ -213,7 +235,6 @@ impl Writer {
         f.findings.iter().for_each(|n| text += &format!(" # finding: {}\n", n.replace(['\n', '\r'], " ")));
         self.to_confirm.extend(confirm);
         self.tests += &(text + "]\n");
-        self.frfs = true;
     }
 
     /// A table of modes. Where no FRF names degrees of freedom, the model gets as many at the nodes of the shapes as there are modes.
@@ -227,14 +248,10 @@ impl Writer {
         self.tests += &format!("\n[[test]]\nid = {}\nkind = \"modal\"\nrows = [\n{rows}]\n", quoted(&id));
         self.to_confirm
             .push(format!("{id}: whether mode 1 is the first of the structure; the numbers count the file's modes by frequency"));
-        self.frfs = true;
         let nodes = if m.nodes.is_empty() { &[1][..] } else { &m.nodes[..m.nodes.len().min(m.modes.len())] };
         for axis in AXES.into_iter().take(m.modes.len().div_ceil(nodes.len())) {
             for node in nodes {
-                let axes = self.nodes.entry(*node).or_default();
-                if !axes.contains(&axis) {
-                    axes.push(axis);
-                }
+                self.node(*node, axis);
             }
         }
     }
@@ -258,7 +275,7 @@ impl Writer {
             );
             text += &format!("\n[[effect]]\neffect = \"viscous\"\nat = \"c1.{axis}\"\nc = {{ start = \"{c}\", min = \"0 {}\" }}\n", per.1);
         }
-        if self.frfs {
+        if !self.nodes.is_empty() {
             self.to_confirm.push("study.toml: masses, and how the nodes are joined, are placeholders".into());
             let mut before = "ground".to_string();
             for (k, (node, axes)) in self.nodes.iter().enumerate() {

@@ -11,7 +11,7 @@ fn axis(kind: i64, label: &str, unit: &str) -> String {
 }
 
 /// A function in ASCII: FRF (4), coherence (6) or history (1) at node 12 -Z over node 7 +Z.
-fn function(kind: i64, node: i64, ordinate: (i64, &str), denominator: (i64, &str), values: &[f64], complex: bool) -> String {
+pub(crate) fn function(kind: i64, node: i64, ordinate: (i64, &str), denominator: (i64, &str), values: &[f64], complex: bool) -> String {
     let (form, per) = if complex { (5, 2) } else { (2, 1) };
     let reference = if kind == 1 { (0, 0) } else { (7, 3) };
     let dofs =

@@ -160,3 +160,105 @@ fn date_and_time_are_read_in_seconds_from_the_first_row() {
     let e = load(&toml("cycle", "", TIME, "", ""), &bad).unwrap_err();
     assert!(e.to_string().contains("`yesterday` is not a date and time") && e.place().contains("line 9"), "{e} {}", e.place());
 }
+
+#[test]
+fn a_number_beyond_any_that_is_reckoned_with_has_its_place() {
+    let file = csv(6, plain, |_| 0.4);
+    let mut lines: Vec<&str> = file.lines().collect();
+    lines[6] = "0.0500,0.1,1e308";
+    let e = load(&toml("cycle", "", TIME, "", ""), &lines.join("\n")).unwrap_err();
+    assert!(e.place().ends_with("t.csv, line 7, test t, channel force at c1.x"), "{}", e.place());
+    assert!(e.to_string().contains("1e308 N") && e.accepted().contains("1e50"), "{e}, {}", e.accepted());
+    // A factor, a condition: the key.
+    for (force, more, line, said) in [
+        (", scale = 1e300", "", 11, "1e300"),
+        (", scale = 1e-320", "", 11, "1e-320"),
+        (", offset = \"1e300 N\"", "", 11, "1e300"),
+        ("", "conditions = { frequency = \"1e300 Hz\" }", 7, "1e300"),
+    ] {
+        let e = load(&toml("cycle", more, TIME, "", force), &file).unwrap_err();
+        assert!(e.to_string().len() < 200 && e.to_string().contains(said), "{e}");
+        assert!(e.place().contains(&format!("dataset.toml, line {line}")), "{}", e.place());
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn what_is_there_and_is_no_file_is_said_to_be_none() {
+    let dir = tempfile::tempdir().unwrap();
+    let pipe = |name: &str| assert!(std::process::Command::new("mkfifo").arg(dir.path().join(name)).status().unwrap().success());
+    std::fs::write(dir.path().join("dataset.toml"), toml("cycle", "", TIME, "", "")).unwrap();
+    pipe("t.csv");
+    let e = Dataset::load(dir.path(), None).unwrap_err();
+    assert!(e.to_string().contains("it is no regular file") && e.place().ends_with("t.csv"), "{e}, {}", e.place());
+    std::fs::remove_file(dir.path().join("dataset.toml")).unwrap();
+    pipe("dataset.toml");
+    let e = Dataset::load(dir.path(), None).unwrap_err();
+    assert!(e.to_string().contains("it is no regular file") && e.place().ends_with("dataset.toml"), "{e}, {}", e.place());
+}
+
+#[test]
+fn a_transient_that_nothing_drives_is_said_to_have_no_drive() {
+    let undriven = toml("transient", "", TIME, "", "").replace("control = \"displacement\"\n", "");
+    let e = load(&undriven, &csv(6, plain, |_| 0.4)).unwrap_err();
+    assert!(e.to_string().contains("nothing drives this test"), "{e}");
+    assert!(e.accepted().contains("control = ") && e.accepted().contains("input = true"), "{}", e.accepted());
+}
+
+#[test]
+fn stamps_of_any_number_of_decimals_are_one_sampling() {
+    // At 3004.8 Hz four decimals are a third of a step, five a thirtieth.
+    let rate = 3004.8;
+    let file = |digits: usize| {
+        let row = |i: usize| {
+            let (t, p) = (i as f64 / rate, TAU * i as f64 / rate);
+            format!("{t:.digits$},{:.8},{:.8}\n", 0.4 * p.sin(), 8.0 * (p + 0.3).sin())
+        };
+        "t,x,F\n".to_string() + &(0..15_024).map(row).collect::<String>()
+    };
+    for digits in [4, 5, 6] {
+        let r = record(&toml("cycle", "", TIME, "", ""), &file(digits));
+        said(&r, "time", "taken as sampled uniformly at 3004.");
+        let settled = r.settled().unwrap();
+        assert!(!settled.notes.iter().any(|n| n.text.contains("interpolation")), "{digits}: {:?}", settled.notes);
+        let force = settled.channels.iter().find(|c| c.role == Role::Force).unwrap();
+        let worst = settled.phase.iter().zip(&force.mean).map(|(p, f)| (f - 8.0 * (p + 0.3).sin()).abs()).fold(0.0, f64::max);
+        assert!(worst < 2e-3, "{digits}: {worst}");
+    }
+}
+
+#[test]
+fn jitter_of_a_transient_is_said() {
+    let stamp = |i: usize| format!("{:.8}", 0.01 * (i as f64 + 0.04 * (7.0 * i as f64).sin()));
+    let r = record(&toml("transient", "", TIME, "", ""), &csv(6, stamp, |_| 0.4));
+    said(&r, "time", "samples lie up to 4.0 % of a step from equal times");
+}
+
+#[test]
+fn date_and_time_as_loggers_write_it() {
+    let load = |stamp: &dyn Fn(usize) -> String| {
+        let text = csv(6, |i| format!("\"{}\"", stamp(i)), |_| 0.4);
+        record(&toml("cycle", "", TIME, "", ""), &text)
+    };
+    let second = |i: usize| format!("{:02}", 10 + i / 100);
+    for stamp in [
+        &|i: usize| format!("2025-11-14T19:15:{},{:02}0", second(i), i % 100),
+        &|i: usize| format!("14.11.2025 19:15:{},{:02}", second(i), i % 100),
+        &|i: usize| format!("2025/11/14 19:15:{}.{:02}", second(i), i % 100),
+        &|i: usize| format!("19:15:{}.{:02}", second(i), i % 100),
+    ] as [&dyn Fn(usize) -> String; 4]
+    {
+        let r = load(stamp);
+        assert!(r.time[0] == 0.0 && (r.time[599] - 5.99).abs() < 1e-9, "{}", stamp(3));
+    }
+    // Day and month cannot be told apart.
+    let text = csv(6, |i| format!("03/04/2025 19:15:{}.{:02}", second(i), i % 100), |_| 0.4);
+    let e = Folder::new(&toml("cycle", "", TIME, "", "")).with("t.csv", &text).load().unwrap_err();
+    assert!(e.to_string().contains("`03/04/2025 19:15:10.00`") && e.place().ends_with("line 2, column `t`"), "{e} {}", e.place());
+    assert!(e.accepted().contains("2025-11-14 19:15:18.25"), "{}", e.accepted());
+    // Beside decimal commas.
+    let text = csv(6, |i| format!("14.11.2025 19:15:{}.{:02}", second(i), i % 100), |_| 0.4).replace(',', ";");
+    let numbers = text.lines().map(|l| l.split_once(';').map_or(l.into(), |(t, v)| format!("{t};{}", v.replace('.', ","))));
+    let r = record(&toml("cycle", "", TIME, "", ""), &numbers.collect::<Vec<_>>().join("\n"));
+    assert!((r.time[599] - 5.99).abs() < 1e-9);
+}

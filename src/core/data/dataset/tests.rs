@@ -216,7 +216,18 @@ fn files_that_are_wrong_name_their_line() {
         "frf.csv, line 4, test frf-a, channel frequency",
     );
     case("frf.csv", line(frf_csv(), 4, "1,1,1,0.9"), "the frequency goes back: 1 Hz after 11 Hz", "frf.csv, line 4");
-    case("frf.csv", line(frf_csv(), 2, "0,1,1,0.9"), "a frequency of 0 Hz has no receptance", "frf.csv, line 2");
+    case(
+        "frf.csv",
+        line(frf_csv(), 51, "1e300,1,1,0.9"),
+        "1e300 Hz is beyond any number",
+        "frf.csv, line 51, test frf-a, channel frequency",
+    );
+    case("frf.csv", line(frf_csv(), 2, "-1,1,1,0.9"), "a frequency of -1 Hz has no receptance", "frf.csv, line 2");
+    // The line at 0 Hz is left out, and what follows keeps its place.
+    let zero = example().with("frf.csv", &line(frf_csv(), 2, "0,1,1,0.9")).load().unwrap();
+    let Record::Frf(f) = &zero.tests[1].record else { panic!() };
+    assert!(f.frequency[0] == 11.0 && f.notes.iter().any(|n| n.text.contains("0 Hz")), "{:?}", f.notes);
+    case("frf.csv", line(line(frf_csv(), 2, "0,1,1,0.9"), 5, "12,1,1,0.9"), "the frequency is repeated", "frf.csv, line 5");
     case("frf.csv", line(frf_csv(), 4, "12,1,1,1.01"), "a coherence of 1.01", "frf.csv, line 4, test frf-a, channel coherence");
     case("frf.csv", line(frf_csv(), 4, "12,1,1,0"), "a coherence of 0", "frf.csv, line 4");
     let toml = EXAMPLE.replacen("\"1 Hz\"", "\"1.1 Hz\"", 1);
@@ -271,7 +282,7 @@ fn transient_and_several_channels() {
     let files = [("loop.csv", loop_csv()), ("frf.csv", frf_csv())];
     let load = |toml: &str| files.iter().fold(Folder::new(toml), |f, (n, t)| f.with(n, t)).load();
     let e = load(&transient).unwrap_err();
-    assert!(e.to_string().contains("no channel input = true"), "{e}");
+    assert!(e.to_string().contains("nothing drives this test"), "{e}");
     let d = load(&transient.replacen("column=\"x\",", "column=\"x\", input=true,", 1)).unwrap();
     let Record::Transient(r) = &d.tests[0].record else { panic!() };
     let motion = r.history().motion("c1.x").unwrap();

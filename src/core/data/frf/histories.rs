@@ -6,7 +6,7 @@ use crate::data::dataset::{Source, columns, no_channel};
 use crate::data::frf_estimate::{Estimator, Excitation, Request, estimate};
 use crate::data::readers::Column;
 use crate::data::record::{content, increasing, to_si, window as kept_samples};
-use crate::data::sampling::{Sampling, sampling};
+use crate::data::sampling::sampling;
 use crate::data::toml_strict::TableView;
 use crate::data::{DataError, FrfQuantity, Note};
 use crate::units::{Dimension, Unit};
@@ -72,10 +72,8 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>, excited
             treated.push(Note::new(spec.label(), format!("centred: its mean of {} was taken off", spec.unit.print_difference(mean))));
         }
     }
-    let t = &values[time];
-    let dt = (t[t.len() - 1] - t[0]) / (t.len().max(2) - 1) as f64;
-    if let Sampling::Uneven { at, step, usual } = sampling(t) {
-        let message = format!("not sampled uniformly: a step of {step:.3e} s, where most are {usual:.3e} s");
+    let found = sampling(&values[time]);
+    if let Some((at, message)) = found.uneven() {
         return Err(content(
             &file,
             Some(rows.place(kept.start + at)),
@@ -85,6 +83,9 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>, excited
             "a record sampled uniformly, whose time may be rounded",
         ));
     }
+    let (t, said) = found.placed(&values[time]);
+    treated.extend(said.map(|text| Note::new("time", text)));
+    let dt = (t[t.len() - 1] - t[0]) / (t.len().max(2) - 1) as f64;
     let excitation = match window {
         Window::Hann => Excitation::Random { overlap: overlap.unwrap_or(0.5) },
         Window::None => Excitation::Periodic,

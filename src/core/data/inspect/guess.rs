@@ -6,10 +6,10 @@ use crate::units::{Dimension, parse_unit};
 
 /// Words by which columns are named, of English and German rigs.
 const WORDS: [(Role, &[&str]); 10] = [
-    (Role::Time, &["t", "time", "zeit", "sec", "seconds", "timestamp"]),
+    (Role::Time, &["t", "time", "zeit", "sec", "seconds", "timestamp", "datetime", "uhrzeit", "zeitstempel"]),
     (
         Role::Displacement,
-        &["x", "u", "disp", "displacement", "position", "pos", "stroke", "weg", "deflection", "lvdt", "angle", "rotation"],
+        &["x", "u", "d", "disp", "displacement", "position", "pos", "stroke", "weg", "deflection", "lvdt", "angle", "rotation"],
     ),
     (Role::Velocity, &["v", "vel", "velocity", "speed", "geschwindigkeit"]),
     (Role::Acceleration, &["a", "acc", "accel", "acceleration", "beschleunigung"]),
@@ -32,6 +32,10 @@ pub fn guess_role(name: &str, unit: Option<&str>) -> Option<Role> {
     };
     let magnitude = || words.iter().any(|w| ["amp", "amplitude", "mag", "magnitude", "abs"].contains(w));
     let Some(unit) = unit else {
+        // `real(x)` is a part of something complex, whatever that is.
+        if let Some(part) = [("real(", Role::Real), ("imag(", Role::Imag)].into_iter().find(|p| name.starts_with(p.0)) {
+            return Some(part.1);
+        }
         if magnitude() {
             return Some(Role::Amplitude);
         }
@@ -54,6 +58,13 @@ pub fn guess_role(name: &str, unit: Option<&str>) -> Option<Role> {
     }
     let found = by_unit.iter().find(|(_, d)| d.iter().any(|d| is(*d))).map(|f| f.0);
     found.or((is(Dimension::DIMENSIONLESS) && called(Role::Coherence)).then_some(Role::Coherence))
+}
+
+/// Whether a column, alone or in a structure, is named by one letter and has no unit that says what it is: its role is a guess.
+pub(super) fn by_letter(name: &str, unit: Option<&str>) -> bool {
+    let bare = bare(name);
+    let letters = bare.rsplit_once('.').map_or(bare, |(_, field)| field).trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
+    unit.is_none() && letters.chars().count() == 1
 }
 
 /// What an FRF with a unit is.

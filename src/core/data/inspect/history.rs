@@ -2,12 +2,15 @@
 
 use super::FoundColumn;
 use crate::data::record::spread;
+use crate::data::sampling::{Sampling, sampling};
 use crate::data::{Channel, Control, Note, Role, SettledLoop, TimeRecord, estimate_frequency, recognised_control};
 use crate::units::{Dimension, Unit, parse_unit};
 use std::path::PathBuf;
 
 /// A cycle is of full size within this part.
 const SETTLED: f64 = 0.01;
+/// An answer is of full size within so many deviations of its late cycles.
+const SCATTER: f64 = 4.0;
 /// Part of the power the fundamental has in the controlled motion of a cyclic test (a triangle has 0.986).
 const CYCLIC: f64 = 0.8;
 
@@ -21,6 +24,14 @@ pub struct FoundHistory {
     pub seconds: f64,
     pub cyclic: Option<Cyclic>,
     pub findings: Vec<Note>,
+}
+
+impl FoundHistory {
+    /// Whether the file gives the units of displacement and force, so that energies are joules.
+    pub fn has_units(&self) -> bool {
+        let of = |role: Role| self.columns.iter().find(|c| c.role == Some(role)).is_none_or(|c| c.unit.is_some());
+        of(Role::Displacement) && of(Role::Force)
+    }
 }
 
 /// A cyclic test in a history.
@@ -71,24 +82,48 @@ pub fn found(mut columns: Vec<FoundColumn>, said: &Corrected) -> FoundHistory {
         findings.push(Note::new(&c.column, format!("has {} values where the time has {samples}: it is of another record", c.values.len())));
         c.role = None;
     }
-    // A second column of one role is of another place; which, only the engineer knows.
-    let mut seen: Vec<Role> = Vec::new();
-    for c in columns.iter_mut().filter(|c| c.role.is_some()) {
-        if let Some(role) = c.role {
-            if seen.contains(&role) {
+    // A second column of one role is of another place, which the file names or only the engineer knows.
+    let mut seen: Vec<(Role, Option<(i64, &str, bool)>)> = Vec::new();
+    let (mut first, mut further) = (vec![false; columns.len()], vec![]);
+    for (k, c) in columns.iter_mut().enumerate() {
+        let Some(role) = c.role else { continue };
+        let same = seen.iter().filter(|s| s.0 == role);
+        first[k] = same.clone().next().is_none();
+        if !first[k] {
+            if c.at.is_none() || same.clone().any(|s| s.1.is_none() || s.1 == c.at) {
                 findings.push(Note::new(&c.column, format!("another {}: give it a place of its own", role.word())));
                 c.role = None;
+                continue;
             }
-            seen.push(role);
+            further.push(k);
         }
+        seen.push((role, c.at));
     }
     if let Some(k) = time.windows(2).position(|w| w[1] <= w[0]) {
         findings.push(Note::new("time", format!("does not increase after sample {}", k + 1)));
         return FoundHistory { columns, samples, rate: 0.0, seconds, cyclic: None, findings };
     }
+    // The times that rounded stamps stand for, as they are taken when the test is read.
+    let found = sampling(&time);
+    let time = match found {
+        Sampling::Rounded { .. } => {
+            let (time, said) = found.placed(&time);
+            findings.extend(said.map(|text| Note::new("time", text)));
+            time
+        }
+        _ => time,
+    };
+    let seconds = time.last().zip(time.first()).map_or(0.0, |(b, a)| b - a);
     let rate = if seconds > 0.0 { (samples.max(1) - 1) as f64 / seconds } else { 0.0 };
-    let channels: Vec<Channel> = columns.iter().filter_map(channel).collect();
+    // Where it drives and is driven a loop has one channel of each role.
+    let channels: Vec<Channel> = columns.iter().zip(&first).filter(|(_, first)| **first).filter_map(|(c, _)| channel(c)).collect();
     let cyclic = cyclic(&time, &channels, said, &mut findings);
+    for k in further.into_iter().filter(|_| cyclic.is_some()) {
+        let c = &mut columns[k];
+        let (node, axis, _) = c.at.unwrap_or_default();
+        findings.push(Note::new(&c.column, format!("another {} of the loop, at n{node}.{axis}", c.role.map_or("", |r| r.word()))));
+        c.role = None;
+    }
     FoundHistory { columns, samples, rate, seconds, cyclic, findings }
 }
 
@@ -108,7 +143,9 @@ fn cyclic(time: &[f64], channels: &[Channel], said: &Corrected, findings: &mut V
     if cycles < 2 || 0.5 * inner.amplitude * inner.amplitude < CYCLIC * size * size {
         return None;
     }
-    let (start_up, end) = steady(time, drive, inner.frequency, cycles);
+    let (driven, end) = steady(time, drive, inner.frequency, cycles);
+    let answers = channels.iter().filter(|c| c.role == Role::Force).map(|c| settling(time, &c.values, inner.frequency, end));
+    let start_up = answers.fold(driven, u32::max);
     // One cycle has to be left.
     let start_up = said.start_up.map_or(start_up, |s| s.min(cycles as u32 - 1));
     let end = end.max(start_up as usize + 1);
@@ -155,6 +192,17 @@ fn steady(time: &[f64], drive: &[f64], frequency: f64, cycles: usize) -> (u32, u
     (first as u32, last + 1)
 }
 
+/// The cycles before which what answers has not settled, though its drive is of full size: the first from which on all cycles are as large as
+/// those of the second half, within their scatter. At most half of the cycles are start-up; what changes on is said with the loop.
+fn settling(time: &[f64], values: &[f64], frequency: f64, cycles: usize) -> u32 {
+    let start = |c: usize| time.partition_point(|t| (t - time[0]) * frequency < c as f64 - 1e-6);
+    let sizes: Vec<f64> = (0..cycles).map(|k| spread(&values[start(k)..start(k + 1)])).collect();
+    let (half, late) = sizes.split_at(cycles / 2);
+    let full = late.iter().sum::<f64>() / late.len().max(1) as f64;
+    let allowed = (SETTLED * full).max(SCATTER * spread(late));
+    half.iter().rposition(|s| (s - full).abs() > allowed).map_or(0, |last| last as u32 + 1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -165,6 +213,8 @@ mod tests {
             column: column.into(),
             role: Some(role),
             unit: None,
+            guessed: true,
+            at: None,
             values: (0..n).map(|k| (0.1 * k as f64).sin() + if role == Role::Time { k as f64 } else { 0.0 }).collect(),
         };
         let found = found(vec![of("t", Role::Time, 240), of("x", Role::Displacement, 240), of("F", Role::Force, 4)], &Corrected::default());

@@ -9,9 +9,10 @@ mod universal;
 pub use guess::guess_role;
 pub use history::{Corrected, Cyclic, FoundHistory, found as history};
 
+use super::readers::dialect::bracket;
 use super::readers::{self, Column, FileKind, Wanted};
 use super::uff::UffFile;
-use super::{DataError, FrfQuantity, Role};
+use super::{DataError, FrfQuantity, Note, Role};
 use std::path::{Path, PathBuf};
 
 /// A column of a file.
@@ -24,6 +25,10 @@ pub struct FoundColumn {
     /// The unit the file gives.
     pub unit: Option<String>,
     pub values: Vec<f64>,
+    /// Whether one letter is all that says what it is.
+    pub guessed: bool,
+    /// Node and axis where the file gives them: `(12, "z", against the axis)`.
+    pub at: Option<(i64, &'static str, bool)>,
 }
 
 /// A file and what is in it.
@@ -82,49 +87,79 @@ pub fn inspect(path: &Path) -> Result<FoundFile, DataError> {
     Ok(FoundFile { path: path.to_path_buf(), items })
 }
 
-/// The columns of numbers in a table.
-fn columns(path: &Path) -> Result<Vec<FoundColumn>, DataError> {
+/// The columns of numbers in a table, and why the others are none.
+struct Table {
+    columns: Vec<FoundColumn>,
+    unread: Vec<(String, DataError)>,
+}
+
+fn columns(path: &Path) -> Result<Table, DataError> {
     let names = readers::names(path)?;
     let wanted = |name: &String| Wanted { name: name.clone(), text: false };
     // Most files hold numbers only; where one column does not, each is tried alone.
-    let read = match readers::read(path, &names.iter().map(|n| wanted(&n.0)).collect::<Vec<_>>(), None) {
-        Ok(all) => with_units(all),
+    let read: Vec<Result<Read, DataError>> = match readers::read(path, &names.iter().map(|n| wanted(&n.0)).collect::<Vec<_>>(), None) {
+        Ok(all) => with_units(all).map(Ok).collect(),
         Err(first) => {
-            let alone =
-                |n: &(String, Option<String>)| readers::read(path, &[wanted(&n.0)], None).ok().and_then(|c| with_units(c).pop().flatten());
+            let none = || DataError::NoRows { file: path.to_path_buf() };
+            let alone = |n: &(String, Option<String>)| with_units(readers::read(path, &[wanted(&n.0)], None)?).next().ok_or_else(none);
             let each: Vec<_> = names.iter().map(alone).collect();
-            if each.iter().all(Option::is_none) {
+            if each.iter().all(Result::is_err) {
                 return Err(first);
             }
             each
         }
     };
-    let column = |((name, unit), read): ((String, Option<String>), Option<Read>)| match read {
-        // Date and time are read in seconds, whatever the header says.
-        Some((Column::Numbers(values), own)) => Some((unit.or(own), values)).map(|(unit, values)| FoundColumn {
-            role: guess_role(&name, unit.as_deref()),
-            column: name,
-            unit,
-            values,
-        }),
-        _ => None,
-    };
-    Ok(names.into_iter().zip(read).filter_map(column).collect())
+    let mut table = Table { columns: vec![], unread: vec![] };
+    for ((column, unit), read) in names.into_iter().zip(read) {
+        match read {
+            // Date and time are read in seconds, whatever the header says.
+            Ok((Column::Numbers(values), own)) => {
+                let unit = unit.or(own);
+                let (role, guessed) = (guess_role(&column, unit.as_deref()), guess::by_letter(&column, unit.as_deref()));
+                table.columns.push(FoundColumn { role, column, unit, values, guessed, at: None });
+            }
+            Ok((Column::Text(_), _)) => {}
+            Err(e) => table.unread.push((column, e)),
+        }
+    }
+    Ok(table)
 }
 
 /// A column that was read, and the unit its file gives.
 type Read = (Column, Option<String>);
 
 /// Each column with the unit its file gives.
-fn with_units(read: readers::Columns) -> Vec<Option<Read>> {
+fn with_units(read: readers::Columns) -> impl Iterator<Item = Read> {
     let units = read.units.into_iter().chain(std::iter::repeat(None));
-    read.columns.into_iter().zip(units).map(Some).collect()
+    read.columns.into_iter().zip(units)
 }
 
-fn tabular(path: &Path, columns: Vec<FoundColumn>) -> Result<Vec<FoundItem>, DataError> {
+/// The reason why a column is not read, with its place.
+fn why(e: &DataError) -> String {
+    match e {
+        DataError::Cell { row, what, .. } => format!("{row}: {what}"),
+        e => e.to_string(),
+    }
+}
+
+fn tabular(path: &Path, Table { mut columns, unread }: Table) -> Result<Vec<FoundItem>, DataError> {
+    // Beside the parts of an FRF, `f` is no force.
+    let of = |columns: &[FoundColumn], role: Role| columns.iter().any(|c| c.role == Some(role));
+    if !of(&columns, Role::Time) && !of(&columns, Role::Frequency) && (of(&columns, Role::Imag) || of(&columns, Role::Phase)) {
+        let letter = |c: &&mut FoundColumn| c.guessed && c.column.eq_ignore_ascii_case("f");
+        columns.iter_mut().find(letter).into_iter().for_each(|c| c.role = Some(Role::Frequency));
+    }
     let has = |role: Role| columns.iter().find(|c| c.role == Some(role));
     if has(Role::Time).is_some() {
-        return Ok(vec![FoundItem::History(Box::new(history::found(columns, &Corrected::default())))]);
+        let mut found = history::found(columns, &Corrected::default());
+        // A channel with a bad cell is told; a column of text is no channel.
+        let named = unread.iter().filter(|(name, _)| guess_role(name, bracket(name).as_deref()).is_some());
+        found.findings.extend(named.map(|(name, e)| Note::new(name, format!("not read: {}", why(e)))));
+        return Ok(vec![FoundItem::History(Box::new(found))]);
+    }
+    // What is called a time and cannot be read is what is wrong.
+    if let Some(k) = unread.iter().position(|(name, _)| guess_role(name, bracket(name).as_deref()) == Some(Role::Time)) {
+        return Err(unread.into_iter().nth(k).map_or(DataError::NoRows { file: path.to_path_buf() }, |u| u.1));
     }
     let parts = [[Role::Real, Role::Imag], [Role::Amplitude, Role::Phase]].into_iter().find(|p| p.iter().all(|r| has(*r).is_some()));
     if let (Some(f), Some(parts)) = (has(Role::Frequency), parts) {
@@ -156,8 +191,9 @@ fn tabular(path: &Path, columns: Vec<FoundColumn>) -> Result<Vec<FoundItem>, Dat
         file: path.to_path_buf(),
         place: String::new(),
         message: format!(
-            "neither a history (no column of time) nor an FRF (no frequency with real and imaginary part) among {}",
-            names.join(", ")
+            "neither a history (no column of time) nor an FRF (no frequency with real and imaginary part) among {}{}",
+            names.join(", "),
+            unread.iter().map(|(name, e)| format!("; `{name}` is not read, {}", why(e))).collect::<String>()
         ),
         accepted: "columns whose names or units say what they are, such as `time [s]`, `displacement [mm]`, `force [N]`; a file without a column of time \
                    is written into dataset.toml by hand, with `{ role = \"time\", rate = \"610.35 Hz\" }` among the channels of its test"

@@ -28,6 +28,9 @@ fn roles_by_unit_and_name() {
     ] {
         assert_eq!(guess_role(name, unit), role, "{name} {unit:?}");
     }
+    let guessed = |name: &str, unit: Option<&str>| guess::by_letter(name, unit);
+    assert!(guessed("F", None) && guessed("x2", None) && guessed("run.t", None));
+    assert!(!guessed("F [N]", Some("N")) && !guessed("force", None) && !guessed("run.force", None));
 }
 
 #[test]
@@ -79,4 +82,93 @@ fn an_frf_and_what_is_neither() {
     assert!(inspect(&path).unwrap_err().to_string().contains("neither a history"));
     let (_dir, path) = write("d.xlsx", "x");
     assert!(matches!(inspect(&path), Err(DataError::NoReader { .. })));
+}
+
+/// Four cycles of 1 Hz at 100 samples under stamps of this form.
+fn stamped(header: &str, stamp: impl Fn(usize) -> String) -> String {
+    let row = |i: usize| {
+        let p = TAU * i as f64 / 100.0;
+        format!("{},{:.6},{:.6}\n", stamp(i), 2.0 * p.sin(), 30.0 * (p + 0.2).sin())
+    };
+    format!("{header},x [mm],F [N]\n") + &(0..400).map(row).collect::<String>()
+}
+
+fn clock(i: usize) -> String {
+    format!("19:15:{:02}.{:02}", 10 + i / 100, i % 100)
+}
+
+#[test]
+fn histories_over_date_and_time() {
+    for (header, date) in [("Datum", "14.11.2025 "), ("Date,Time", "2025-11-14,"), ("when", "2025-11-14T")] {
+        let (_dir, path) = write("a.csv", &stamped(header, |i| format!("{date}{}", clock(i))));
+        let FoundItem::History(h) = inspect(&path).unwrap_or_else(|e| panic!("{header}: {e}")).items.remove(0) else { panic!() };
+        assert!((h.rate - 100.0).abs() < 1e-6 && h.cyclic.is_some(), "{header}: {h:?}");
+    }
+}
+
+#[test]
+fn a_bad_cell_is_named_with_its_column() {
+    use crate::explain::Explain;
+    let refused = |text: &str| {
+        let (_dir, path) = write("a.csv", text);
+        let e = inspect(&path).unwrap_err();
+        (e.to_string(), e.place(), e.accepted())
+    };
+    let bad = |i: usize| if i == 300 { "2025-11-14 19:75:00".to_string() } else { format!("2025-11-14 {}", clock(i)) };
+    let (said, place, accepted) = refused(&stamped("time", bad));
+    assert!(said.contains("`2025-11-14 19:75:00` is not a date and time") && place.ends_with("line 302, column `time`"), "{said} {place}");
+    assert!(accepted.contains("2025-11-14 19:15:18.25"), "{accepted}");
+    // A column that is not called a time is named beside the others.
+    let (said, ..) = refused(&stamped("record", |i| format!("03/04/2025 {}", clock(i))));
+    assert!(said.contains("`record` is not read, line 2: `03/04/2025 19:15:10.00`"), "{said}");
+    // A channel that is not read is told with the others.
+    let text = stamped("time", |i| format!("2025-11-14 {}", clock(i)));
+    let mut lines: Vec<String> = text.lines().map(str::to_string).collect();
+    let stamp = lines[9].split(',').next().unwrap().to_string();
+    lines[9] = format!("{stamp},0.1,x");
+    let (_dir, path) = write("a.csv", &lines.join("\n"));
+    let FoundItem::History(h) = inspect(&path).unwrap().items.remove(0) else { panic!() };
+    assert!(h.findings.iter().any(|n| n.about == "F [N]" && n.text.contains("line 10: `x` is not a number")), "{:?}", h.findings);
+}
+
+#[test]
+fn rounded_stamps_are_taken_as_check_takes_them() {
+    let rate = 3004.8;
+    for digits in [4, 5] {
+        let row = |i: usize| {
+            let (t, p) = (i as f64 / rate, TAU * i as f64 / rate);
+            format!("{t:.digits$},{:.6},{:.6}\n", 2.0 * p.sin(), 30.0 * (p + 0.2).sin())
+        };
+        let (_dir, path) = write("a.csv", &("t [s],x [mm],F [N]\n".to_string() + &(0..15_024).map(row).collect::<String>()));
+        let FoundItem::History(h) = inspect(&path).unwrap().items.remove(0) else { panic!() };
+        let said = |what: &str| h.findings.iter().filter(|n| n.text.contains(what)).count();
+        assert_eq!((said("taken as sampled uniformly at 3004."), said("not sampled uniformly")), (1, 0), "{digits}: {:?}", h.findings);
+    }
+}
+
+#[test]
+fn a_force_that_settles_under_a_constant_stroke_has_a_start_up() {
+    let row = |i: usize| {
+        let t = i as f64 / 200.0;
+        let p = TAU * t;
+        format!("{t:.4},{:.6},{:.6}\n", 2.0 * p.sin(), 40.0 * (1.0 + 0.4 * (-t / 1.2).exp()) * (p + 0.1).sin())
+    };
+    let (_dir, path) = write("a.csv", &("t [s],x [mm],F [N]\n".to_string() + &(0..2000).map(row).collect::<String>()));
+    let FoundItem::History(h) = inspect(&path).unwrap().items.remove(0) else { panic!() };
+    let start_up = h.cyclic.as_ref().unwrap().start_up;
+    assert!((4..=5).contains(&start_up), "{start_up}");
+}
+
+#[test]
+fn accelerations_at_nodes_have_their_places() {
+    use crate::data::dataset::files_tests::function;
+    let wave = |shift: f64| (0..300).map(|k| (0.37 * f64::from(k * k) * 0.01 + shift).sin()).collect::<Vec<_>>();
+    let channel = |node: i64, kind: i64, unit: &str| function(1, node, (kind, unit), (0, "NONE"), &wave(node as f64), false);
+    let text = channel(1, 13, "N") + &channel(1, 12, "m/s2") + &channel(2, 12, "m/s2") + &channel(3, 12, "m/s2");
+    let (_dir, path) = write("a.uff", &text);
+    let file = inspect(&path).unwrap();
+    let Some(FoundItem::History(h)) = file.items.iter().find(|i| matches!(i, FoundItem::History(_))) else { panic!("{file:?}") };
+    assert!(h.findings.is_empty(), "{:?}", h.findings);
+    let places: Vec<_> = h.columns.iter().filter(|c| c.role == Some(Role::Acceleration)).map(|c| c.at.unwrap().0).collect();
+    assert_eq!(places, [1, 2, 3]);
 }

@@ -65,7 +65,9 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
                             9 | 13 => Some(Role::Force),
                             _ => super::guess_role(&f.header.ordinate.label, unit(&y).as_deref()),
                         };
-                        let column = FoundColumn { column: format!("#{}", i + 1), role, unit: unit(&y), values: values.clone() };
+                        let at = place(&f.header.response).filter(|p| p.0 > 0);
+                        let (column, given) = (format!("#{}", i + 1), unit(&y));
+                        let column = FoundColumn { column, role, unit: given, values: values.clone(), guessed: false, at };
                         match groups.iter_mut().find(|g| g.abscissa == f.abscissa) {
                             Some(g) => g.columns.push(column),
                             None => groups.push(Group { abscissa: f.abscissa.clone(), unit: unit(&x), columns: vec![column] }),
@@ -103,7 +105,9 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
         }
     }
     for g in groups {
-        let mut columns = vec![FoundColumn { column: "time".into(), role: Some(Role::Time), unit: g.unit, values: g.abscissa }];
+        let time = Some(Role::Time);
+        let mut columns =
+            vec![FoundColumn { column: "time".into(), role: time, unit: g.unit, values: g.abscissa, guessed: false, at: None }];
         columns.extend(g.columns);
         items.push(FoundItem::History(Box::new(history::found(columns, &history::Corrected::default()))));
     }

@@ -1,16 +1,20 @@
 //! Whether the kept cycles repeat: what their means, their amplitudes and the distances between neighbours do from the first to the last,
 //! beyond their scatter. The distances see a transient at any frequency, the others what creeps.
 //!
-//! Each is tested twice, for a trend (regression on the number of the cycle) and for a first cycle apart from the rest (a transient that is
-//! soon gone), both with Student's t. What is found is claimed when it matters as well: when it exceeds the deviation of the mean loop.
+//! Each is held against decays of several lengths, from a first cycle apart from the rest (a transient that is soon gone) to a trend, by
+//! regression and with Student's t. A decay that fits none of them would count as scatter and hide itself. What is found is claimed when it
+//! matters as well: when it exceeds the deviation of the mean loop.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::f64::consts::TAU;
 
 /// Probability by chance below which a change is claimed, over all tests of a channel.
 const SIGNIFICANCE: f64 = 1e-3;
-/// Tests of a channel.
-const TESTS: f64 = 6.0;
+/// What a transient keeps of itself from cycle to cycle: nothing, parts between which any other is found from eight cycles on, and all of it
+/// (a trend).
+const KEPT: [f64; 6] = [0.0, 0.3, 0.5, 0.7, 0.85, 1.0];
+/// Tests of a channel: mean, amplitude and distance against each decay.
+const TESTS: f64 = 3.0 * KEPT.len() as f64;
 /// Cycles needed: with fewer there is no scatter to hold a change against.
 const FEWEST: usize = 4;
 
@@ -65,7 +69,7 @@ pub(super) fn changes(folded: &[f64], n: usize, floor: f64) -> Vec<Change> {
     let mut found = Vec::new();
     for (kind, x) in [(Kind::Mean, &means), (Kind::Amplitude, &amplitudes)] {
         let least = floor / (n as f64).sqrt();
-        found.extend([trend(x, least), first_apart(x, least)].map(|(size, t)| Change { kind, size, t, threshold: limit }));
+        found.extend(KEPT.map(|kept| decay(x, kept, least)).map(|(size, t)| Change { kind, size, t, threshold: limit }));
     }
     found.sort_by(|a, b| b.t.abs().total_cmp(&a.t.abs()));
     if let Some(limit) = threshold(distances.len()) {
@@ -75,7 +79,7 @@ pub(super) fn changes(folded: &[f64], n: usize, floor: f64) -> Vec<Change> {
         let (threshold, least) = (limit * 1.5f64.sqrt(), (0.5 / n as f64).sqrt());
         let (first, last) = (distances[0], distances[distances.len() - 1]);
         let kind = Kind::Distance { last };
-        let falls = [trend(&logarithms, least), first_apart(&logarithms, least)].into_iter().filter(|(size, _)| *size < 0.0);
+        let falls = KEPT.map(|kept| decay(&logarithms, kept, least)).into_iter().filter(|(size, _)| *size < 0.0);
         found.extend(falls.map(|(_, t)| Change { kind, size: (first * first - last * last).max(0.0).sqrt(), t, threshold }));
     }
     found.retain(|c| c.t.abs() > c.threshold);
@@ -91,23 +95,15 @@ fn threshold(count: usize) -> Option<f64> {
     Some(-StudentsT::new(0.0, 1.0, (count - 2) as f64).ok()?.inverse_cdf(0.5 * two_sided))
 }
 
-/// Change along the regression line from the first to the last value, and its t.
-fn trend(x: &[f64], least: f64) -> (f64, f64) {
+/// Change from the first to the last value of a decay that keeps this part from one to the next, by regression, and its t.
+fn decay(x: &[f64], kept: f64, least: f64) -> (f64, f64) {
     let n = x.len() as f64;
-    let middle = (n - 1.0) / 2.0;
-    let mean = x.iter().sum::<f64>() / n;
-    let sxx: f64 = (0..x.len()).map(|c| (c as f64 - middle).powi(2)).sum();
-    let slope = x.iter().enumerate().map(|(c, v)| (c as f64 - middle) * v).sum::<f64>() / sxx;
-    let rest: f64 = x.iter().enumerate().map(|(c, v)| (v - mean - slope * (c as f64 - middle)).powi(2)).sum();
+    let shape: Vec<f64> = (0..x.len()).map(|c| if kept < 1.0 { -kept.powi(c as i32) } else { c as f64 }).collect();
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / n;
+    let (middle, level) = (mean(&shape), mean(x));
+    let sxx: f64 = shape.iter().map(|s| (s - middle).powi(2)).sum();
+    let slope = shape.iter().zip(x).map(|(s, v)| (s - middle) * v).sum::<f64>() / sxx;
+    let rest: f64 = shape.iter().zip(x).map(|(s, v)| (v - level - slope * (s - middle)).powi(2)).sum();
     let deviation = (rest / (n - 2.0)).sqrt().max(least);
-    (slope * (n - 1.0), slope * sxx.sqrt() / deviation)
-}
-
-/// Change from the first value to the mean of the others, and its t.
-fn first_apart(x: &[f64], least: f64) -> (f64, f64) {
-    let others = &x[1..];
-    let n = others.len() as f64;
-    let mean = others.iter().sum::<f64>() / n;
-    let deviation = (others.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt().max(least);
-    (mean - x[0], (mean - x[0]) / (deviation * (1.0 + 1.0 / n).sqrt()))
+    (slope * (shape[x.len() - 1] - shape[0]), slope * sxx.sqrt() / deviation)
 }

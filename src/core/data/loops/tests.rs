@@ -206,6 +206,11 @@ fn cycles_that_still_change_are_named() {
     assert!(decay.len() == 1 && decay[0].contains("the amplitude changes by -"), "{decay:?}");
     let ringing = claim(16, &|t, p| 0.1 * (-t / 3.0).exp() * (4.5 * p).sin());
     assert!(ringing.len() == 1 && ringing[0].contains("neighbouring cycles differ"), "{ringing:?}");
+    // A decay that is neither a trend nor gone with the first cycle does not hide in its own scatter.
+    for per_cycle in [0.6, 1.2, 2.0] {
+        let between = claim(10, &|t, p| 0.4 * (-t / per_cycle).exp() * (p + 0.4).sin());
+        assert!(between.len() == 1 && between[0].contains("the amplitude changes by -"), "{per_cycle}: {between:?}");
+    }
     // What lies below the deviation of the mean loop does no harm.
     assert!(claim(10, &|t, _| 0.002 * (-t / 4.0).exp()).is_empty());
 }

@@ -126,8 +126,10 @@ impl FrfSet {
         for respond in &responds {
             for excite in &excites {
                 let mut found = frfs.iter().filter(|f| f.respond == *respond && f.excite == *excite);
-                let (Some(f), None) = (found.next(), found.next()) else {
-                    return Err(ModalFitError::Shape(format!("{respond} over {excite} is missing, or there twice")));
+                let f = match (found.next(), found.next()) {
+                    (Some(f), None) => f,
+                    (Some(_), Some(_)) => return Err(ModalFitError::Shape(format!("{respond} over {excite} is there twice"))),
+                    (None, _) => return Err(ModalFitError::Shape(format!("{respond} over {excite} is missing"))),
                 };
                 if f.frequency != first.frequency {
                     return Err(ModalFitError::Shape(format!("{} and {} stand over different lines", first.test, f.test)));

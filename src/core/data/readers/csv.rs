@@ -4,12 +4,17 @@
 use super::dialect::{self, Dialect, cells, unclosed};
 use super::{Column, Columns, DataError, Wanted};
 use super::{complex, stamp};
+use crate::data::error::FileError;
+use crate::limits::LINE_BYTES;
 use polars::prelude::*;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
 /// Bytes of a file that are looked at together: a long record is read part by part, and only its numbers are held.
 const PART: usize = 32 << 20;
+
+/// Cells among which one of date and time makes a column of them: the first may be the bad one.
+const STAMPED: usize = 5;
 
 pub(super) fn read(path: &Path, source: impl Read, wanted: &[Wanted]) -> Result<Columns, DataError> {
     parts(path, source, wanted, PART, PART)
@@ -28,6 +33,8 @@ pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head:
     if ended && (held.trim_ascii().is_empty() || held == b"\xef\xbb\xbf") {
         return Err(DataError::Empty { file: file() });
     }
+    dialect::whole_text(path, &held)?;
+    ending(path, &held, 1)?;
     let mut dialect = dialect::find(path, &held)?;
     let mut from = dialect.body.min(held.len());
     let mut all: Option<(Columns, Vec<usize>)> = None;
@@ -48,7 +55,10 @@ pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head:
             };
             let part = rows(path, body, &dialect, at, wanted, ended, (&mut origin, &mut stamped))?;
             dialect.first_line += part.len();
-            columns.append(part);
+            columns.append(part).map_err(|_| DataError::Unreadable {
+                file: file(),
+                reason: format!("its numbers up to line {} do not fit into memory", dialect.first_line - 1),
+            })?;
         }
         if ended {
             break;
@@ -56,11 +66,33 @@ pub(super) fn parts(path: &Path, mut source: impl Read, wanted: &[Wanted], head:
         held.drain(..end);
         from = 0;
         ended = more(&mut held, size)?;
+        ending(path, &held, dialect.first_line)?;
     }
     let (mut columns, at) = all.ok_or_else(|| DataError::NoRows { file: file() })?;
     let unit = |(i, stamped): (&usize, &bool)| if *stamped { Some("s".to_string()) } else { dialect.units.get(*i).cloned().flatten() };
     columns.units = at.iter().zip(&stamped).map(unit).collect();
     Ok(columns)
+}
+
+/// Refuses a line, or blank lines together, of more than [`LINE_BYTES`]: they would be held until they end. `line` is that of the first byte.
+fn ending(path: &Path, bytes: &[u8], line: usize) -> Result<(), DataError> {
+    let mut from = 0;
+    while bytes.len() - from > LINE_BYTES {
+        let reach = &bytes[from..=from + LINE_BYTES];
+        let end = memchr::memrchr(b'\n', reach).filter(|_| !reach.iter().all(u8::is_ascii_whitespace));
+        let Some(end) = end else {
+            let before = memchr::memchr_iter(b'\n', &bytes[..from]).count();
+            return Err(FileError {
+                file: path.to_path_buf(),
+                place: format!("line {}", line + before),
+                message: format!("no row ends within {} MB", LINE_BYTES >> 20),
+                accepted: "text of one row a line".into(),
+            }
+            .into());
+        };
+        from += end + 1;
+    }
+    Ok(())
 }
 
 /// Bytes up to the end of the last whole line that is not blank: blank ones may be the end of the file.
@@ -174,7 +206,7 @@ fn no_points(path: &Path, body: &str, dialect: &Dialect, at: &[usize], wanted: &
     for (i, line) in body.lines().enumerate().filter(|(_, l)| l.contains('.')) {
         let cells = cells(line, dialect.separator).unwrap_or_default();
         for (k, w) in at.iter().zip(wanted).filter(|(_, w)| !w.text) {
-            if let Some(cell) = cells.get(*k).filter(|c| c.contains('.')) {
+            if let Some(cell) = cells.get(*k).filter(|c| c.contains('.') && stamp::nanoseconds(c).is_none()) {
                 let what = format!("`{}` has a decimal point, and the file is written with decimal commas", clip(cell));
                 return Err(DataError::Cell {
                     file: path.to_path_buf(),
@@ -245,12 +277,13 @@ fn numbers(
             let cell = |(row, v): (usize, Option<f64>)| v.ok_or_else(|| bad(row, "an empty cell".to_string()));
             Column::Numbers(values.iter().enumerate().map(cell).collect::<Result<_, _>>()?)
         } else {
-            let first = series.str().map_err(format)?.iter().next().flatten();
-            if *stamped || first.is_some_and(|c| stamp::nanoseconds(c.trim()).is_some()) {
+            let mut first = series.str().map_err(format)?.iter().take(STAMPED).flatten();
+            if *stamped || first.any(|c| stamp::nanoseconds(c.trim()).is_some()) {
                 *stamped = true;
                 let moment = |(row, c): (usize, Option<&str>)| -> Result<f64, DataError> {
                     let cell = c.map(str::trim).unwrap_or("");
-                    let at = stamp::nanoseconds(cell).ok_or_else(|| bad(row, format!("`{}` is not a date and time", clip(cell))))?;
+                    let what = || if cell.is_empty() { "an empty cell".into() } else { format!("`{}` is not a date and time", clip(cell)) };
+                    let at = stamp::nanoseconds(cell).ok_or_else(|| bad(row, what()))?;
                     Ok(1e-9 * at.saturating_sub(*origin.get_or_insert(at)) as f64)
                 };
                 columns.push(Column::Numbers(series.str().map_err(format)?.iter().enumerate().map(moment).collect::<Result<_, _>>()?));

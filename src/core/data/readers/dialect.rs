@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use super::DataError;
+use crate::data::error::FileError;
 use crate::data::uff::decode;
 use crate::units::parse_unit_any;
 
@@ -29,6 +30,19 @@ pub(crate) struct Dialect {
     /// Where the rows begin: byte, and line from 1.
     pub body: usize,
     pub first_line: usize,
+}
+
+/// Refuses bytes that no text begins with.
+pub(super) fn whole_text(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
+    let Some(at) = memchr::memchr(0, &bytes[..bytes.len().min(HEAD)]) else { return Ok(()) };
+    let line = 1 + memchr::memchr_iter(b'\n', &bytes[..at]).count();
+    Err(FileError {
+        file: path.to_path_buf(),
+        place: format!("line {line}"),
+        message: "a byte of 0, which no text has: the file is binary, damaged, or UTF-16".into(),
+        accepted: "UTF-8 text, or a name that ends as the format's do: .parquet, .uff, .unv, .mat".into(),
+    }
+    .into())
 }
 
 struct Line<'a> {
@@ -208,7 +222,7 @@ fn strip(text: &str) -> &str {
 }
 
 /// The unit in the brackets at the end of a name: `N` of `Force [N]`.
-pub(super) fn bracket(name: &str) -> Option<String> {
+pub(crate) fn bracket(name: &str) -> Option<String> {
     let open = match name.trim_end().chars().last()? {
         ']' => '[',
         ')' => '(',

@@ -12,9 +12,12 @@ mod universal;
 use super::toml_strict::nearest;
 use super::{DataError, FrfQuantity};
 use crate::limits;
+use std::collections::TryReserveError;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
+
+pub(super) use stamp::ACCEPTED as STAMPS;
 
 /// A column that is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,20 +64,32 @@ impl Columns {
         self.len() == 0
     }
 
-    /// Puts the rows of a later part of the same file below these.
-    fn append(&mut self, part: Self) {
+    /// Puts the rows of a later part of the same file below these, where memory is left for them.
+    fn append(&mut self, part: Self) -> Result<(), TryReserveError> {
         if self.columns.is_empty() {
             self.columns = part.columns;
-            return;
+            return Ok(());
         }
         for pair in self.columns.iter_mut().zip(part.columns) {
             match pair {
-                (Column::Numbers(all), Column::Numbers(more)) => all.extend(more),
-                (Column::Text(all), Column::Text(more)) => all.extend(more),
+                (Column::Numbers(all), Column::Numbers(more)) => {
+                    all.try_reserve(more.len())?;
+                    all.extend(more);
+                }
+                (Column::Text(all), Column::Text(more)) => {
+                    all.try_reserve(more.len())?;
+                    all.extend(more);
+                }
                 // The parts of a column are read as the same kind.
                 _ => {}
             }
         }
+        Ok(())
+    }
+
+    /// The first row is left out of the columns: the places are those of the others.
+    pub fn skip_first(&mut self) {
+        self.first_row += 1;
     }
 
     /// `line 7` or `row 6` of the row of index `i`.
@@ -111,7 +126,7 @@ fn unreadable(path: &Path, why: &std::io::Error) -> DataError {
 }
 
 fn open(path: &Path) -> Result<File, DataError> {
-    limits::open(path).map_err(|e| unreadable(path, &e))
+    limits::bounded(path, limits::DATA_BYTES).map(|f| f.0).map_err(|e| unreadable(path, &e))
 }
 
 /// The whole file; an empty one is an error.
@@ -139,6 +154,7 @@ pub(crate) fn names(path: &Path) -> Result<Vec<(String, Option<String>)>, DataEr
             if head.is_empty() {
                 return Err(DataError::Empty { file: path.to_path_buf() });
             }
+            dialect::whole_text(path, &head)?;
             let d = dialect::find(path, &head)?;
             let first = csv::first_row(&head, &d);
             let each = |(k, (name, unit)): (usize, (String, Option<String>))| match first.get(k).is_some_and(|c| complex::is(c)) {
@@ -151,14 +167,7 @@ pub(crate) fn names(path: &Path) -> Result<Vec<(String, Option<String>)>, DataEr
         FileKind::Universal => {
             Err(DataError::Format { file: path.to_path_buf(), reason: "a universal file has functions, not columns".into() })
         }
-        FileKind::Matlab => {
-            let vectors = mat::list(path, &bytes(path)?)?.into_iter().filter(|l| l.numeric && l.rows.saturating_mul(l.columns) > 1);
-            let each = |l: mat::Listed| match (l.rows, l.columns) {
-                (1, _) | (_, 1) => vec![l.name],
-                (_, columns) => (1..=columns.min(64)).map(|k| format!("{}(:,{k})", l.name)).collect(),
-            };
-            Ok(vectors.flat_map(each).map(|n| (n, None)).collect())
-        }
+        FileKind::Matlab => Ok(mat::names(path, &bytes(path)?)?.into_iter().map(|n| (n, None)).collect()),
     }
 }
 

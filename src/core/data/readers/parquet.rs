@@ -83,7 +83,7 @@ fn decode(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataE
     projection.sort_unstable();
     projection.dedup();
     let frame = reader.with_projection(Some(projection)).finish().map_err(broken)?;
-    let mut columns = Vec::with_capacity(at.len());
+    let (mut columns, mut units) = (Vec::with_capacity(at.len()), Vec::with_capacity(at.len()));
     for (w, i) in wanted.iter().zip(&at) {
         let column = frame.column(&header[*i]).map_err(broken)?;
         let bad = |row: usize, what: &str| DataError::Cell {
@@ -93,6 +93,14 @@ fn decode(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataE
             what: what.to_string(),
         };
         let kind = column.dtype().clone();
+        // Moments are counted in seconds from the first row.
+        let tick = match &kind {
+            DataType::Datetime(TimeUnit::Milliseconds, _) => Some(1e-3),
+            DataType::Datetime(TimeUnit::Microseconds, _) => Some(1e-6),
+            DataType::Datetime(TimeUnit::Nanoseconds, _) | DataType::Time => Some(1e-9),
+            _ => None,
+        };
+        units.push(tick.map(|_| "s".to_string()));
         columns.push(if w.text {
             let text = column.cast(&DataType::String).map_err(broken)?;
             Column::Text(text.str().map_err(broken)?.iter().map(|c| c.unwrap_or("").trim().to_string()).collect())
@@ -100,11 +108,19 @@ fn decode(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataE
             let values = column.cast(&DataType::Float64).map_err(broken)?;
             let cell = |(row, v): (usize, Option<f64>)| v.ok_or_else(|| bad(row, "an empty cell"));
             Column::Numbers(values.f64().map_err(broken)?.iter().enumerate().map(cell).collect::<Result<_, _>>()?)
+        } else if let Some(tick) = tick {
+            let ticks = column.to_physical_repr().cast(&DataType::Int64).map_err(broken)?;
+            let ticks = ticks.i64().map_err(broken)?;
+            let origin = ticks.iter().flatten().next().unwrap_or(0);
+            let moment =
+                |(row, v): (usize, Option<i64>)| v.map(|v| tick * v.saturating_sub(origin) as f64).ok_or_else(|| bad(row, "an empty cell"));
+            Column::Numbers(ticks.iter().enumerate().map(moment).collect::<Result<_, _>>()?)
         } else {
             return Err(bad(0, &format!("holds {kind}, not numbers")));
         });
     }
-    let columns = Columns::new(columns, "row", 1);
+    let mut columns = Columns::new(columns, "row", 1);
+    columns.units = units;
     super::finite(path, &columns, wanted)?;
     Ok(columns)
 }

@@ -1,6 +1,6 @@
 use super::*;
 use crate::explain::Explain;
-use polars::prelude::{Column as Series_, DataFrame, ParquetWriter};
+use polars::prelude::{Column as Series_, DataFrame, DataType, ParquetWriter, TimeUnit, TimeZone};
 use proptest::prelude::*;
 
 fn number(name: &str) -> Wanted {
@@ -232,4 +232,52 @@ fn complex_text_is_read_by_its_parts() {
     let path = file("f,real(H),imag(H)\n1,5,6\n2,7,8\n");
     let expected = [vec![1.0, 2.0], vec![5.0, 7.0], vec![6.0, 8.0]].map(Column::Numbers);
     assert_eq!(read(&path, &parts, None).unwrap().columns, expected);
+}
+
+#[test]
+fn what_is_no_text_is_refused_before_it_is_held() {
+    let refused = |bytes: &[u8], message: &str, place: &str| {
+        let e = read_bytes("a.csv", bytes, &[number("t")]).unwrap_err();
+        assert!(e.to_string().contains(message) && e.place().ends_with(place) && !e.accepted().is_empty(), "{e}, {}", e.place());
+    };
+    refused(&[0; 1000], "a byte of 0", "a.csv, line 1");
+    refused(b"t,x\n0,1\n\0\0", "a byte of 0", "a.csv, line 3");
+    // A line that does not end, and blank lines that go on, are not held to the end of the file.
+    let long = |rest: u8, size: usize| [b"t,x\n0,1\n".as_slice(), &vec![rest; size]].concat();
+    refused(&long(b'1', 17 << 20), "no row ends within 16 MB", "a.csv, line 3");
+    refused(&long(b'\n', 70 << 20), "no row ends within 16 MB", "a.csv, line 3");
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.csv");
+    std::fs::write(&path, [0; 1000]).unwrap();
+    assert!(names(&path).unwrap_err().to_string().contains("a byte of 0"));
+}
+
+#[test]
+fn a_text_beyond_the_bound_is_refused_unread() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.csv");
+    // Nothing but its length is on the disk.
+    std::fs::File::create(&path).unwrap().set_len(33 << 30).unwrap();
+    for e in [read(&path, &[number("t")], None).unwrap_err(), names(&path).unwrap_err()] {
+        assert!(e.to_string().contains("longer than 32768 MB") && e.place().ends_with("a.csv") && e.accepted().contains("32 GB"), "{e}");
+    }
+}
+
+#[test]
+fn moments_of_parquet_are_seconds_from_the_first_row() {
+    let file = |ticks: &[i64], kind: &DataType| {
+        let t = Series_::new("t".into(), ticks).cast(kind).unwrap();
+        let mut frame = DataFrame::new(ticks.len(), vec![t]).unwrap();
+        let mut bytes = Vec::new();
+        ParquetWriter::new(&mut bytes).finish(&mut frame).unwrap();
+        bytes
+    };
+    let at = 1_763_147_718_250;
+    for (unit, per) in [(TimeUnit::Milliseconds, 1), (TimeUnit::Microseconds, 1_000), (TimeUnit::Nanoseconds, 1_000_000)] {
+        for zone in [None, TimeZone::opt_try_new(Some("UTC")).unwrap()] {
+            let bytes = file(&[at * per, (at + 250) * per], &DataType::Datetime(unit, zone));
+            let c = read_bytes("a.parquet", &bytes, &[number("t")]).unwrap();
+            assert_eq!((&c.columns[0], &c.units[0]), (&Column::Numbers(vec![0.0, 0.25]), &Some("s".to_string())));
+        }
+    }
 }

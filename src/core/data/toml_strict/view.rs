@@ -2,6 +2,7 @@
 
 use super::error::{TomlError, TomlProblem, misspelt, nearest};
 use super::tree::{Node, Table, TomlFile, Value, quoted_key};
+use crate::limits::MAGNITUDE;
 use crate::units::{self, Dimension, Quantity, Spread, Unit};
 
 /// A table of the file, with its place.
@@ -153,10 +154,15 @@ impl<'a> ValueView<'a> {
         self.error(TomlProblem::WrongType { found: self.node.value.describe(), wanted: wanted.into() })
     }
 
+    /// Whether it is a string of nothing.
+    pub fn is_blank(&self) -> bool {
+        matches!(&self.node.value, Value::String(s) if s.trim().is_empty())
+    }
+
     /// A string that is not empty.
     pub fn string(&self) -> Result<&'a str, TomlError> {
         match &self.node.value {
-            Value::String(s) if s.trim().is_empty() => Err(self.refuse("an empty string", "a string that is not empty")),
+            Value::String(_) if self.is_blank() => Err(self.refuse("an empty string", "a string that is not empty")),
             Value::String(s) => Ok(s),
             _ => Err(self.wrong_type("a string")),
         }
@@ -206,7 +212,10 @@ impl<'a> ValueView<'a> {
     pub fn number(&self) -> Result<f64, TomlError> {
         match self.node.value {
             Value::Integer(i) => Ok(i as f64),
-            Value::Float(f) if f.is_finite() => Ok(f),
+            Value::Float(f) if f.abs() <= MAGNITUDE => Ok(f),
+            Value::Float(f) if f.is_finite() => {
+                Err(self.refuse(format!("{f:e} is beyond any number that is reckoned with"), format!("a number of at most {MAGNITUDE:e}")))
+            }
             Value::Float(f) => Err(self.refuse(format!("{f} is not a finite number"), "a finite number")),
             _ => Err(self.wrong_type("a number")),
         }

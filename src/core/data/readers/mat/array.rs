@@ -34,7 +34,7 @@ pub(super) struct Array<'a> {
 pub(super) enum Body<'a> {
     Numeric {
         re: Numbers<'a>,
-        complex: bool,
+        im: Option<Numbers<'a>>,
     },
     /// A structure of one element.
     Struct(Vec<(String, Array<'a>)>),
@@ -71,8 +71,9 @@ pub(super) fn element(bytes: &[u8], at: usize, big: bool) -> Result<Element<'_>,
 }
 
 impl Numbers<'_> {
-    fn width(&self) -> usize {
-        match self.kind {
+    /// Bytes of a number of that type.
+    pub fn width_of(kind: u32) -> usize {
+        match kind {
             1 | 2 => 1,
             3 | 4 => 2,
             5..=7 => 4,
@@ -81,12 +82,12 @@ impl Numbers<'_> {
     }
 
     fn len(&self) -> usize {
-        self.bytes.len() / self.width()
+        self.bytes.len() / Self::width_of(self.kind)
     }
 
     /// `count` numbers from number `from` on.
     pub fn numbers(&self, from: usize, count: usize) -> Vec<f64> {
-        let width = self.width();
+        let width = Self::width_of(self.kind);
         let all = self.bytes.chunks_exact(width).skip(from).take(count);
         let big = self.big;
         macro_rules! read {
@@ -126,7 +127,7 @@ impl Array<'_> {
             (5, _) => "sparse matrix",
             (16, _) => "function handle",
             (17, _) => "object",
-            (_, Body::Numeric { complex: true, .. }) => "complex array",
+            (_, Body::Numeric { im: Some(_), .. }) => "complex array",
             _ => "numeric array",
         }
     }
@@ -159,15 +160,19 @@ pub(super) fn parse(bytes: Bytes<'_>, depth: usize) -> Result<Array<'_>, String>
     let at = named.next;
     let body = match class {
         6..=15 => {
-            let re = element(data, at, big)?;
-            let numbers = Numbers { kind: re.kind, bytes: Cow::Borrowed(re.data), big };
-            if !matches!(re.kind, 1..=7 | 9 | 12 | 13) {
-                return Err(format!("`{name}` is stored in numbers of type {}", re.kind));
-            }
-            if numbers.len() != count {
-                return Err(format!("`{name}` has {} numbers, and its dimensions say {count}", numbers.len()));
-            }
-            Body::Numeric { re: numbers, complex }
+            let part = |at: usize| {
+                let stored = element(data, at, big)?;
+                let numbers = Numbers { kind: stored.kind, bytes: Cow::Borrowed(stored.data), big };
+                if !matches!(stored.kind, 1..=7 | 9 | 12 | 13) {
+                    return Err(format!("`{name}` is stored in numbers of type {}", stored.kind));
+                }
+                if numbers.len() != count {
+                    return Err(format!("`{name}` has {} numbers, and its dimensions say {count}", numbers.len()));
+                }
+                Ok((numbers, stored.next))
+            };
+            let (re, after) = part(at)?;
+            Body::Numeric { re, im: if complex { Some(part(after)?.0) } else { None } }
         }
         2 if count == 1 && depth < DEPTH => Body::Struct(fields(data, at, big, depth)?),
         _ => Body::Other,

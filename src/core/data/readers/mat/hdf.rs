@@ -88,7 +88,7 @@ fn array(dataset: &Dataset, numbers: bool) -> Result<Array<'static>, Error> {
     let name = name_of(dataset).to_string();
     let class = dataset.attribute("MATLAB_class").ok().and_then(|a| a.read_string().ok());
     let kind = kind(dataset.dtype());
-    let complex = matches!(dataset.dtype(), Datatype::Compound { .. });
+    let parts = parts(dataset.dtype());
     // An empty array stands as its dimensions.
     let empty = dataset.attribute("MATLAB_empty").ok().and_then(|a| a.read_as_f64().ok()).is_some_and(|n| n != 0.0);
     let class = match class.as_deref().map(|c| c.trim_end_matches('\0')) {
@@ -96,18 +96,41 @@ fn array(dataset: &Dataset, numbers: bool) -> Result<Array<'static>, Error> {
         Some("struct") => 2,
         Some("char") => 4,
         Some("double" | "single" | "logical" | "int8" | "uint8" | "int16" | "uint16" | "int32" | "uint32" | "int64" | "uint64") => 6,
-        None if kind.is_some() || complex => 6,
+        None if kind.is_some() || parts.is_some() => 6,
         _ => 3,
     };
     let body = match kind {
         Some(kind) if class == 6 && !empty => {
             let bytes = if numbers { Cow::Owned(dataset.read_native_bytes()?) } else { Cow::Borrowed(&[][..]) };
-            Body::Numeric { re: Numbers { kind, bytes, big: cfg!(target_endian = "big") }, complex: false }
+            Body::Numeric { re: Numbers { kind, bytes, big: NATIVE }, im: None }
         }
-        None if class == 6 && complex => Body::Numeric { re: Numbers { kind: 9, bytes: Cow::Borrowed(&[]), big: false }, complex: true },
+        _ if class == 6 && !empty => match parts {
+            Some((width, both)) => {
+                let all = if numbers { dataset.read_native_bytes()? } else { vec![] };
+                let [re, im] = both.map(|(kind, from)| {
+                    let one = all.chunks_exact(width).filter_map(|e| e.get(from..from + Numbers::width_of(kind)));
+                    Numbers { kind, bytes: Cow::Owned(one.flatten().copied().collect()), big: NATIVE }
+                });
+                Body::Numeric { re, im: Some(im) }
+            }
+            None => Body::Other,
+        },
         _ => Body::Other,
     };
     Ok(Array { name, class, dims, body })
+}
+
+/// Whether numbers come in the order of a machine with the great end first.
+const NATIVE: bool = cfg!(target_endian = "big");
+
+/// Of complex numbers the bytes of one, and type and place of its real and imaginary part.
+fn parts(of: &Datatype) -> Option<(usize, [(u32, usize); 2])> {
+    let Datatype::Compound { size, fields } = of else { return None };
+    let part = |name: &str| {
+        let field = fields.iter().find(|f| f.name == name)?;
+        Some((kind(&field.datatype)?, usize::try_from(field.byte_offset).ok()?))
+    };
+    Some((usize::try_from(*size).ok().filter(|s| *s > 0)?, [part("real")?, part("imag")?]))
 }
 
 /// The type of data element of the same numbers in a file of version 5.

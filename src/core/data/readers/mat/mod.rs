@@ -1,13 +1,14 @@
-//! MATLAB files of version 5 (`save -v6` and `-v7`) and 7.3 (HDF5): numeric variables, and those in structures, as columns.
+//! MATLAB files of versions 4, 5 (`save -v6` and `-v7`) and 7.3 (HDF5): numeric variables, and those in structures, as columns.
 //!
-//! A column is named as MATLAB names it: `t`, `run.force`, `M(:,2)`. Format: The MathWorks, "MAT-File Format", level 5.
+//! A column is named as MATLAB names it: `t`, `run.force`, `M(:,2)`, of complex numbers `real(H)` and `imag(H)`. Format: The MathWorks, "MAT-File Format", level 5.
 
 mod array;
 mod hdf;
+mod v4;
 
 use array::{Array, Body, Bytes};
 
-use super::{Column, Columns, DataError, Wanted};
+use super::{Column, Columns, DataError, Wanted, complex};
 use crate::data::error::FileError;
 use std::io::Read;
 use std::path::Path;
@@ -23,13 +24,14 @@ pub(crate) struct Listed {
     pub rows: usize,
     pub columns: usize,
     pub numeric: bool,
+    pub complex: bool,
 }
 
 fn broken(path: &Path, message: impl Into<String>, accepted: &str) -> DataError {
     FileError { file: path.to_path_buf(), place: String::new(), message: message.into(), accepted: accepted.to_string() }.into()
 }
 
-const REMEDY: &str = "a file of version 5, 7 or 7.3: in MATLAB, save(\"file.mat\", \"-v7\")";
+const REMEDY: &str = "a file of version 4, 5, 7 or 7.3: in MATLAB, save(\"file.mat\", \"-v7\")";
 
 fn limit(bytes: &[u8]) -> usize {
     (10 * bytes.len()).max(INFLATED)
@@ -50,13 +52,22 @@ fn variables(
     if hdf::is(bytes) {
         return hdf::variables(path, bytes, wanted, each);
     }
+    let damaged = |e: String| broken(path, format!("a damaged MATLAB file: {e}"), "a whole file; save it again");
+    if v4::is(bytes) {
+        let mut at = 0;
+        while at < bytes.len() {
+            let (variable, next) = v4::variable(bytes, at).map_err(damaged)?;
+            each(&variable)?;
+            at = next;
+        }
+        return Ok(());
+    }
     let order = bytes.get(126..128).unwrap_or(&[]);
     let big = match order {
         b"IM" => false,
         b"MI" => true,
-        _ => return Err(broken(path, "not a MATLAB file of version 5, 7 or 7.3", REMEDY)),
+        _ => return Err(broken(path, "not a MATLAB file of version 4, 5, 7 or 7.3", REMEDY)),
     };
-    let damaged = |e: String| broken(path, format!("a damaged MATLAB file: {e}"), "a whole file; save it again");
     let mut at = 128;
     while bytes.len().saturating_sub(at) >= 8 {
         let element = array::element(bytes, at, big).map_err(damaged)?;
@@ -97,6 +108,27 @@ pub(crate) fn list(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>, DataError> 
     Ok(all)
 }
 
+/// Names of the columns: vectors of numbers and the columns of matrices, of complex ones their parts.
+pub(super) fn names(path: &Path, bytes: &[u8]) -> Result<Vec<String>, DataError> {
+    let all = list(path, bytes)?;
+    let each = |l: &Listed| {
+        let columns = match (l.rows, l.columns) {
+            (1, _) | (_, 1) => vec![l.name.clone()],
+            (_, columns) => (1..=columns.min(64)).map(|k| format!("{}(:,{k})", l.name)).collect(),
+        };
+        let parts = |name: String| if l.complex { ["real", "imag"].map(|part| format!("{part}({name})")).to_vec() } else { vec![name] };
+        columns.into_iter().flat_map(parts).collect::<Vec<_>>()
+    };
+    let names: Vec<String> = all.iter().filter(|l| l.numeric && l.rows.saturating_mul(l.columns) > 1).flat_map(each).collect();
+    if names.is_empty() {
+        let one = |l: &Listed| format!("`{}`: {} of {} x {}", l.name, l.class, l.rows, l.columns);
+        let inside = all.iter().take(8).map(one).collect::<Vec<_>>().join(", ");
+        let accepted = "vectors of numbers, alone or in a structure of one element: in MATLAB, run = c{1}; save(\"file.mat\", \"run\")";
+        return Err(broken(path, format!("no vector of numbers: {inside}"), accepted));
+    }
+    Ok(names)
+}
+
 fn walk(a: &Array<'_>, name: String, all: &mut Vec<Listed>) {
     if let Body::Struct(fields) = &a.body {
         for (field, value) in fields {
@@ -105,7 +137,11 @@ fn walk(a: &Array<'_>, name: String, all: &mut Vec<Listed>) {
         return;
     }
     let (rows, columns) = a.shape();
-    all.push(Listed { name, class: a.class_word(), rows, columns, numeric: matches!(a.body, Body::Numeric { .. }) });
+    let (numeric, complex) = match &a.body {
+        Body::Numeric { im, .. } => (true, im.is_some()),
+        _ => (false, false),
+    };
+    all.push(Listed { name, class: a.class_word(), rows, columns, numeric, complex });
 }
 
 /// `M(:,2)`: the name and the column from 1.
@@ -121,11 +157,17 @@ fn index(name: &str) -> (&str, Option<usize>) {
 pub(super) fn read(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataError> {
     let mut found: Vec<Option<Vec<f64>>> = vec![None; wanted.len()];
     let mut all = Vec::new();
-    let asked = |name: &str| wanted.iter().any(|w| index(&w.name).0.split('.').next() == Some(name));
+    // Which part of a complex variable, its name, and which column of a matrix.
+    let place = |w: &Wanted| -> (Option<usize>, String, Option<usize>) {
+        let (part, inside) = complex::part(&w.name).map_or((None, w.name.as_str()), |(part, inside)| (Some(part), inside));
+        let (name, column) = index(inside);
+        (part, name.to_string(), column)
+    };
+    let asked = |name: &str| wanted.iter().any(|w| place(w).1.split('.').next() == Some(name));
     variables(path, bytes, asked, |variable| {
         walk(variable, variable.name.clone(), &mut all);
         for (w, slot) in wanted.iter().zip(&mut found) {
-            let (name, column) = index(&w.name);
+            let (part, name, column) = place(w);
             let mut parts = name.split('.');
             if parts.next() != Some(variable.name.as_str()) {
                 continue;
@@ -136,7 +178,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Colum
                 let Some((_, inner)) = fields.iter().find(|f| f.0 == part) else { return Err(no_such(path, &w.name, &all)) };
                 a = inner;
             }
-            *slot = Some(column_of(path, &w.name, a, column)?);
+            *slot = Some(column_of(path, &w.name, a, part, column)?);
         }
         Ok(())
     })?;
@@ -172,19 +214,24 @@ fn no_such(path: &Path, name: &str, all: &[Listed]) -> DataError {
     }
 }
 
-fn column_of(path: &Path, name: &str, a: &Array<'_>, column: Option<usize>) -> Result<Vec<f64>, DataError> {
+fn column_of(path: &Path, name: &str, a: &Array<'_>, part: Option<usize>, column: Option<usize>) -> Result<Vec<f64>, DataError> {
     let accepted = "a real numeric vector, or one column of a matrix as `M(:,2)`";
     let (rows, columns) = a.shape();
-    let Body::Numeric { re, complex } = &a.body else {
+    let Body::Numeric { re, im } = &a.body else {
         return Err(broken(path, format!("`{name}` is a {}", a.class_word()), accepted));
     };
-    if *complex {
-        return Err(broken(path, format!("`{name}` is complex"), "real vectors; store real and imaginary part as two variables"));
-    }
+    let numbers = match (im, part) {
+        (None, None) | (Some(_), Some(0)) => re,
+        (Some(im), Some(_)) => im,
+        (Some(_), None) => return Err(broken(path, format!("`{name}` is complex"), &format!("its parts, real({name}) and imag({name})"))),
+        (None, Some(_)) => {
+            return Err(broken(path, format!("`{name}` is asked of numbers that are real"), "the name of the variable alone"));
+        }
+    };
     match column {
-        None if rows == 1 || columns == 1 => Ok(re.numbers(0, rows * columns)),
+        None if rows == 1 || columns == 1 => Ok(numbers.numbers(0, rows * columns)),
         None => Err(broken(path, format!("`{name}` is a matrix of {rows} x {columns}"), accepted)),
-        Some(k) if k <= columns => Ok(re.numbers((k - 1) * rows, rows)),
+        Some(k) if k <= columns => Ok(numbers.numbers((k - 1) * rows, rows)),
         Some(k) => Err(broken(path, format!("`{name}` asks for column {k} of {columns}"), accepted)),
     }
 }

@@ -123,6 +123,75 @@ fn what_is_no_column_is_said() {
     assert!(get(&bomb, &["t"]).unwrap_err().to_string().contains("inflates beyond"));
 }
 
+/// Two complex numbers in a column: as version 5 stores them.
+fn complex_file() -> Vec<u8> {
+    let parts = [doubles(&[1.0, 3.0], false), doubles(&[2.0, -4.0], false)].concat();
+    [&file(false, false)[..128], &matrix("H", 6 | 0x0800, [2, 1], &parts, false)].concat()
+}
+
+fn numbers(c: &Columns, k: usize) -> Vec<f64> {
+    match &c.columns[k] {
+        Column::Numbers(v) => v.clone(),
+        Column::Text(_) => panic!(),
+    }
+}
+
+#[test]
+fn complex_numbers_are_read_by_their_parts() {
+    for (bytes, name) in [(complex_file(), "H"), (V73.to_vec(), "z")] {
+        let [re, im] = ["real", "imag"].map(|part| format!("{part}({name})"));
+        let c = get(&bytes, &[&re, &im]).unwrap();
+        assert_eq!((numbers(&c, 0), numbers(&c, 1)), (vec![1.0, 3.0], vec![2.0, -4.0]), "{name}");
+        let found = names(Path::new("a.mat"), &bytes).unwrap();
+        assert!(found.contains(&re) && found.contains(&im) && !found.contains(&name.to_string()), "{found:?}");
+        let e = get(&bytes, &[name]).unwrap_err();
+        assert!(crate::explain::Explain::accepted(&e).contains(&re), "{e}");
+    }
+    assert!(get(&file(false, false), &["imag(t)"]).unwrap_err().to_string().contains("real"));
+}
+
+#[test]
+fn a_file_without_vectors_says_what_it_holds() {
+    let inner = matrix("", 6, [3, 1], &doubles(&[1.0, 2.0, 3.0], false), false);
+    let cell = [&file(false, false)[..128], &matrix("runs", 1, [1, 1], &inner, false)].concat();
+    let e = names(Path::new("a.mat"), &cell).unwrap_err().to_string();
+    assert!(e.contains("`runs`: cell array of 1 x 1"), "{e}");
+    let structures = [&file(false, false)[..128], &matrix("runs", 2, [1, 2], &inner, false)].concat();
+    let e = names(Path::new("a.mat"), &structures).unwrap_err().to_string();
+    assert!(e.contains("`runs`: array of structures of 1 x 2"), "{e}");
+}
+
+fn version_4(big: bool) -> Vec<u8> {
+    let word = |n: u32| if big { n.to_be_bytes() } else { n.to_le_bytes() };
+    let order = if big { 1000 } else { 0 };
+    let variable = |name: &str, form: u32, dims: [u32; 2], complex: u32, numbers: Vec<u8>| {
+        let head = [order + form, dims[0], dims[1], complex, name.len() as u32 + 1].map(word).concat();
+        [head, name.as_bytes().to_vec(), vec![0], numbers].concat()
+    };
+    let doubles = |v: &[f64]| v.iter().flat_map(|x| if big { x.to_be_bytes() } else { x.to_le_bytes() }).collect::<Vec<u8>>();
+    let shorts = |v: &[i16]| v.iter().flat_map(|x| if big { x.to_be_bytes() } else { x.to_le_bytes() }).collect::<Vec<u8>>();
+    [
+        variable("t", 0, [4, 1], 0, doubles(&[0.0, 0.1, 0.2, 0.3])),
+        variable("F", 30, [1, 4], 0, shorts(&[1, -2, 3, -4])),
+        variable("note", 51, [1, 2], 0, b"ab".to_vec()),
+        variable("H", 0, [2, 1], 1, doubles(&[1.0, 3.0, 2.0, -4.0])),
+    ]
+    .concat()
+}
+
+#[test]
+fn version_4_is_read() {
+    for big in [false, true] {
+        let c = get(&version_4(big), &["t", "F"]).unwrap();
+        assert_eq!((numbers(&c, 0), numbers(&c, 1)), (vec![0.0, 0.1, 0.2, 0.3], vec![1.0, -2.0, 3.0, -4.0]));
+        assert_eq!(numbers(&get(&version_4(big), &["imag(H)"]).unwrap(), 0), [2.0, -4.0]);
+        assert_eq!(names(Path::new("a.mat"), &version_4(big)).unwrap(), ["t", "F", "real(H)", "imag(H)"]);
+        for n in 0..version_4(big).len() {
+            let _ = get(&version_4(big)[..n], &["t", "imag(H)"]);
+        }
+    }
+}
+
 #[test]
 fn every_truncation_is_survived() {
     for compressed in [false, true] {
