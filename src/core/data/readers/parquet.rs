@@ -76,6 +76,21 @@ fn decode(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataE
         return Err(DataError::NoRows { file: path.to_path_buf() });
     }
     let at = super::locate(path, &header, wanted)?;
+    // Columns of date and time are a feature of polars that a fifth of its build time goes into.
+    let moment = |i: &usize| {
+        use ArrowDataType::{Date32, Date64, Duration, Time32, Time64, Timestamp};
+        let kind = schema.get(&header[*i]).map(|f| f.dtype());
+        matches!(kind, Some(Date32 | Date64 | Duration(_) | Time32(_) | Time64(_) | Timestamp(..)))
+    };
+    if let Some(i) = at.iter().find(|i| moment(i)) {
+        return Err(DataError::Cell {
+            file: path.to_path_buf(),
+            row: "row 1".into(),
+            column: header[*i].clone(),
+            what: "holds dates or times as Parquet keeps them, which are not read: a column of seconds is, and date and time as text"
+                .into(),
+        });
+    }
     let metadata = reader.get_metadata().map_err(broken)?.clone();
     pages(bytes, &metadata, &schema, at.iter().filter_map(|i| header.get(*i)))
         .map_err(|e| DataError::Format { file: path.to_path_buf(), reason: format!("not a readable Parquet file: {e}") })?;
@@ -83,7 +98,7 @@ fn decode(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataE
     projection.sort_unstable();
     projection.dedup();
     let frame = reader.with_projection(Some(projection)).finish().map_err(broken)?;
-    let (mut columns, mut units) = (Vec::with_capacity(at.len()), Vec::with_capacity(at.len()));
+    let mut columns = Vec::with_capacity(at.len());
     for (w, i) in wanted.iter().zip(&at) {
         let column = frame.column(&header[*i]).map_err(broken)?;
         let bad = |row: usize, what: &str| DataError::Cell {
@@ -93,14 +108,6 @@ fn decode(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataE
             what: what.to_string(),
         };
         let kind = column.dtype().clone();
-        // Moments are counted in seconds from the first row.
-        let tick = match &kind {
-            DataType::Datetime(TimeUnit::Milliseconds, _) => Some(1e-3),
-            DataType::Datetime(TimeUnit::Microseconds, _) => Some(1e-6),
-            DataType::Datetime(TimeUnit::Nanoseconds, _) | DataType::Time => Some(1e-9),
-            _ => None,
-        };
-        units.push(tick.map(|_| "s".to_string()));
         columns.push(if w.text {
             let text = column.cast(&DataType::String).map_err(broken)?;
             Column::Text(text.str().map_err(broken)?.iter().map(|c| c.unwrap_or("").trim().to_string()).collect())
@@ -108,19 +115,11 @@ fn decode(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataE
             let values = column.cast(&DataType::Float64).map_err(broken)?;
             let cell = |(row, v): (usize, Option<f64>)| v.ok_or_else(|| bad(row, "an empty cell"));
             Column::Numbers(values.f64().map_err(broken)?.iter().enumerate().map(cell).collect::<Result<_, _>>()?)
-        } else if let Some(tick) = tick {
-            let ticks = column.to_physical_repr().cast(&DataType::Int64).map_err(broken)?;
-            let ticks = ticks.i64().map_err(broken)?;
-            let origin = ticks.iter().flatten().next().unwrap_or(0);
-            let moment =
-                |(row, v): (usize, Option<i64>)| v.map(|v| tick * v.saturating_sub(origin) as f64).ok_or_else(|| bad(row, "an empty cell"));
-            Column::Numbers(ticks.iter().enumerate().map(moment).collect::<Result<_, _>>()?)
         } else {
             return Err(bad(0, &format!("holds {kind}, not numbers")));
         });
     }
-    let mut columns = Columns::new(columns, "row", 1);
-    columns.units = units;
+    let columns = Columns::new(columns, "row", 1);
     super::finite(path, &columns, wanted)?;
     Ok(columns)
 }
