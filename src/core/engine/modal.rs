@@ -13,8 +13,6 @@ mod shares;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
-use faer::{MatMut, MatRef, Par, Side};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
@@ -124,15 +122,6 @@ impl<'a> Modes<'a> {
 struct Start {
     omega: f64,
     shape: Vec<f64>,
-}
-
-fn dense_ref(m: &DMatrix<f64>) -> MatRef<'_, f64> {
-    MatRef::from_column_major_slice(m.as_slice(), m.nrows(), m.ncols())
-}
-
-fn dense_mut(m: &mut DMatrix<f64>) -> MatMut<'_, f64> {
-    let (rows, columns) = m.shape();
-    MatMut::from_column_major_slice_mut(m.as_mut_slice(), rows, columns)
 }
 
 struct Problem<'a> {
@@ -314,34 +303,28 @@ impl<'a> Problem<'a> {
         let follow = if light.is_empty() { DMatrix::zeros(0, heavy.len()) } else { -inner.solve(&coupling) };
         let mut reduced = k.select_rows(&heavy).select_columns(&heavy) + coupling.transpose() * &follow;
         // With the mass as L L', the shapes are L'^-1 times the eigenvectors of L^-1 K L'^-1.
-        let Ok(root) = dense_ref(&mass.select_rows(&heavy).select_columns(&heavy)).llt(Side::Lower) else {
+        let Some(root) = mass.select_rows(&heavy).select_columns(&heavy).cholesky() else {
             return Err(BlockTriError::Singular { dof: heavy.first().copied().unwrap_or(0), pivot: 0.0 }.into());
         };
-        let solved = |m: &mut DMatrix<f64>| {
-            solve_lower_triangular_in_place(root.L(), dense_mut(m), Par::Seq);
-        };
-        solved(&mut reduced);
-        reduced.transpose_mut();
-        solved(&mut reduced);
+        let root = root.l();
+        let solved = |m: &DMatrix<f64>| root.solve_lower_triangular(m).unwrap_or_else(|| m.clone());
+        reduced = solved(&solved(&reduced).transpose());
         reduced = (&reduced + reduced.transpose()) * 0.5;
-        // faer's divide and conquer (0.24) misses the frequencies of rigid bodies by a millionth of the highest squared one.
         let eigen = reduced.symmetric_eigen();
-        let squares = &eigen.eigenvalues;
-        self.highest = squares.iter().fold(0.0f64, |m, e| m.max(*e)).sqrt();
-        let least = squares.iter().copied().enumerate().fold((0, 0.0f64), |m, (k, e)| if e < m.1 { (k, e) } else { m });
+        self.highest = eigen.eigenvalues.iter().fold(0.0f64, |m, e| m.max(*e)).sqrt();
+        let least = eigen.eigenvalues.iter().copied().enumerate().fold((0, 0.0f64), |m, (k, e)| if e < m.1 { (k, e) } else { m });
         if -least.1 > (RIGID * self.highest).powi(2).max(1e-12 * self.highest * self.highest) {
             let shape = eigen.eigenvectors.column(least.0);
             return Err(EngineError::Unstable { step: 1, steps: 1, dof: self.small.name(heavy[shape.iamax()]) });
         }
-        let mut shapes = eigen.eigenvectors.clone();
-        solve_upper_triangular_in_place(root.L().transpose(), dense_mut(&mut shapes), Par::Seq);
+        let shapes = root.transpose().solve_upper_triangular(&eigen.eigenvectors).unwrap_or_else(|| eigen.eigenvectors.clone());
         let mut starts: Vec<Start> = (0..heavy.len())
             .map(|c| {
                 let y: DVector<f64> = shapes.column(c).into_owned();
                 let inside = &follow * &y;
                 let mut shape = vec![0.0; n];
                 heavy.iter().zip(y.iter()).chain(light.iter().zip(inside.iter())).for_each(|(d, x)| shape[*d] = *x);
-                Start { omega: squares[c].max(0.0).sqrt(), shape }
+                Start { omega: eigen.eigenvalues[c].max(0.0).sqrt(), shape }
             })
             .collect();
         starts.sort_by(|a, b| a.omega.total_cmp(&b.omega));
