@@ -1,6 +1,6 @@
 //! Histories: sampling, drive, cycles, start-up.
 
-use super::FoundColumn;
+use super::{At, FoundColumn};
 use crate::data::record::spread;
 use crate::data::sampling::{Sampling, sampling};
 use crate::data::{Channel, Control, Note, Role, SettledLoop, TimeRecord, estimate_frequency, recognised_control};
@@ -83,7 +83,7 @@ pub fn found(mut columns: Vec<FoundColumn>, said: &Corrected) -> FoundHistory {
         c.role = None;
     }
     // A second column of one role is of another place, which the file names or only the engineer knows.
-    let mut seen: Vec<(Role, Option<(i64, &str, bool)>)> = Vec::new();
+    let mut seen: Vec<(Role, Option<At>)> = Vec::new();
     let (mut first, mut further) = (vec![false; columns.len()], vec![]);
     for (k, c) in columns.iter_mut().enumerate() {
         let Some(role) = c.role else { continue };

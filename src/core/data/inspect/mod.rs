@@ -15,6 +15,9 @@ use super::uff::UffFile;
 use super::{DataError, FrfQuantity, Note, Role};
 use std::path::{Path, PathBuf};
 
+/// A node of a structure, an axis at it, and whether against its direction.
+pub type At = (i64, &'static str, bool);
+
 /// A column of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FoundColumn {
@@ -28,7 +31,7 @@ pub struct FoundColumn {
     /// Whether one letter is all that says what it is.
     pub guessed: bool,
     /// Node and axis where the file gives them: `(12, "z", against the axis)`.
-    pub at: Option<(i64, &'static str, bool)>,
+    pub at: Option<At>,
 }
 
 /// A file and what is in it.
@@ -54,8 +57,8 @@ pub struct FoundFrf {
     /// Function of a universal file.
     pub record: Option<String>,
     /// Node and axis where the file gives them: `(12, "z", against the axis)`.
-    pub respond: Option<(i64, &'static str, bool)>,
-    pub excite: Option<(i64, &'static str, bool)>,
+    pub respond: Option<At>,
+    pub excite: Option<At>,
     pub quantity: Option<FrfQuantity>,
     /// Frequency, real and imaginary part (or amplitude and phase), coherence.
     pub columns: Vec<(Role, String, Option<String>)>,

@@ -1,11 +1,11 @@
 //! Universal files: functions as FRFs and histories; geometry, shapes and units named.
 
-use super::{FoundColumn, FoundFrf, FoundItem, FoundModes, history};
+use super::{At, FoundColumn, FoundFrf, FoundItem, FoundModes, history};
 use crate::data::uff::{Dof, Function, SetContent, UffFile, Values, describe, function_kind};
 use crate::data::{DataError, Role};
 use std::collections::{BTreeMap, BTreeSet};
 
-fn place(dof: &Dof) -> Option<(i64, &'static str, bool)> {
+fn place(dof: &Dof) -> Option<At> {
     let axis = match dof.direction.abs() {
         1 => "x",
         2 => "y",
@@ -123,8 +123,8 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
 fn frf(
     f: &Function,
     i: usize,
-    respond: Option<(i64, &'static str, bool)>,
-    excite: Option<(i64, &'static str, bool)>,
+    respond: Option<At>,
+    excite: Option<At>,
     quantity: Option<crate::data::FrfQuantity>,
     x: Option<String>,
     y: Option<String>,
