@@ -76,7 +76,7 @@ fn decode(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Columns, DataE
         return Err(DataError::NoRows { file: path.to_path_buf() });
     }
     let at = super::locate(path, &header, wanted)?;
-    // Columns of date and time are a feature of polars that a fifth of its build time goes into.
+    // Columns of date and time are a feature of polars that is not compiled in: the decoder would give up on them without a word of which.
     let moment = |i: &usize| {
         use ArrowDataType::{Date32, Date64, Duration, Time32, Time64, Timestamp};
         let kind = schema.get(&header[*i]).map(|f| f.dtype());
