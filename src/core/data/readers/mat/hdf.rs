@@ -102,14 +102,14 @@ fn array(dataset: &Dataset, numbers: bool) -> Result<Array<'static>, Error> {
     let body = match kind {
         Some(kind) if class == 6 && !empty => {
             let bytes = if numbers { Cow::Owned(dataset.read_native_bytes()?) } else { Cow::Borrowed(&[][..]) };
-            Body::Numeric { re: Numbers { kind, bytes, big: NATIVE }, im: None }
+            Body::Numeric { re: Numbers { kind, bytes, big: BIG_ENDIAN }, im: None }
         }
         _ if class == 6 && !empty => match parts {
             Some((width, both)) => {
                 let all = if numbers { dataset.read_native_bytes()? } else { vec![] };
                 let [re, im] = both.map(|(kind, from)| {
                     let one = all.chunks_exact(width).filter_map(|e| e.get(from..from + Numbers::width_of(kind)));
-                    Numbers { kind, bytes: Cow::Owned(one.flatten().copied().collect()), big: NATIVE }
+                    Numbers { kind, bytes: Cow::Owned(one.flatten().copied().collect()), big: BIG_ENDIAN }
                 });
                 Body::Numeric { re, im: Some(im) }
             }
@@ -120,8 +120,8 @@ fn array(dataset: &Dataset, numbers: bool) -> Result<Array<'static>, Error> {
     Ok(Array { name, class, dims, body })
 }
 
-/// Whether numbers come in the order of a machine with the great end first.
-const NATIVE: bool = cfg!(target_endian = "big");
+/// Whether this machine, in whose order numbers are read, keeps their highest byte first.
+const BIG_ENDIAN: bool = cfg!(target_endian = "big");
 
 /// Of complex numbers the bytes of one, and type and place of its real and imaginary part.
 fn parts(of: &Datatype) -> Option<(usize, [(u32, usize); 2])> {
