@@ -9,7 +9,7 @@ use crate::diagnose::results::EffectAt;
 use crate::diagnose::results::SplitName;
 use crate::work::{self, Failure, Wish};
 
-use super::session::{Common, Session};
+use super::session::{Common, Session, pair};
 use super::{Outcome, fit, report, text};
 
 #[derive(clap::Args)]
@@ -38,11 +38,6 @@ pub(super) struct Args {
     keep_study: bool,
 }
 
-fn pair(text: &str) -> Result<(String, String), String> {
-    let (name, value) = text.split_once('=').ok_or("NAME=VALUE, such as v0=\"1 mm/s\"")?;
-    Ok((name.trim().to_string(), value.trim().to_string()))
-}
-
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let study = session.study()?;
@@ -69,7 +64,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     folder.study(&study, &done.fitted.system)?;
     folder.residuals(&after.tests)?;
     session.show(&after.tests);
-    let added = EffectAt { effect: instance.name().into(), at: instance.at.clone() };
+    let added = EffectAt::of(&done.fitted.system, instance);
     let value = fit::json(&json!({ "before": fit::plain(&before)?, "after": fit::plain(after)?, "added": fit::plain(&added)? }), &folder)?;
     report::write(&folder, &study, &done.fitted.system, Some(after), None, None)?;
     folder.result(&value)?;
@@ -80,13 +75,6 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         study.file.clone()
     };
     let shown = args.common.study.display().to_string();
-    let text = format!(
-        "before\n{}\nafter: {} at {} is in {}\n{}",
-        text::tests(&before.tests),
-        added.effect,
-        added.at,
-        file.display(),
-        text::fit(after, &shown)
-    );
+    let text = format!("before\n{}\nafter: {added} is in {}\n{}", text::tests(&before.tests), file.display(), text::fit(after, &shown));
     Ok(Outcome { json: value, text, code: fit::code(&after.termination) })
 }

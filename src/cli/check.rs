@@ -19,8 +19,8 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
-    let Common { study, data, seed, .. } = &args.common;
-    let found = work::check(study, data.as_deref(), *seed, &session.monitor(), &|step: &str| session.progress.say(step));
+    let Common { study, data, start, seed, .. } = &args.common;
+    let found = work::check(study, data.as_deref(), start, *seed, &session.monitor(), &|step: &str| session.progress.say(step));
     session.progress.end();
     let free: Vec<Value> = found
         .gate

@@ -43,11 +43,10 @@ fn told(result: &LadderResult) -> String {
     let row = |(k, rung): (usize, &Rung)| {
         let error =
             |split| text::pooled(&rung.tests, split).map_or(["-".to_string(), "-".into()], |(e, f)| [percent(e), significant(e / f, 3)]);
-        let name = |e: &crate::diagnose::results::EffectAt| format!("{} at {}", e.effect, e.at);
         let mut row = vec![
             k.to_string(),
-            rung.added.as_ref().map_or("-".into(), name),
-            rung.removed.iter().map(name).collect::<Vec<_>>().join(", "),
+            rung.added.as_ref().map_or("-".into(), ToString::to_string),
+            rung.removed.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
             rung.nats.map_or("-".into(), |nats| significant(nats, 3)),
         ];
         row.extend(error(SplitName::Fit));

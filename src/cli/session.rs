@@ -16,7 +16,7 @@ use crate::study::run::RunFolder;
 
 use super::call::Watched;
 use super::progress::Progress;
-use crate::work::Failure;
+use crate::work::{self, Failure};
 
 /// Options of every verb on a study.
 #[derive(Args, Clone)]
@@ -41,6 +41,9 @@ pub(super) struct Common {
     /// Folder of the raw measurement files
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
+    /// Start a parameter at this value instead of the study's, such as c1.x.viscous.c="120 N s/m"; may be given again
+    #[arg(long, value_name = "NAME=VALUE", value_parser = pair)]
+    pub start: Vec<(String, String)>,
     /// The program that called the verb, in place of a terminal.
     #[arg(skip)]
     pub watcher: Watched,
@@ -52,6 +55,12 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
         Ok(s) if s.is_finite() && s > 0.0 => Ok(s),
         _ => Err("a number of seconds above 0, such as 60".into()),
     }
+}
+
+/// `NAME=VALUE`; a name may hold an equals sign, `c1.x.viscous[A=2 mm].c`, a value none.
+pub(super) fn pair(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.rsplit_once('=').ok_or("NAME=VALUE, such as v0=\"1 mm/s\"")?;
+    Ok((name.trim().to_string(), value.trim().to_string()))
 }
 
 /// Threads of everything parallel.
@@ -90,7 +99,9 @@ impl<'a> Session<'a> {
 
     pub fn study(&self) -> Result<Study, Failure> {
         self.progress.say("reading the study and its measurements");
-        Ok(Study::load(&self.common.study, self.common.data.as_deref())?)
+        let study = Study::load(&self.common.study, self.common.data.as_deref())?;
+        let system = work::started(&study, &self.common.start)?;
+        Ok(Study { system, ..study })
     }
 
     pub fn case(&self, study: &Study) -> Result<Case, Failure> {

@@ -50,7 +50,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.common.out.is_none()
         && let Some(run) = folder.path.parent()
     {
-        RunFolder { path: run.to_path_buf() }.result(&value)?;
+        RunFolder::at(run).result(&value)?;
     }
     Ok(Outcome { json: value, text, code: 0 })
 }
@@ -61,5 +61,5 @@ fn target(session: &Session, study: &Study) -> Result<RunFolder, Failure> {
         Some(out) => out.clone(),
         None => session.folder(study, "simulate")?.path.join("data"),
     };
-    Ok(RunFolder { path })
+    Ok(RunFolder::at(path))
 }

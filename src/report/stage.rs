@@ -27,7 +27,7 @@ pub struct Stage<'a> {
 pub fn stages<'a>(input: &ReportInput<'a>) -> Vec<Stage<'a>> {
     if let Some(ladder) = input.ladder.filter(|l| !l.rungs.is_empty()) {
         let name = |k: usize, added: &Option<EffectAt>| match added {
-            Some(e) => format!("+ {} at {}", e.effect, e.at),
+            Some(e) => format!("+ {e}"),
             None if k == 0 => "model as given".into(),
             None => "pruned".into(),
         };

@@ -65,7 +65,7 @@ fn named<'a>(input: &ReportInput<'a>) -> Option<Vec<Named<'a>>> {
             Some(l.missing.iter().map(of).collect())
         }
         (None, Some(d)) => {
-            let of = |m: &'a EffectAt| Named { effect: &m.effect, at: &m.at, of: None, tied: tied(input, &m.effect, &m.at) };
+            let of = |m: &'a EffectAt| Named { effect: &m.effect, at: &m.at, of: m.of.as_deref(), tied: tied(input, &m.effect, &m.at) };
             Some(d.missing.iter().map(of).collect())
         }
         (None, None) => None,

@@ -170,7 +170,7 @@ fn tests(n: usize, friction: f64, damping: f64, held_out: bool) -> Vec<TestResul
 }
 
 fn at(effect: &str, at: &str) -> EffectAt {
-    EffectAt { effect: effect.into(), at: at.into() }
+    EffectAt { effect: effect.into(), at: at.into(), of: None }
 }
 
 fn parameters() -> Vec<ParameterResult> {

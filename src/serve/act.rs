@@ -1,6 +1,6 @@
 //! What a page can set going: the verbs, on a model of the tree. Each writes its run as the verb does.
 
-use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
@@ -18,30 +18,10 @@ use super::job::Job;
 use super::order::{ORDER, Order, VERBS, quoted};
 use super::picture::{places, printed};
 
-/// The system of a model with other values.
-pub fn with_values(system: &System, values: &BTreeMap<String, f64>) -> Result<System, Failure> {
-    let mut system = system.clone();
-    for (key, value) in values {
-        let place = key.split_once('.').and_then(|(i, p)| Some((i.parse::<usize>().ok()?, p.parse::<usize>().ok()?)));
-        let param = place.and_then(|(i, p)| system.instances.get_mut(i)?.params.get_mut(p));
-        let Some(param) = param else {
-            return Err(Failure::new("serve", key, "there is no such parameter", "`instance.parameter`, such as 0.0"));
-        };
-        if !(param.min..=param.max).contains(value) {
-            let shown = |v: f64| printed(v, &param.unit);
-            let accepted = format!("{} to {}", shown(param.min), shown(param.max));
-            return Err(Failure::new("serve", key, format!("{} lies outside the bounds of the parameter", shown(*value)), accepted));
-        }
-        param.value = *value;
-    }
-    system.check()?;
-    Ok(system)
-}
-
 /// Does it, on the thread of its job.
 pub fn act(bench: &Bench, loaded: &Loaded, job: &Job, order: &Order) -> Result<Value, Failure> {
     let model = loaded.model(&order.model)?;
-    let system = with_values(&model.system, &order.values)?;
+    let system = work::with_values(&loaded.study, &model.system, &order.values)?;
     let case = Case { system: system.clone(), ..model.case.clone() };
     let done = match order.verb.as_str() {
         "fit" => fit(loaded, job, &case, order),
@@ -60,7 +40,8 @@ pub fn act(bench: &Bench, loaded: &Loaded, job: &Job, order: &Order) -> Result<V
 fn begin(loaded: &Loaded, job: &Job, order: &Order) -> Result<RunFolder, Failure> {
     let folder = RunFolder::create(&loaded.study, &order.verb, None)?;
     job.writes(&folder.path);
-    folder.write(ORDER, plain(order)?.to_string().as_bytes())?;
+    let order = Order { study_file: loaded.study_file(), ..order.clone() };
+    folder.write(ORDER, plain(&order)?.to_string().as_bytes())?;
     Ok(folder)
 }
 
@@ -85,7 +66,7 @@ fn finish(loaded: &Loaded, job: &Job, order: &Order, folder: &RunFolder, mut val
 
 /// The best state of the run that is gone on with, where it kept one.
 fn resumed(loaded: &Loaded, order: &Order, folder: &RunFolder) -> Result<bool, Failure> {
-    let Some(old) = order.resume.as_ref().map(|r| RunFolder { path: loaded.runs().join(r) }).filter(|f| f.checkpoint().is_file()) else {
+    let Some(old) = order.resume.as_ref().map(|r| RunFolder::at(loaded.runs().join(r))).filter(|f| f.checkpoint().is_file()) else {
         return Ok(false);
     };
     work::take_over(&old.path, folder)?;
@@ -202,7 +183,7 @@ fn add_to(loaded: &Loaded, job: &Job, before: &(Case, Fitted, FitResult), order:
     folder.study(study, &done.fitted.system)?;
     folder.residuals(&done.result.tests)?;
     work::report(&folder, study, &done.fitted.system, Some(&done.result), None, None)?;
-    let added = EffectAt { effect: done.instance.name().into(), at: done.instance.at.clone() };
+    let added = EffectAt::of(&done.fitted.system, &done.instance);
     let value = work::json(&json!({ "before": plain(before)?, "after": plain(&done.result)?, "added": plain(&added)? }), &folder)?;
     let value = finish(loaded, job, order, &folder, value, None)?;
     Ok(entered(loaded, &folder, "add", value, (done.case, done.fitted, done.result), &order.model))
@@ -263,7 +244,7 @@ fn candidate(system: &System, dataset: &crate::data::Dataset, (m, scored): (&Mar
 fn ladder(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {
     let study = &loaded.study;
     // A ladder that was killed before its first rung has left nothing, and is begun anew.
-    let left = order.resume.as_ref().map(|r| RunFolder { path: loaded.runs().join(r) }).filter(|f| f.left().is_some());
+    let left = order.resume.as_ref().map(|r| RunFolder::at(loaded.runs().join(r))).filter(|f| f.left().is_some());
     let case = left.map_or_else(|| Ok(case.clone()), |old| work::gone_on(study, case, &old.path))?;
     let folder = begin(loaded, job, order)?;
     let done = work::ladder(study, &case, &folder, &job.monitor(case.system.clone()), &|step: &str| job.say(step));
@@ -322,8 +303,8 @@ pub fn open(loaded: &Loaded, model_id: &str) -> Result<Value, Failure> {
     Ok(json!({ "held_out_opened": loaded.opened() }))
 }
 
-/// Saves the effects that a model has beyond the study, as a file of that name beside study.toml.
-pub fn save(loaded: &Loaded, model_id: &str, name: &str) -> Result<Value, Failure> {
+/// Saves the effects that a model has beyond the study, as a file of that name beside study.toml; the file, and what is told of it.
+pub fn save(loaded: &Loaded, model_id: &str, name: &str) -> Result<(PathBuf, Value), Failure> {
     let model = loaded.model(model_id)?;
     let (own, instances) = (&loaded.study.system.instances, &model.system.instances);
     let begins = own.len() <= instances.len() && own.iter().zip(instances).all(|(a, b)| a.name() == b.name() && a.at == b.at);
@@ -335,8 +316,8 @@ pub fn save(loaded: &Loaded, model_id: &str, name: &str) -> Result<Value, Failur
     let (file, kept) = loaded.study.save_beside(instances, name)?;
     let same = |(a, b): (&crate::model::Instance, &crate::model::Instance)| a.params.iter().zip(&b.params).all(|(a, b)| a.value == b.value);
     let moved = !own.iter().zip(instances).all(same);
-    let effects: Vec<Value> = added.iter().map(|i| json!({ "effect": i.name(), "at": i.at })).collect();
-    Ok(
-        json!({ "file": file.display().to_string(), "added": effects, "moved": moved, "kept": kept, "command": format!("misfit fit {}", quoted(&file.display().to_string())) }),
-    )
+    let effects: Vec<Value> = added.iter().map(|i| plain(&EffectAt::of(&model.system, i))).collect::<Result<_, _>>()?;
+    let command = format!("misfit fit {}", quoted(&file.display().to_string()));
+    let told = json!({ "file": file.display().to_string(), "added": effects, "moved": moved, "kept": kept, "command": command });
+    Ok((file, told))
 }

@@ -41,10 +41,11 @@ use tokio::sync::broadcast::error::RecvError;
 
 use crate::effect::{LIBRARY, find};
 use crate::report::chart;
+use crate::study::run::is_run;
 use crate::work::{Failure, curves_json, demonstrate, effect_json};
 
 use super::act;
-use super::bench::{Bench, is_run};
+use super::bench::Bench;
 use super::curves::{Asked, compare};
 use super::order::{Order, VERBS, command, options};
 use super::{App, arrive, assets, motion, picture, resume};
@@ -343,7 +344,7 @@ async fn post(app: &Arc<App>, path: &[&str], body: Body) -> Answer {
             let asked: Moving = read(&bytes)?;
             let done = quick(app, move || {
                 let loaded = bench.loaded()?;
-                let system = act::with_values(&loaded.model(&asked.model)?.system, &asked.values)?;
+                let system = crate::work::with_values(&loaded.study, &loaded.model(&asked.model)?.system, &asked.values)?;
                 Ok(motion::lowest(&loaded.study, &system, asked.test.as_deref())?)
             });
             told(&done.await?)
@@ -361,7 +362,13 @@ async fn post(app: &Arc<App>, path: &[&str], body: Body) -> Answer {
         }
         "save" => {
             let asked: Saved = read(&bytes)?;
-            told(&quick(app, move || Ok(act::save(&*bench.loaded()?, &asked.model, &asked.name)?)).await?)
+            let of = app.clone();
+            let done = quick(app, move || {
+                let (file, mut told) = act::save(&*bench.loaded()?, &asked.model, &asked.name)?;
+                told["study"] = of.serves(file).into();
+                Ok(told)
+            });
+            told(&done.await?)
         }
         "open" => {
             let asked: Opened = read(&bytes)?;
@@ -390,7 +397,7 @@ fn compared(bench: &Bench, asked: &Compared) -> Result<Value, Refused> {
         Some(trial) => (loaded.case.clone(), trial),
         None => {
             let (model, system) = if asked.before { loaded.before(&asked.model)? } else { loaded.own(&asked.model)? };
-            (model.case.clone(), act::with_values(&system, &asked.values)?)
+            (model.case.clone(), crate::work::with_values(&loaded.study, &system, &asked.values)?)
         }
     };
     let tests = compare(&loaded.study, &case, &system, &of).map_err(Failure::from)?;
@@ -409,8 +416,8 @@ fn begun(app: &Arc<App>, bench: &Arc<Bench>, mut order: Order) -> Result<Value, 
         loaded.refresh();
         order = resume::goes_on(&loaded, &resume.unwrap_or_default())?;
     }
-    loaded.model(&order.model)?;
-    let job = bench.enter(&order.verb, &order.model, command(bench, &order)).map_err(|f| Refused(StatusCode::CONFLICT, f))?;
+    let starts = crate::work::starts(&loaded.study, &loaded.model(&order.model)?.system, &order.values)?;
+    let job = bench.enter(&order.verb, &order.model, command(bench, &order, &starts)).map_err(|f| Refused(StatusCode::CONFLICT, f))?;
     let told = json!({ "job": job.id, "command": job.command, "verb": job.verb, "model": job.model });
     let (app, bench) = (app.clone(), bench.clone());
     let thread = std::thread::Builder::new().name(format!("misfit-{}", order.verb));

@@ -13,7 +13,7 @@ use crate::diagnose::results::{FitResult, SplitName};
 use crate::diagnose::{Case, Fitted};
 use crate::model::System;
 use crate::study::Study;
-use crate::study::run::RunFolder;
+use crate::study::run::{FROM_RUN, RUNS, RunFolder, STUDY_FILE, is_run};
 use crate::work::{self, Failure};
 
 use super::curves::pooled;
@@ -23,7 +23,7 @@ use super::order::{ORDER, ORDER_BYTES, Order};
 /// Name of the root of the tree.
 pub const ROOT: &str = "study";
 /// Runs that are shown, the latest.
-const RUNS: usize = 200;
+const SHOWN: usize = 200;
 /// Bytes of a result that is read for the tree.
 const RESULT_BYTES: u64 = 64 << 20;
 
@@ -182,7 +182,13 @@ impl Bench {
 impl Loaded {
     /// Folder of the runs.
     pub fn runs(&self) -> PathBuf {
-        self.study.folder.join("runs")
+        self.study.folder.join(RUNS)
+    }
+
+    /// The file of the study, where it is not study.toml: several studies of one folder share its runs.
+    pub fn study_file(&self) -> Option<String> {
+        let name = self.study.file.file_name().map(|n| n.to_string_lossy().into_owned());
+        name.filter(|n| n != "study.toml")
     }
 
     /// Reads runs that were not there before, and forgets those that are gone.
@@ -191,6 +197,7 @@ impl Loaded {
         let mut tree = lock(&self.tree);
         tree.nodes.retain(|id, _| id == ROOT || names.contains(id));
         tree.read.retain(|id| names.contains(id));
+        let own = self.study_file();
         let fresh: Vec<&String> = names.iter().filter(|n| !tree.read.contains(*n)).collect();
         let mut open = vec![];
         let mut found = vec![];
@@ -203,11 +210,16 @@ impl Loaded {
                 None => {
                     let order = crate::limits::bytes(&folder.join(ORDER), ORDER_BYTES).ok();
                     let order: Option<Order> = order.and_then(|b| serde_json::from_slice(&b).ok());
-                    let folder = RunFolder { path: folder };
+                    if order.as_ref().is_some_and(|o| o.study_file != own) {
+                        continue;
+                    }
+                    let folder = RunFolder::at(folder);
                     let goes_on = order.is_some() || folder.checkpoint().is_file() || folder.left().is_some();
                     open.push(Unfinished { id: name.clone(), verb, goes_on, resumes: order.and_then(|o| o.resume) });
                 }
-                Some(result) => found.push((name.clone(), verb, result)),
+                Some(result) if result[STUDY_FILE].as_str() == own.as_deref() => found.push((name.clone(), verb, result)),
+                // Of another study of this folder; it is read once.
+                Some(_) => drop(tree.read.insert(name.clone())),
             }
         }
         for (name, verb, result) in found {
@@ -362,7 +374,8 @@ impl Tree {
         if let Some(opened) = result["workbench"].get("held_out_opened").filter(|o| o.is_object()) {
             self.held_out_opened.push(opened.clone());
         }
-        let parent = result["workbench"]["parent"].as_str().filter(|p| self.nodes.contains_key(*p)).unwrap_or(ROOT).to_string();
+        let made_from = result["workbench"]["parent"].as_str().or(result[FROM_RUN].as_str());
+        let parent = made_from.filter(|p| self.nodes.contains_key(*p)).unwrap_or(ROOT).to_string();
         if let ("profile", Some(fresh)) = (verb.as_str(), result["profiles"].as_array()) {
             let known = self.profiles.entry(parent).or_default();
             known.retain(|k| !fresh.iter().any(|f| f["name"] == k["name"]));
@@ -403,34 +416,13 @@ fn run_names(runs: &Path) -> Vec<String> {
         .filter(|n| is_run(n))
         .collect();
     names.sort();
-    let from = names.len().saturating_sub(RUNS);
+    let from = names.len().saturating_sub(SHOWN);
     names.split_off(from)
-}
-
-/// `20261124-112100-ladder`, `20261124-112100-add-2`.
-pub fn is_run(name: &str) -> bool {
-    let b = name.as_bytes();
-    let digits = |r: std::ops::Range<usize>| b.get(r).is_some_and(|s| s.iter().all(u8::is_ascii_digit));
-    b.len() > 16
-        && b.len() < 80
-        && digits(0..8)
-        && b[8] == b'-'
-        && digits(9..15)
-        && b[15] == b'-'
-        && b[16..].iter().all(|c| c.is_ascii_alphanumeric() || *c == b'-')
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn only_names_of_runs_are_runs() {
-        assert!(is_run("20261124-112100-ladder") && is_run("20261124-112100-add-2"));
-        for other in ["", "..", "20261124-112100-", "20261124-112100-a/b", "20261124-112100-..", "notes", "20261124_112100-fit"] {
-            assert!(!is_run(other), "{other}");
-        }
-    }
 
     #[test]
     fn what_a_run_says_last() {

@@ -170,6 +170,7 @@ fn studies(options: &Options) -> Result<Vec<Arc<Bench>>, Failure> {
             }
         }
     }
+    let mut found: Vec<PathBuf> = found.into_iter().flat_map(|p| [vec![p.clone()], saved(&p)].concat()).collect();
     found.truncate(STUDIES);
     // A folder without a study is served too: the first study can be made on the page.
     if found.is_empty() && !path.is_dir() {
@@ -189,6 +190,19 @@ fn studies(options: &Options) -> Result<Vec<Arc<Bench>>, Failure> {
 
 fn is_study(path: &Path) -> bool {
     path.is_file() || path.join("study.toml").is_file()
+}
+
+/// Studies that were saved beside the study of a folder: files of other names that name a dataset.
+fn saved(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return vec![] };
+    let names_dataset = |path: &Path| {
+        let table = crate::limits::text(path).ok().and_then(|t| t.parse::<toml::Table>().ok());
+        table.is_some_and(|t| t.get("dataset").is_some_and(toml::Value::is_str))
+    };
+    let toml = |path: &PathBuf| path.extension().is_some_and(|e| e == "toml") && path.file_name().is_some_and(|n| n != "study.toml");
+    let mut all: Vec<PathBuf> = entries.filter_map(Result::ok).map(|e| e.path()).filter(toml).filter(|p| names_dataset(p)).collect();
+    all.sort();
+    all
 }
 
 /// A study under a name of its own in addresses.

@@ -44,6 +44,9 @@ pub struct Order {
     /// Of `profile`: the parameter.
     #[serde(default)]
     pub parameter: String,
+    /// The file of the study, where that is not study.toml; the server says it.
+    #[serde(default)]
+    pub study_file: Option<String>,
     /// The run that is gone on with.
     #[serde(default)]
     pub resume: Option<String>,
@@ -58,8 +61,8 @@ pub const ORDER_BYTES: u64 = 256 << 10;
 /// What can be set going.
 pub const VERBS: [&str; 7] = ["fit", "add", "score", "ladder", "export", "profile", "resume"];
 
-/// The command line that does the same.
-pub fn command(bench: &Bench, order: &Order) -> String {
+/// The command line that does the same; `starts` are the values that the order begins from, as `--start` is given them.
+pub fn command(bench: &Bench, order: &Order, starts: &[String]) -> String {
     let folder = if bench.path.is_dir() { bench.path.clone() } else { bench.path.parent().map(PathBuf::from).unwrap_or_default() };
     let run = |name: &str| quoted(&folder.join("runs").join(name).display().to_string());
     let study = if order.model == ROOT { quoted(&bench.path.display().to_string()) } else { run(&order.model) };
@@ -82,7 +85,7 @@ pub fn command(bench: &Bench, order: &Order) -> String {
         line += &format!(" --to {}", order.to.join(","));
     }
     if let Some(resume) = &order.resume {
-        let old = RunFolder { path: folder.join("runs").join(resume) };
+        let old = RunFolder::at(folder.join("runs").join(resume));
         // A run that has kept nothing is begun anew.
         let kept = match order.verb.as_str() {
             "fit" => old.checkpoint().is_file(),
@@ -91,11 +94,12 @@ pub fn command(bench: &Bench, order: &Order) -> String {
         };
         line += &if kept { format!(" --resume {}", run(resume)) } else { String::new() };
     }
+    line += &starts.iter().map(|s| format!(" --start {}", quoted(s))).collect::<String>();
     line += &options(bench);
     let other = order
         .other
         .as_ref()
-        .map(|o| command(bench, &Order { verb: order.verb.clone(), model: order.model.clone(), other: None, ..(**o).clone() }));
+        .map(|o| command(bench, &Order { verb: order.verb.clone(), model: order.model.clone(), other: None, ..(**o).clone() }, starts));
     other.map_or(line.clone(), |o| format!("{line} && {o}"))
 }
 
@@ -131,8 +135,8 @@ mod tests {
             ..Order::default()
         };
         assert_eq!(
-            command(&bench, &order),
-            "misfit add 'my study/runs/20261124-112100-fit' coulomb --at c1.x --keep-study --set 'd=0.07 mm' --seed 2"
+            command(&bench, &order, &["c1.x.viscous.c=120 N s/m".into()]),
+            "misfit add 'my study/runs/20261124-112100-fit' coulomb --at c1.x --keep-study --set 'd=0.07 mm' --start 'c1.x.viscous.c=120 N s/m' --seed 2"
         );
     }
 }

@@ -1,9 +1,10 @@
 //! Runs that were stopped or killed, gone on with.
 
 use crate::limits;
+use crate::study::run::is_run;
 use crate::work::Failure;
 
-use super::bench::{Loaded, ROOT, is_run};
+use super::bench::{Loaded, ROOT};
 use super::order::{ORDER, ORDER_BYTES, Order};
 
 /// The order with which a run is gone on with: its own where it holds one, else that of its verb on the study.

@@ -14,7 +14,7 @@ use crate::response::Plan;
 use crate::study::{Study, StudyError};
 use crate::units::significant;
 
-use super::Failure;
+use super::{Failure, started};
 
 /// What a check finds.
 #[derive(Clone, Debug, Default)]
@@ -27,13 +27,16 @@ pub struct Checked {
     pub gate: Option<GateReport>,
 }
 
-/// Checks the study at `path`, with its raw files in `data`; `say` hears what is being done.
-pub fn check(path: &Path, data: Option<&Path>, seed: u64, monitor: &Monitor, say: &dyn Fn(&str)) -> Checked {
+/// Checks the study at `path`, with its raw files in `data` and other starts than its own; `say` hears what is being done.
+pub fn check(path: &Path, data: Option<&Path>, starts: &[(String, String)], seed: u64, monitor: &Monitor, say: &dyn Fn(&str)) -> Checked {
     say("reading the study and its measurements");
     let mut found = Checked::default();
     let study = match Study::load(path, data) {
         Err(first) => return Checked { problems: all_of(first, path, data), ..found },
-        Ok(study) => study,
+        Ok(study) => match started(&study, starts) {
+            Ok(system) => Study { system, ..study },
+            Err(failure) => return Checked { problems: vec![failure], ..found },
+        },
     };
     for plan in parallel::map(&study.dataset.tests, |t| Plan::new(t, &study.system.model)) {
         match plan {

@@ -62,7 +62,7 @@ pub fn as_it_stands(case: &Case, tests: &[TestResult]) -> FitResult {
         scatter: vec![],
         noise: 1.0,
         unidentifiable: vec![],
-        effects: case.system.instances.iter().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() }).collect(),
+        effects: case.system.instances.iter().map(|i| EffectAt::of(&case.system, i)).collect(),
         notes: std::iter::once("the model at the values of study.toml, not fitted".to_string()).chain(case.notes()).collect(),
     }
 }
@@ -86,7 +86,7 @@ pub fn plain(result: &impl serde::Serialize) -> Result<Value, Failure> {
 /// # Errors
 /// Where there is none.
 pub fn take_over(old: &Path, folder: &RunFolder) -> Result<(), Failure> {
-    let file = if old.is_file() { old.to_path_buf() } else { RunFolder { path: old.to_path_buf() }.checkpoint() };
+    let file = if old.is_file() { old.to_path_buf() } else { RunFolder::at(old).checkpoint() };
     let bytes = crate::limits::bytes(&file, crate::limits::CONFIG_BYTES).map_err(|e| {
         let accepted = "the folder of a `fit` or `predict`, which keeps checkpoint.json";
         Failure::new("identify", file.display().to_string(), format!("no best state to go on from: {e}"), accepted)

@@ -26,7 +26,7 @@ pub fn model(study: &Study, file: &Path) -> Result<System, Failure> {
 /// # Errors
 /// Where it has left none.
 pub fn gone_on(study: &Study, case: &Case, run: &Path) -> Result<Case, Failure> {
-    let Some(file) = (RunFolder { path: run.to_path_buf() }).left() else {
+    let Some(file) = RunFolder::at(run).left() else {
         let message = "no rung of an earlier ladder is kept here";
         return Err(Failure::new("study", run.display().to_string(), message, "the folder of a `ladder` that had added an effect"));
     };
@@ -58,7 +58,7 @@ pub fn ladder(
     say: &(dyn Fn(&str) + Sync),
 ) -> Result<(LadderResult, System), Failure> {
     let began: Vec<&Instance> = case.system.beyond(&study.system).into_iter().chain(&case.found).collect();
-    let began_with: Vec<EffectAt> = began.iter().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() }).collect();
+    let began_with: Vec<EffectAt> = began.iter().map(|i| EffectAt::of(&case.system, i)).collect();
     let keep = |system: &System| {
         if let Err(e) = folder.rung(study, system) {
             say(&format!("the model of this rung cannot be kept: {e}"));

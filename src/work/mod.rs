@@ -14,6 +14,7 @@ pub mod new;
 mod profiles;
 mod replicates;
 mod scores;
+mod start;
 pub mod terminal;
 
 pub use add::{Refitted, Wish, refit, wished};
@@ -27,3 +28,4 @@ pub use library::{curves_json, effect_json, parameter_kind, parameter_unit};
 pub use profiles::{Profiled, profiles};
 pub use replicates::replicates;
 pub use scores::{Scored, ScoredTarget, scored};
+pub use start::{started, starts, with_values};

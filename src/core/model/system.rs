@@ -75,6 +75,12 @@ pub struct Target {
 }
 
 impl Target {
+    /// What it scales, over which condition: `viscous.c over i`. Two laws over two conditions are two laws.
+    pub fn acts_on(&self, system: &System) -> Option<String> {
+        let scaled = system.instances.get(*self.instances.first()?)?.effect.info();
+        Some(format!("{}.{} over {}", scaled.name, scaled.params.get(self.param)?.name, self.condition))
+    }
+
     /// The unit of one over the condition, which an exponent or a slope has.
     pub fn per_unit(&self) -> Unit {
         let (symbol, over) = (&self.unit.symbol, Dimension::DIMENSIONLESS.over(self.unit.dimension));
@@ -336,7 +342,7 @@ impl System {
 
     /// Checks that every value lies in its bounds and has an admissible sign.
     pub fn check(&self) -> Result<(), ModelError> {
-        for f in self.all_params() {
+        for f in self.params() {
             let value = &self.instances[f.instance].params[f.param];
             let sign = self.instances[f.instance].effect.info().params[f.param].sign;
             let bad = |message: String, accepted: &str| Err(ModelError::invalid(&f.name, message, accepted));
@@ -380,7 +386,8 @@ impl System {
         Ok(())
     }
 
-    fn all_params(&self) -> Vec<FreeParam> {
+    /// Every parameter, free or fixed, as if it were free.
+    pub fn params(&self) -> Vec<FreeParam> {
         let mut all = self.clone();
         all.instances.iter_mut().flat_map(|i| &mut i.params).for_each(|p| p.free = true);
         all.free()

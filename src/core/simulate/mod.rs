@@ -186,7 +186,7 @@ mod tests {
         let rig = rig();
         let write = |seed| {
             let folder = tempfile::tempdir().unwrap();
-            let folder = (RunFolder { path: folder.path().join("rig") }, folder);
+            let folder = (RunFolder::at(folder.path().join("rig")), folder);
             let tests = rig.write(&Settings { seed, ..Settings::default() }, &folder.0).unwrap();
             assert_eq!(tests.len(), rig.study.dataset.tests.len());
             let again = rig.write(&Settings::default(), &folder.0).unwrap_err();
@@ -200,7 +200,7 @@ mod tests {
     #[test]
     fn noise_and_cycles_out_of_range_are_named() {
         let folder = tempfile::tempdir().unwrap();
-        let folder = RunFolder { path: folder.path().join("rig") };
+        let folder = RunFolder::at(folder.path().join("rig"));
         for (settings, place) in [
             (Settings { noise: 1.0, ..Settings::default() }, "noise"),
             (Settings { noise: f64::NAN, ..Settings::default() }, "noise"),

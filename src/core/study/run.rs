@@ -164,13 +164,69 @@ impl Explain for RunError {
 pub struct RunFolder {
     /// Where it is.
     pub path: PathBuf,
+    origin: Origin,
 }
+
+/// What a run was made from, as its result says it.
+#[derive(Debug, Clone, Default)]
+struct Origin {
+    /// File of the study, where that is not `study.toml`: several studies of one folder share `runs/`.
+    file: Option<String>,
+    /// The run whose model it began from.
+    run: Option<String>,
+}
+
+impl Origin {
+    /// The study's, with the folder that its runs belong in: those of a run stand beside it, not within.
+    fn of(study: &Study) -> (Origin, PathBuf) {
+        let name = |path: &Path| path.file_name().map(|n| n.to_string_lossy().into_owned());
+        let whole = study.folder.canonicalize().unwrap_or_else(|_| study.folder.clone());
+        let run = name(&whole).filter(|n| is_run(n));
+        let above = whole.parent().filter(|runs| name(runs).is_some_and(|n| n == RUNS));
+        if let (Some(run), Some(folder)) = (run, above.and_then(Path::parent)) {
+            // As the reader wrote it, where that names it.
+            let written = study.folder.ancestors().nth(2).filter(|p| p.canonicalize().is_ok_and(|p| p == folder));
+            let folder = written.unwrap_or(folder);
+            let bytes = crate::limits::bytes(&study.folder.join(RESULT), crate::limits::DATA_BYTES).ok();
+            let result: Option<serde_json::Value> = bytes.and_then(|b| serde_json::from_slice(&b).ok());
+            let file = result.and_then(|r| Some(r.get(STUDY_FILE)?.as_str()?.to_string()));
+            return (Origin { file, run: Some(run) }, folder.to_path_buf());
+        }
+        (Origin { file: name(&study.file).filter(|n| n != "study.toml"), run: None }, study.folder.clone())
+    }
+}
+
+/// `20261124-112100-ladder`, `20261124-112100-add-2`.
+pub fn is_run(name: &str) -> bool {
+    let b = name.as_bytes();
+    let digits = |r: std::ops::Range<usize>| b.get(r).is_some_and(|s| s.iter().all(u8::is_ascii_digit));
+    b.len() > 16
+        && b.len() < 80
+        && digits(0..8)
+        && b[8] == b'-'
+        && digits(9..15)
+        && b[15] == b'-'
+        && b[16..].iter().all(|c| c.is_ascii_alphanumeric() || *c == b'-')
+}
+
+/// Folder of the runs, in that of their study.
+pub const RUNS: &str = "runs";
+/// Key of a result: the file of its study, where that is not `study.toml`.
+pub const STUDY_FILE: &str = "study_file";
+/// Key of a result: the run whose model it began from.
+pub const FROM_RUN: &str = "from_run";
 
 const RESULT: &str = "result.json";
 
 impl RunFolder {
-    /// Makes `runs/<time>-<verb>` in the study's folder, or exactly `out`.
+    /// A folder that is there.
+    pub fn at(path: impl Into<PathBuf>) -> RunFolder {
+        RunFolder { path: path.into(), origin: Origin::default() }
+    }
+
+    /// Makes `runs/<time>-<verb>` in the study's folder, or exactly `out`. A run on the model of a run stands beside that.
     pub fn create(study: &Study, verb: &str, out: Option<&Path>) -> Result<RunFolder, RunError> {
+        let (origin, folder) = Origin::of(study);
         let fail = |path: &Path, e: std::io::Error| RunError::Write { path: path.to_path_buf(), reason: e.to_string() };
         if let Some(out) = out {
             let known = [RESULT, CHECKPOINT, RUNG].iter().any(|f| out.join(f).exists());
@@ -178,9 +234,9 @@ impl RunFolder {
                 return Err(RunError::Occupied { path: out.to_path_buf() });
             }
             std::fs::create_dir_all(out).map_err(|e| fail(out, e))?;
-            return Ok(RunFolder { path: out.to_path_buf() });
+            return Ok(RunFolder { path: out.to_path_buf(), origin });
         }
-        let runs = study.folder.join("runs");
+        let runs = folder.join(RUNS);
         std::fs::create_dir_all(&runs).map_err(|e| fail(&runs, e))?;
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
         let name = format!("{}-{verb}", utc(now));
@@ -188,7 +244,7 @@ impl RunFolder {
         for k in 1..1000 {
             let path = runs.join(if k == 1 { name.clone() } else { format!("{name}-{k}") });
             match std::fs::create_dir(&path) {
-                Ok(()) => return Ok(RunFolder { path }),
+                Ok(()) => return Ok(RunFolder { path, origin }),
                 Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
                 Err(e) => return Err(fail(&path, e)),
             }
@@ -209,8 +265,14 @@ impl RunFolder {
         Ok(path)
     }
 
-    /// `result.json`.
+    /// `result.json`, with what the run was made from.
     pub fn result(&self, json: &serde_json::Value) -> Result<PathBuf, RunError> {
+        let mut json = json.clone();
+        for (key, from) in [(STUDY_FILE, &self.origin.file), (FROM_RUN, &self.origin.run)] {
+            if let (Some(from), Some(map)) = (from, json.as_object_mut()) {
+                map.insert(key.into(), from.as_str().into());
+            }
+        }
         let path = self.write(RESULT, format!("{json:#}\n").as_bytes())?;
         // What a ladder kept on its way has its place in the result; where it cannot be removed nobody looks for it any more.
         let _ = std::fs::remove_file(self.path.join(RUNG));
@@ -308,6 +370,14 @@ fn utc(seconds: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_names_of_runs_are_runs() {
+        assert!(is_run("20261124-112100-ladder") && is_run("20261124-112100-add-2"));
+        for other in ["", "..", "20261124-112100-", "20261124-112100-a/b", "20261124-112100-..", "notes", "20261124_112100-fit"] {
+            assert!(!is_run(other), "{other}");
+        }
+    }
 
     #[test]
     fn time_of_a_run() {

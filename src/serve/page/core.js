@@ -109,6 +109,8 @@ export function ask(text) {
   });
 }
 
+/** A word as a shell takes it. */
+export const quoted = word => /^[\w\-./:=+,@%]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`;
 export function command(text) { document.getElementById("command").textContent = text; }
 export function node(id = state.model) { return state.about?.models.find(m => m.id === id) || null; }
 
@@ -122,12 +124,14 @@ export function modelName(m) {
 
 function made(m) {
   if (m.id === "study") return "the study as it stands";
-  if (m.verb === "add" && m.added) return `+ ${m.added.effect} at ${m.added.at}`;
+  if (m.verb === "add" && m.added) return `+ ${effectName(m.added)}`;
   if (m.verb === "ladder") return `ladder${m.stopped ? ", stopped" : ""}: ` + found(m);
   return m.verb;
 }
+/** An effect with its place; a law over a condition with the parameter and the condition, since several may act at one place. */
+export const effectName = e => `${e.effect} at ${e.at}${e.of ? ` (${e.of})` : ""}`;
 /** What a ladder has found; one that was stopped with nothing has not said that nothing is missing. */
-export const found = m => (m.missing || []).map(e => `${e.effect} at ${e.at}`).join(", ") || (m.stopped || m.interrupted ? "nothing added yet" : (m.verdict || "").replaceAll("_", " "));
+export const found = m => (m.missing || []).map(effectName).join(", ") || (m.stopped || m.interrupted ? "nothing added yet" : (m.verdict || "").replaceAll("_", " "));
 export const runTime = id => /^\d{8}-\d{6}/.test(id) ? `${id.slice(0, 4)}-${id.slice(4, 6)}-${id.slice(6, 8)} ${id.slice(9, 11)}:${id.slice(11, 13)}` : "";
 
 /** A model as it was chosen keeps its place in the address, so that a page that is reloaded shows it again. */

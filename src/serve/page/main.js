@@ -1,5 +1,5 @@
 // The page: studies, views, the model that is shown, events of the server.
-import { state, el, api, of, on, emit, attempt, say, command, node, modelName, percent, digits, remember } from "./core.js";
+import { state, el, api, of, on, emit, attempt, say, command, node, modelName, effectName, quoted, percent, digits, remember } from "./core.js";
 import { load } from "./compare.js";
 import "./structure.js";
 import "./parameters.js";
@@ -37,11 +37,18 @@ tabs.forEach((tab, k) => {
 /** The command line of what is shown, as long as nothing was set going. */
 function suggest() {
   if (!state.about || state.view === "new" || (state.job && !state.job.ended)) return;
-  const folder = state.about.study.folder, path = state.model === "study" ? folder : `${folder}/runs/${state.model}`;
-  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${quoted(path)}${state.view === "structure" ? " --scores" : ""}${state.about.study.options}`);
+  const own = state.studies.find(s => s.id === state.study)?.path, path = state.model === "study" ? own : `${state.about.study.folder}/runs/${state.model}`;
+  // Scores are about the fit of the model, wherever its sliders stand.
+  const starts = state.view === "structure" ? "" : moved().map(s => ` --start ${quoted(s)}`).join("");
+  command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${quoted(path)}${state.view === "structure" ? " --scores" : ""}${starts}${state.about.study.options}`);
 }
 
-const quoted = path => /^[\w\-./]+$/.test(path) ? path : `'${path}'`;
+/** The values that sliders were moved to, as `--start` takes them. */
+function moved() {
+  const all = state.described?.parameters || [];
+  return all.filter(p => p.key in state.values).map(p => `${p.name}=${+(state.values[p.key] / (p.factor || 1)).toPrecision(12)} ${p.unit}`.trim());
+}
+on("values", suggest);
 
 let source = null;
 async function openStudy(id, model, view) {
@@ -130,7 +137,7 @@ on("go", async ({ model, from, verb }) => {
   const now = node();
   if (verb === "add" && from && now?.errors?.fit) {
     const before = now.before || from.errors?.fit;
-    say(`Added ${now.added.effect} at ${now.added.at}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (${digits(now.errors.fit.error / now.errors.fit.floor, 3)} × floor)${now.errors.select ? `, on the select tests it is ${percent(now.errors.select.error)} (${digits(now.errors.select.error / now.errors.select.floor, 3)} × floor)` : ""}. ${now.errors.fit.error > 1.3 * now.errors.fit.floor ? "More than the noise is left. " : ""}Undo goes back.`);
+    say(`Added ${effectName(now.added)}: the error on the fit tests ${before ? `went from ${percent(before.error)} to` : "is now"} ${percent(now.errors.fit.error)} (${digits(now.errors.fit.error / now.errors.fit.floor, 3)} × floor)${now.errors.select ? `, on the select tests it is ${percent(now.errors.select.error)} (${digits(now.errors.select.error / now.errors.select.floor, 3)} × floor)` : ""}. ${now.errors.fit.error > 1.3 * now.errors.fit.floor ? "More than the noise is left. " : ""}Undo goes back.`);
   }
 });
 
@@ -158,6 +165,8 @@ function none() {
   say("There is no study in this folder yet: drop the files of a test bench to make one.");
 }
 
+on("saved", () => attempt(async () => { list(await api("studies")); document.getElementById("study").value = state.study; }));
+on("open-study", id => { state.beside = null; openStudy(id, null, "compare"); });
 on("written", async ({ study, told, line }) => {
   await attempt(async () => {
     list(await api("studies"));
@@ -174,7 +183,7 @@ on("written", async ({ study, told, line }) => {
 
 document.getElementById("study").addEventListener("change", e => { state.beside = null; openStudy(e.target.value, null, state.view === "new" ? "compare" : state.view); });
 document.getElementById("undo").addEventListener("click", () => { const parent = node()?.parent; if (parent) emit("go", { model: parent }); });
-document.getElementById("do-fit").addEventListener("click", () => run({ verb: "fit", values: state.values }));
+document.getElementById("do-fit").addEventListener("click", () => run({ verb: "fit" }));
 document.getElementById("do-score").addEventListener("click", () => { show("structure"); run({ verb: "score" }); });
 document.getElementById("copy").addEventListener("click", () => navigator.clipboard?.writeText(document.getElementById("command").textContent));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => emit("tests"));

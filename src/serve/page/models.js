@@ -1,5 +1,5 @@
 // Models: the tree, work under way, the ladder, saving.
-import { state, el, svg, of, api, on, emit, attempt, percent, digits, say, command, node, modelName, found, runTime, failureText, splitWords } from "./core.js";
+import { state, el, svg, of, api, on, emit, attempt, percent, digits, say, command, node, modelName, effectName, found, runTime, failureText, splitWords } from "./core.js";
 import { move, restore, visibleTests } from "./compare.js";
 import { thumb } from "./plots.js";
 
@@ -9,7 +9,9 @@ const models = document.getElementById("view-models"), ladder = document.getElem
 /** Starts a verb on the model that is shown. */
 export async function run(order) {
   await attempt(async () => {
-    const begun = await api(of("run"), { model: state.model, ...order });
+    // Scores are about the fit of the model; a run that is gone on with has its own values.
+    const values = ["score", "resume"].includes(order.verb) ? {} : state.values;
+    const begun = await api(of("run"), { model: state.model, values, ...order });
     command(begun.command);
     state.job = { id: begun.job, verb: begun.verb, model: begun.model, lines: [], cost: [], ended: null, order };
     drawJob();
@@ -125,16 +127,24 @@ function drawModels() {
   const name = el("input", { type: "text", id: "save-name", pattern: "[A-Za-z0-9_\\-]{1,64}", maxlength: 64, required: true, title: "letters, digits, - and _, at most 64", placeholder: "with-friction", "aria-label": "Name of the study" });
   const save = async e => {
     e.preventDefault();
-    await attempt(async () => { const done = await api(of("save"), { model: state.model, name: name.value }); command(done.command); say(`Saved as ${done.file}: your study.toml with its comments, ${done.moved ? "the values of this model" : "its own values"}, and ${done.added.map(a => `${a.effect} at ${a.at}`).join(", ") || "nothing added"}.${done.kept.length ? ` Not written in that file, and therefore as they were: ${done.kept.join(", ")}.` : ""}`); });
+    await attempt(async () => { const done = await api(of("save"), { model: state.model, name: name.value }); command(done.command); say(`Saved as ${done.file}: your study.toml with its comments, ${done.moved ? "the values of this model" : "its own values"}, and ${done.added.map(effectName).join(", ") || "nothing added"}.${done.kept.length ? ` Not written in that file, and therefore as they were: ${done.kept.join(", ")}.` : ""} It can be opened at the top of the page.`); emit("saved"); });
   };
   const file = state.about.study.file;
   models.replaceChildren(el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Model", "Fit", "Select", "Held out", "Ended", "Files of its run"].map(h => el("th", { scope: "col" }, h)))), el("tbody", {}, ...[...state.about.models].sort((a, b) => (a.parent ? 1 : 0) - (b.parent ? 1 : 0) || (a.id < b.id ? 1 : -1)).map(row)))),
     el("form", { class: "save", onsubmit: save }, el("h2", {}, "Save this model as a study"), el("p", { class: "soft" }, `A copy of ${file} with its comments, with the values of this model and the effects that were added, beside it, under this name.`),
       el("label", {}, "Name ", name), " ", el("button", { type: "submit" }, "Save")),
+    ...saved(),
     el("h2", {}, "Export this model"), el("p", { class: "buttons" }, ...["json", "csv", "parquet", "adams", "exudyn"].map(f => el("label", {}, el("input", { type: "checkbox", class: "format", value: f, checked: f === "json" || f === "csv" }), " " + f)),
       el("button", { type: "button", onclick: () => { const to = [...models.querySelectorAll("input.format:checked")].map(i => i.value); to.length ? run({ verb: "export", to }) : say("Choose a format.", true); } }, "Export")),
     state.exported ? el("p", {}, "Written: ", ...state.exported.files.flatMap(f => { const name = f.split(/[\\/]/).pop(); return [el("a", { href: `/api/${of("runs")}/${state.exported.run}/${name}`, target: "_blank", rel: "noopener" }, name), " "]; }), ...state.exported.notes.map(n => el("span", { class: "soft" }, n + "; "))) : "",
     ...unfinished());
+}
+
+/** The other studies of this folder, those that were saved here among them. */
+function saved() {
+  const others = state.studies.filter(s => s.id !== state.study && s.path.startsWith(state.about.study.folder));
+  if (!others.length) return [];
+  return [el("h2", {}, "Studies beside this one"), el("ul", {}, ...others.map(s => el("li", {}, el("button", { type: "button", class: "link", onclick: () => emit("open-study", s.id) }, s.path))))];
 }
 
 /** Runs that were killed, each with what can be done. */
@@ -159,7 +169,7 @@ function drawLadder() {
     parts.push(el("h2", {}, job.ended ? "Last ladder" : "Under way"), added.length ? el("ol", {}, ...added.map(l => el("li", {}, l))) : "", el("pre", { class: "log", tabindex: 0, "aria-label": "Progress" }, job.lines.slice(-40).join("\n")));
   }
   if (shown?.rungs) {
-    const words = e => e ? `${e.effect} at ${e.at}` : "-";
+    const words = e => e ? effectName(e) : "-";
     const h = shown.held_out;
     parts.push(el("h2", {}, `${shown.interrupted ? "So far" : "Found"}: ${found(shown)}`),
       el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Rung", "Added", "Removed", "Nats", "Fit", "Select", "Held out"].map(t => el("th", { scope: "col" }, t)))),

@@ -1,5 +1,5 @@
 // Parameters: values with intervals, and sliders that move the curves.
-import { state, el, svg, on, digits } from "./core.js";
+import { state, el, svg, on, emit, digits } from "./core.js";
 import { card, move, visibleTests } from "./compare.js";
 import { run } from "./models.js";
 
@@ -60,8 +60,10 @@ function row(p) {
   const inUnit = v => digits(v / k, 5);
   const slider = el("input", { type: "range", min: 0, max: 1000, step: 0.05, value: s.from(now), "aria-label": `${p.name}, slider` });
   const number = el("input", { type: "text", inputmode: "decimal", size: 9, value: inUnit(now), "aria-label": `${p.name} in ${p.unit || "its unit"}` });
-  const set = v => { state.values = { ...state.values, [p.key]: v }; slider.closest("tr").classList.add("moved"); send(); };
-  slider.addEventListener("input", () => { const v = s.to(+slider.value); number.value = inUnit(v); slider.setAttribute("aria-valuetext", `${inUnit(v)} ${p.unit}`); set(v); });
+  // What is sent is what is shown and told, within the bounds.
+  const round = v => Math.min(Math.max(+(v / k).toPrecision(5) * k, p.min ?? -Infinity), p.max ?? Infinity);
+  const set = v => { state.values = { ...state.values, [p.key]: v }; slider.closest("tr").classList.add("moved"); emit("values"); send(); };
+  slider.addEventListener("input", () => { const v = round(s.to(+slider.value)); number.value = inUnit(v); slider.setAttribute("aria-valuetext", `${inUnit(v)} ${p.unit}`); set(v); });
   number.addEventListener("change", () => { const v = parseFloat(number.value.replace(",", ".")) * k; if (Number.isFinite(v)) { slider.value = s.from(v); set(v); } });
   const [a, b] = p.interval || [];
   const interval = p.at_bound ? "-" : p.identifiable ? `${inUnit(a)} to ${inUnit(b)}` : p.identifiable === false ? "the data do not say" : "-";
@@ -91,8 +93,8 @@ function draw() {
   const free = d.parameters.filter(p => p.free), fixed = d.parameters.filter(p => !p.free);
   view.replaceChildren(table(free.length ? free : fixed),
     free.length && fixed.length ? el("details", {}, el("summary", {}, `${fixed.length} fixed values`), table(fixed)) : "",
-    el("p", { class: "buttons" }, el("button", { type: "button", onclick: () => { state.values = {}; draw(); send(); } }, "Put back"),
-      el("button", { type: "button", onclick: () => run({ verb: "fit", values: state.values }) }, "Fit from these values"), el("label", {}, "Curves of ", select)), el("h2", {}, "Tests"), grid);
+    el("p", { class: "buttons" }, el("button", { type: "button", onclick: () => { state.values = {}; draw(); emit("values"); send(); } }, "Put back"),
+      el("button", { type: "button", onclick: () => run({ verb: "fit" }) }, "Fit from these values"), el("label", {}, "Curves of ", select)), el("h2", {}, "Tests"), grid);
 }
 
 on("tests", draw);

@@ -166,7 +166,7 @@ fn as_it_stands(case: &Case, fitted: &Fitted) -> (Scale, Option<Weighed>) {
 
 /// The effects of a system with their places.
 pub fn effects(system: &System) -> Vec<EffectAt> {
-    system.instances.iter().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() }).collect()
+    system.instances.iter().map(|i| EffectAt::of(system, i)).collect()
 }
 
 /// A number with this many significant digits, in plain notation where that is short.

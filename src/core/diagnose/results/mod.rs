@@ -15,6 +15,7 @@ pub use reason::{Fault, Reason};
 pub use unexplained::{Missed, Unexplained};
 
 use crate::diagnose::settings::Settings;
+use crate::model::{Instance, System};
 
 /// Which use a test serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, schemars::JsonSchema)]
@@ -245,6 +246,25 @@ pub struct EffectAt {
     pub effect: String,
     /// Place.
     pub at: String,
+    /// Of a coefficient, the parameter that it acts on and the condition: `viscous.c over i`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of: Option<String>,
+}
+
+impl EffectAt {
+    /// What an instance of `system` is.
+    pub fn of(system: &System, instance: &Instance) -> EffectAt {
+        let of = instance.target.as_ref().and_then(|t| t.acts_on(system));
+        EffectAt { effect: instance.name().into(), at: instance.at.clone(), of }
+    }
+}
+
+impl std::fmt::Display for EffectAt {
+    /// A law over a condition is told with the parameter and the condition: several may act at one place.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} at {}", self.effect, self.at)?;
+        self.of.as_ref().map_or(Ok(()), |of| write!(f, " ({of})"))
+    }
 }
 
 /// Result of `fit`.

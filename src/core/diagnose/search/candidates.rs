@@ -59,6 +59,11 @@ pub struct Name {
 }
 
 impl Name {
+    /// The name of an instance of `system`.
+    pub fn of(system: &System, instance: &Instance) -> Name {
+        let of = instance.target.as_ref().and_then(|t| t.acts_on(system));
+        Name { effect: instance.name(), at: instance.at.clone(), of }
+    }
     /// Parameters of a friction with memory; none of other effects.
     pub fn params_with_memory(&self) -> Option<usize> {
         let info = find(self.effect).ok()?.info();
@@ -140,10 +145,8 @@ impl List<'_> {
                     if taken {
                         continue;
                     }
-                    // Two laws over two conditions are two candidates: the condition is part of the name.
-                    let of = format!("{}.{} over {condition}", target.name(), target.effect.info().params[param].name);
                     let to = Target { instances: vec![i], param, condition: condition.clone(), reference: *reference, unit: unit.clone() };
-                    let name = Name { effect: info.name, at: target.at.clone(), of: Some(of) };
+                    let name = Name { effect: info.name, at: target.at.clone(), of: to.acts_on(system) };
                     self.push(effect, name, Site::Places(places.clone()), Some(to), vec![vec![]]);
                 }
             }

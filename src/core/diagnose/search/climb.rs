@@ -144,11 +144,10 @@ impl<'a> Climb<'a> {
         }
         system.instances.extend(found.iter().cloned());
         self.now = self.scale.weigh(&system, &self.now.v, self.monitor).map_err(DiagnoseError::start_fails)?;
-        let name = |i: &Instance| Name { effect: i.effect.info().name, at: i.at.clone(), of: None };
-        self.added.extend(found.iter().map(|i| Added::new(name(i))));
+        self.added.extend(found.iter().map(|i| Added::new(Name::of(&system, i))));
         self.forget();
         self.refine();
-        let last = found.last().map(|i| EffectAt { effect: i.name().into(), at: i.at.clone() });
+        let last = found.last().map(|i| EffectAt::of(&system, i));
         self.rung(last, vec![])
     }
 

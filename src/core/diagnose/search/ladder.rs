@@ -49,7 +49,7 @@ pub fn diagnose(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(FitResu
         _ if step.taken.is_some() => Verdict::Missing,
         grounds => judged(&grounds, &climb.settings).verdict,
     };
-    let missing = climb.added.iter().map(|a| EffectAt { effect: a.name.effect.into(), at: a.name.at.clone() }).collect();
+    let missing = climb.added.iter().map(|a| EffectAt::from(&a.name)).collect();
     let would = if verdict == Verdict::NothingMissing { detectable(&case, &fitted.system, &step.visible) } else { vec![] };
     let formula = if verdict == Verdict::Unexplained { climb.suggestion(&climb.first) } else { None };
     let (next_test, no_next_test) = climb.next_test(started);
@@ -251,13 +251,12 @@ impl Climb<'_> {
     pub(in crate::diagnose) fn taken(&mut self, taken: &super::step::Move, step: &Step) -> Result<Rung, DiagnoseError> {
         let watch = self.monitor.watch();
         parallel::watched(&watch, || self.add(taken, step));
-        let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
         for n in &taken.names {
             (self.watch)(&format!("added {n}: {:.1} nats", taken.gain));
         }
         let before = self.added.len() - taken.names.len();
         let removed = parallel::watched(&watch, || self.remove(before));
-        Ok(Rung { nats: Some(taken.gain), ..self.rung(taken.names.last().map(named), removed)? })
+        Ok(Rung { nats: Some(taken.gain), ..self.rung(taken.names.last().map(EffectAt::from), removed)? })
     }
 
     pub(in crate::diagnose) fn rung(&self, added: Option<EffectAt>, removed: Vec<EffectAt>) -> Result<Rung, DiagnoseError> {
@@ -442,7 +441,7 @@ impl Climb<'_> {
 
     /// Takes back all that was added; the rung on which the study's own model stands again.
     fn withdraw(&mut self) -> Result<Rung, DiagnoseError> {
-        let gone = self.added.drain(..).map(|a| EffectAt { effect: a.name.effect.into(), at: a.name.at }).collect();
+        let gone = self.added.drain(..).map(|a| EffectAt::from(&a.name)).collect();
         (self.watch)("withdrawing what the held-out tests do not bear out");
         self.now = self.first.clone();
         // Slack that was given on the way goes with the rest; what the study states is in its own model.

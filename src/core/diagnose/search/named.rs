@@ -6,14 +6,18 @@ use super::fault::{of_all, of_channel};
 use super::held_out::{HeldOutTests, Look};
 use super::ladder::strength_unit;
 use crate::diagnose::calibrate::weigh::{Tied, Weighed};
-use crate::diagnose::results::{Instrument, Missing};
+use crate::diagnose::results::{EffectAt, Instrument, Missing};
 use crate::model::Instance;
 
+impl From<&Name> for EffectAt {
+    fn from(name: &Name) -> EffectAt {
+        EffectAt { effect: name.effect.into(), at: name.at.clone(), of: name.of.clone() }
+    }
+}
+
 impl std::fmt::Display for Name {
-    /// A law over a condition is told with the parameter and the condition: several may act at one place.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} at {}", self.effect, self.at)?;
-        self.of.as_ref().map_or(Ok(()), |of| write!(f, " ({of})"))
+        EffectAt::from(self).fmt(f)
     }
 }
 

@@ -61,7 +61,7 @@ impl Climb<'_> {
             let gone = self.added.remove(k);
             among -= 1;
             (self.watch)(&format!("removed {}: it would gain {gain:.1} nats", gone.name));
-            removed.push(EffectAt { effect: gone.name.effect.into(), at: gone.name.at });
+            removed.push(EffectAt::from(&gone.name));
             self.now = small;
             self.forget();
         }
@@ -101,8 +101,7 @@ impl Climb<'_> {
         let own = self.now.fitted.system.instances.get(self.base + k).cloned();
         let mut gone = self.added.remove(k);
         (self.watch)(&format!("{name} takes the place of {}: {nats:.1} nats", gone.name));
-        let named = |n: &Name| EffectAt { effect: n.effect.into(), at: n.at.clone() };
-        let exchanged = (named(&name), named(&gone.name));
+        let exchanged = (EffectAt::from(&name), EffectAt::from(&gone.name));
         let mut kin: Vec<(Name, Instance)> = std::mem::take(&mut gone.kin).into_iter().filter(|(n, _)| *n != name).collect();
         kin.extend(own.filter(|_| acted_on).map(|own| (gone.name.clone(), own)));
         let place = if acted_on { k } else { self.added.len() };
@@ -136,7 +135,7 @@ impl Climb<'_> {
             self.now = without;
             self.forget();
             self.list_ties();
-            rungs.push(self.rung(None, vec![EffectAt { effect: gone.name.effect.into(), at: gone.name.at }])?);
+            rungs.push(self.rung(None, vec![EffectAt::from(&gone.name)])?);
         }
         Ok(())
     }
