@@ -8,7 +8,7 @@ use super::devtools::Browser;
 use crate::rig::{Rig, loop_csv, misfit};
 
 /// A rig whose dry friction grows with the interference `i`: 0.5 N at 0.1 mm, 1.5 N at 0.3 mm, 2.5 N at 0.5 mm.
-fn friction_that_grows() -> Rig {
+pub fn friction_that_grows() -> Rig {
     let rig = Rig::new();
     let toml = rig.read("data/dataset.toml");
     let (mut tests, mut parts) = (String::new(), toml.split("[[test]]"));

@@ -5,6 +5,7 @@ mod browser;
 mod client;
 mod devtools;
 mod errors;
+mod foot;
 mod fresh;
 mod hostile;
 mod numbers;
