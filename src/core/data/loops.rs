@@ -82,13 +82,16 @@ pub struct LoopChannel {
     pub correlation: Vec<f64>,
     /// Variance of a coefficient of the mean cycle ([`harmonics`]), harmonic by harmonic; empty with fewer than three cycles.
     pub scatter: Vec<f64>,
+    /// The same above the harmonics that are compared, from the first of these on.
+    pub above: Vec<f64>,
 }
 
 impl LoopChannel {
     /// Standard deviation of a point of the mean cycle by what its noise has at harmonic k: that over all harmonics, or more where the scatter between cycles has
     /// more there.
     pub fn sigma_at(&self, k: usize) -> f64 {
-        let seen = self.scatter.get(k.min(self.scatter.len().saturating_sub(1))).map_or(0.0, |v| v.sqrt());
+        let all = || self.scatter.iter().chain(&self.above);
+        let seen = all().nth(k).or(all().last()).map_or(0.0, |v| v.sqrt());
         seen.max(self.sigma_mean)
     }
 }
@@ -396,6 +399,7 @@ fn average(
         sigma_sample,
         sigma_mean,
         scatter: if scatter < floor { vec![] } else { spectrum::scatter(&folded, n) },
+        above: if scatter < floor { vec![] } else { spectrum::above(&folded, n) },
         correlation: if scatter < floor { vec![1.0] } else { correlation(&folded, n, rest) },
     }
 }

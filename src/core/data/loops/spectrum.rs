@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use nalgebra::DMatrix;
+use realfft::RealFftPlanner;
 
 /// Highest harmonic that is compared.
 pub const HARMONICS: usize = 40;
@@ -61,6 +62,32 @@ pub fn scatter(deviations: &[f64], n: usize) -> Vec<f64> {
     (0..=top).map(smooth).collect()
 }
 
+/// The same of the harmonics above [`HARMONICS`], each averaged with its two neighbours: a line of the mains, or of a sensor, stands in two or three harmonics
+/// of the cycle, and the mean of few cycles keeps much of it.
+pub fn above(deviations: &[f64], n: usize) -> Vec<f64> {
+    let cycles = deviations.len() / n.max(1);
+    if cycles < 3 || kept(n) < HARMONICS {
+        return vec![];
+    }
+    let forward = RealFftPlanner::<f64>::new().plan_fft_forward(n);
+    let (mut cycle, mut lines) = (forward.make_input_vec(), forward.make_output_vec());
+    let mut raw = vec![0.0; n.saturating_sub(1) / 2 + 1];
+    for own in deviations.chunks_exact(n) {
+        cycle.copy_from_slice(own);
+        // The buffers have the lengths that the transform asks for.
+        if forward.process(&mut cycle, &mut lines).is_err() {
+            return vec![];
+        }
+        raw.iter_mut().zip(&lines).for_each(|(sum, line)| *sum += line.norm_sqr());
+    }
+    let size = 1.0 / (n * cycles * (cycles - 1)) as f64;
+    let near = |h: usize| {
+        let near = &raw[h - 1..=(h + 1).min(raw.len() - 1)];
+        size * near.iter().sum::<f64>() / near.len() as f64
+    };
+    (HARMONICS + 1..raw.len()).map(near).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -73,6 +100,22 @@ mod tests {
             assert!((inner - DMatrix::identity(b.nrows(), b.nrows())).amax() < 1e-12, "{n}");
             assert_eq!(harmonic_of(n).len(), b.nrows());
         }
+    }
+
+    #[test]
+    fn a_line_above_the_harmonics_that_are_compared_has_its_variance_there() {
+        // Amplitudes 1, 0, -1 at harmonic 60 of 400 points: half of 400 / 3 in each of its coefficients, a third of that in it and in its neighbours.
+        let n = 400;
+        let wave = |c: f64| (0..n).map(move |k| c * (TAU * 60.0 * k as f64 / n as f64).sin());
+        let deviations: Vec<f64> = [1.0, 0.0, -1.0].into_iter().flat_map(wave).collect();
+        let s = above(&deviations, n);
+        assert_eq!(s.len(), 199 - HARMONICS);
+        let of = |h: usize| s[h - HARMONICS - 1];
+        for h in [59, 60, 61] {
+            approx::assert_relative_eq!(of(h), 0.5 * (n as f64 / 2.0) / 3.0 / 3.0, max_relative = 1e-9);
+        }
+        assert!(of(58) < 1e-18 && of(62) < 1e-18);
+        assert!(above(&deviations[..2 * n], n).is_empty());
     }
 
     #[test]
