@@ -108,7 +108,8 @@ class Study:
 
     Verbs read the files anew, so that a file edited meanwhile counts. Each leaves its folder `runs/<time>-<verb>` in the study, or `out`.
     All take: `out` folder of the run, `threads`, `max_seconds` after which they stop with the best state, `progress` (True: shown; False; or
-    a function of words and (iteration, cost)). Ctrl-C stops them with the best state as well.
+    a function of words and (iteration, cost)), `start` values of parameters in place of the study's, {"c1.x.viscous.c": "120 N s/m"}. Ctrl-C
+    stops them with the best state as well.
     """
 
     made: results.New | None = None
@@ -266,10 +267,12 @@ class Study:
 
     def _verb(self, kind: type[R], verb: str, words: list[str], common: dict[str, Any]) -> R:
         progress, max_seconds = common.pop("progress", True), common.get("max_seconds")
+        start: Mapping[str, str] = common.pop("start", None) or {}
+        words = [*words, *(word for name, value in start.items() for word in ("--start", f"{name}={value}"))]
         options = {"out": "--out", "seed": "--seed", "threads": "--threads", "max_seconds": "--max-seconds"}
         common = {"seed": self.seed, **common}
         for key in common.keys() - options.keys():
-            raise TypeError(f"{verb}() has no option {key!r}; it takes {', '.join([*options, 'progress'])}")
+            raise TypeError(f"{verb}() has no option {key!r}; it takes {', '.join([*options, 'start', 'progress'])}")
         all_words = [verb, os.fspath(self.path), *words]
         for key, value in common.items():
             all_words += _option(options[key], value)
