@@ -18,7 +18,7 @@ pub use calibrate::slack::{Slack, deviates};
 pub use error::DiagnoseError;
 pub use results::{Fault, Missed, Reason, Unexplained};
 pub use search::climb::unbounded;
-pub use search::ladder::{diagnose, ladder, ladder_keeping};
+pub use search::ladder::{diagnose, ladder};
 pub use search::map::{Mark, map};
 pub use settings::{Fitting, Proposals, Race, STATED, Scoring, Settings, Stated, Telling};
 
