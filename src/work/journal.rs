@@ -90,7 +90,8 @@ struct Read {
 /// Reads the journal in the folder of a run.
 fn read(run: &Path) -> Result<Read, Failure> {
     let file = RunFolder::at(run).journal();
-    let refused = |message: String| Failure::new("study", file.display().to_string(), message, "the folder of a `ladder` that was stopped or killed");
+    let refused =
+        |message: String| Failure::new("study", file.display().to_string(), message, "the folder of a `ladder` that was stopped or killed");
     let bytes = limits::bytes(&file, MOST as u64).map_err(|e| refused(format!("no fits of an earlier ladder to go on with: {e}")))?;
     let mut parts = bytes.split(|b| *b == b'\n');
     let head = parts.next().and_then(whole).and_then(|text| serde_json::from_str::<Head>(text).ok());

@@ -205,3 +205,89 @@ impl Journal {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::super::tests::{decay, options};
+    use super::super::{Monitor, fit, go_on};
+    use super::*;
+
+    /// What is handed out of two fits, one gone on with.
+    fn kept() -> (Vec<Kept>, [FitOutcome; 2]) {
+        let all: Arc<Mutex<Vec<Kept>>> = Arc::default();
+        let to = all.clone();
+        let monitor = Monitor::default().journal(Journal::new(vec![], Duration::ZERO, move |k| to.lock().unwrap().push(k.clone())));
+        let fits = both(&monitor);
+        let list = all.lock().unwrap().clone();
+        (list, fits)
+    }
+
+    fn both(monitor: &Monitor) -> [FitOutcome; 2] {
+        let (problem, mut few) = (decay([1.0, 1.5, 0.3], 1.0), options(3));
+        few.tolerances.max_iterations = 2;
+        let begun = fit(&problem, &[3.0, 0.2, -1.0], &few, monitor).unwrap();
+        [begun.clone(), go_on(&problem, begun, &options(3), monitor).unwrap()]
+    }
+
+    /// Everything but the time, to the last bit.
+    fn bits(o: &FitOutcome) -> String {
+        let at = (&o.p, &o.start, o.cost, o.start_cost, &o.residuals, &o.jacobian);
+        format!("{at:?} {:?} {:?} {:?} {:?} {:?} {:?}", o.termination, o.iterations, o.evaluations, o.active, o.held, o.gait)
+    }
+
+    #[test]
+    fn a_kept_fit_comes_back_to_the_last_bit_and_is_not_made_again() {
+        let (list, first) = kept();
+        assert_eq!(list.len(), 2);
+        assert_eq!(first.each_ref().map(bits), both(&Monitor::default()).each_ref().map(bits), "a journal changes nothing");
+        let text = serde_json::to_string(&list).unwrap();
+        let list: Vec<Kept> = serde_json::from_str(&text).unwrap();
+        let silent = |k: &Kept| panic!("it was fitted again: {k:?}");
+        let again = both(&Monitor::default().journal(Journal::new(list, Duration::ZERO, silent)));
+        assert_eq!(again.each_ref().map(bits), first.each_ref().map(bits));
+    }
+
+    #[test]
+    fn what_is_not_the_end_of_this_fit_is_not_believed() {
+        let (list, first) = kept();
+        let answers = |change: &dyn Fn(&mut Kept)| {
+            let mut list = list.clone();
+            list.iter_mut().for_each(change);
+            let made: Arc<Mutex<usize>> = Arc::default();
+            let count = made.clone();
+            let journal = Journal::new(list, Duration::ZERO, move |_| *count.lock().unwrap() += 1);
+            let fits = both(&Monitor::default().journal(journal));
+            assert_eq!(fits.each_ref().map(bits), first.each_ref().map(bits));
+            *made.lock().unwrap()
+        };
+        assert_eq!(answers(&|_| {}), 0);
+        assert_eq!(answers(&|k| k.begins.0[0] *= 1.0 + 1e-12), 0, "rounding");
+        assert_eq!(answers(&|k| k.begins.0[0] *= 1.0 + 1e-7), 2);
+        assert_eq!(answers(&|k| k.p.0[1] *= 1.0 + 1e-3), 2);
+        assert_eq!(answers(&|k| k.p.0[2] = f64::NAN), 2);
+        assert_eq!(answers(&|k| k.p.0[2] = 1e308), 2);
+        assert_eq!(answers(&|k| k.ends.0[0] *= 1.001), 2);
+        assert_eq!(answers(&|k| k.ends.0[1] = f64::INFINITY), 2);
+        assert_eq!(answers(&|k| k.ends.0.truncate(2)), 2);
+        assert_eq!(answers(&|k| k.held = vec![3]), 2);
+        assert_eq!(answers(&|k| (k.active, k.multipliers) = (vec![Source::Row(0)], Exact(vec![1.0]))), 2);
+    }
+
+    #[test]
+    fn a_fit_that_was_cut_off_is_not_kept() {
+        let all: Arc<Mutex<Vec<Kept>>> = Arc::default();
+        let to = all.clone();
+        let keep = move |k: &Kept| to.lock().unwrap().push(k.clone());
+        let flag: Arc<std::sync::atomic::AtomicBool> = Arc::default();
+        let stop = flag.clone();
+        let monitor = Monitor::default()
+            .cancel(flag)
+            .on_iteration(move |_| stop.store(true, std::sync::atomic::Ordering::Relaxed))
+            .journal(Journal::new(vec![], Duration::ZERO, keep));
+        let cut = fit(&decay([1.0, 1.5, 0.3], 1.0), &[3.0, 0.2, -1.0], &options(3), &monitor).unwrap();
+        assert_eq!(cut.termination, Termination::Interrupted);
+        assert!(all.lock().unwrap().is_empty());
+    }
+}
