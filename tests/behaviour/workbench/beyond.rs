@@ -226,6 +226,39 @@ fn a_ladder_killed_on_the_command_line_goes_on_there_and_on_the_page() {
     assert!(ran.error()[2].contains("no fits of an earlier ladder"), "{}", ran.stdout);
 }
 
+/// A ladder that is stopped on the page is climbed again from where it began, with the values that it was ordered with.
+#[test]
+fn a_ladder_stopped_on_the_page_ends_as_an_undisturbed_one() {
+    let rig = hiding();
+    let served = Served::start(rig.folder(), &["--json"]);
+    let order = json!({ "verb": "ladder", "model": "study", "values": { "0.0": 23e3 } });
+    let whole = served.run(&order);
+    let begun = served.post("run", &order).json();
+    let lines = |run: &std::path::Path| std::fs::read_to_string(run.join("fits.journal")).map_or(0, |text| text.lines().count());
+    while !rig.runs().iter().any(|run| lines(run) > 10) {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    assert_eq!(served.post("stop", &json!({ "job": begun["job"] })).status, 200);
+    let ended = served.wait(&begun["job"]);
+    assert_eq!(ended["status"], "stopped", "{ended}");
+    let stopped = ended["result"]["model"].as_str().unwrap();
+    let begun = served.post("run", &json!({ "verb": "resume", "model": stopped, "resume": stopped })).json();
+    let command = begun["command"].as_str().unwrap();
+    assert!(
+        command.starts_with(&format!("misfit ladder {} --resume ", rig.folder().display())) && command.contains("--start"),
+        "{command}"
+    );
+    let ended = served.wait(&begun["job"]);
+    let result = |ended: &Value| -> Value {
+        let model = ended["result"]["model"].as_str().unwrap_or_else(|| panic!("{ended}"));
+        serde_json::from_str(&rig.read(&format!("runs/{model}/result.json"))).unwrap()
+    };
+    let (again, whole) = (result(&ended), result(&whole));
+    let told = |r: &Value| (r["missing"].clone(), r["verdict"].clone(), r["rungs"][1]["cost"].clone(), r["rungs"][0]["cost"].clone());
+    assert_eq!(told(&again), told(&whole));
+    assert_eq!((&again["workbench"]["parent"], &again["workbench"]["resumed"]), (&json!("study"), &json!(stopped)));
+}
+
 #[cfg(unix)]
 #[test]
 fn a_ladder_of_the_page_that_was_killed_goes_on() {
