@@ -236,7 +236,7 @@ class Study:
 
     def ladder(self, resume: PathLike | None = None, **common: Any) -> results.Ladder:
         """Diagnoses, adds, refits and prunes until no effect earns its place. The study stays as it is; `resolved()` of the result is the
-        study with what was found. `resume` is the folder of a ladder that was stopped or killed."""
+        study with what was found. `resume` is the folder of a ladder that was stopped or killed: it ends as if nothing had happened."""
         return self._verb(results.Ladder, "ladder", _option("--resume", resume), common)
 
     def predict(self, bootstrap: int | None = None, resume: PathLike | None = None, **common: Any) -> results.Predict:

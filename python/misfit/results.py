@@ -1083,7 +1083,7 @@ class Telling(msgspec.Struct, kw_only=True):
 class Ladder(Run, kw_only=True, dict=True):
     """Result of `ladder`."""
     began_with: list[EffectAt]
-    """Effects beyond the study with which the first rung began: those of a model, or of an earlier ladder that was gone on with."""
+    """Effects beyond the study with which the first rung began: those of the model that it was climbed from."""
     corrections: list[Correction]
     """What the study ties or fixes and the data do not."""
     ended: str

@@ -78,10 +78,14 @@ def test_the_ladder_finds_what_is_hidden(friction):
     with_them = found.resolved()
     held_out = [t for t in with_them.compare().tests if t.split == "held_out"]
     assert held_out and all(t.error < 2 * t.floor for t in held_out)
-    # Gone on with, it begins with what was found, which stays missing, and finds nothing more.
-    again = friction.ladder(resume=found.result_study)
-    assert {(e.effect, e.at) for e in again.began_with} == {("bouc_wen", "c1.x"), ("maxwell", "c1.x")}
+    # What was stopped and is gone on with ends as if nothing had happened; what has come to its end is not gone on with.
+    with pytest.warns(misfit.Interrupted):
+        stopped = friction.ladder(max_seconds=1.0)
+    again = friction.ladder(resume=stopped.result_study)
+    assert stopped.interrupted and [r.cost for r in again.rungs] == [r.cost for r in found.rungs]
     assert again.verdict == "missing" and {(m.effect, m.at) for m in again.missing} == {("bouc_wen", "c1.x"), ("maxwell", "c1.x")}
+    with pytest.raises(misfit.Error, match="no fits of an earlier ladder"):
+        friction.ladder(resume=found.result_study)
 
 
 def test_a_study_made_of_files(tmp_path):

@@ -13,7 +13,7 @@ use crate::work::{self, Failure};
 pub(super) struct Args {
     #[command(flatten)]
     pub common: Common,
-    /// Go on from the last rung of a ladder that was stopped or killed, kept in the folder of its run
+    /// Go on with a ladder that was stopped or killed, from the folder of its run; it ends as if nothing had happened
     #[arg(long, value_name = "RUNDIR")]
     resume: Option<PathBuf>,
 }
@@ -22,12 +22,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let session = Session::begin(&args.common)?;
     let study = session.study()?;
     let case = session.case(&study)?;
-    let case = match &args.resume {
-        Some(run) => work::gone_on(&study, &case, run)?,
-        None => case,
-    };
     let folder = session.folder(&study, "ladder")?;
-    let done = work::ladder(&study, &case, &folder, &session.monitor(), &|step: &str| session.progress.say(step));
+    let done = work::ladder(&study, &case, &folder, args.resume.as_deref(), session.monitor(), &|step: &str| session.progress.say(step));
     session.progress.end();
     let (result, _) = done.inspect_err(|_| folder.discard())?;
     if let Some(last) = result.rungs.last() {
@@ -35,7 +31,10 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let value = fit::json(&result, &folder)?;
     folder.result(&value)?;
-    let text = told(&result) + &format!("The study with these effects and values: {}\n", folder.path.display());
+    let mut text = told(&result) + &format!("The study with these effects and values: {}\n", folder.path.display());
+    if result.interrupted {
+        text += &format!("Stopped; to go on: --resume {}\n", folder.path.display());
+    }
     Ok(Outcome { json: value, text, code: if result.interrupted { INTERRUPTED } else { 0 } })
 }
 
@@ -57,10 +56,6 @@ fn told(result: &LadderResult) -> String {
     let rows: Vec<Vec<String>> = result.rungs.iter().enumerate().map(row).collect();
     let header = ["rung", "added", "removed", "nats", "fit error", "/floor", "select error", "/floor", "held-out error", "/floor"];
     let mut text = format!("{}\n\n{}\n", result.study, table(&header, &rows));
-    if !result.began_with.is_empty() {
-        let had: Vec<String> = result.began_with.iter().map(|e| format!("{} at {}", e.effect, e.at)).collect();
-        text += &format!("It went on from a model that had {} already.\n\n", had.join(", "));
-    }
     if let Some(last) = result.rungs.last() {
         text += &text::parameters(&last.parameters);
         text += "\n";

@@ -58,6 +58,10 @@ fn finish(loaded: &Loaded, job: &Job, order: &Order, folder: &RunFolder, mut val
         "parent": job.model, "command": job.command, "resumed": order.resume, "held_out_opened": opens,
         "held_out_opened_before": loaded.opened().len(),
     });
+    // A ladder that was stopped is climbed again as it was ordered.
+    if value["interrupted"] == true {
+        value["workbench"]["order"] = plain(order)?;
+    }
     folder.result(&value)?;
     // The result says the same.
     let _ = std::fs::remove_file(folder.path.join(ORDER));
@@ -243,11 +247,11 @@ fn candidate(system: &System, dataset: &crate::data::Dataset, (m, scored): (&Mar
 
 fn ladder(loaded: &Loaded, job: &Job, case: &Case, order: &Order) -> Result<Value, Failure> {
     let study = &loaded.study;
-    // A ladder that was killed before its first rung has left nothing, and is begun anew.
-    let left = order.resume.as_ref().map(|r| RunFolder::at(loaded.runs().join(r))).filter(|f| f.left().is_some());
-    let case = left.map_or_else(|| Ok(case.clone()), |old| work::gone_on(study, case, &old.path))?;
+    // A ladder that was killed before its first fit has left nothing, and is begun anew.
+    let old = order.resume.as_ref().map(|r| RunFolder::at(loaded.runs().join(r))).filter(|f| f.journal().is_file()).map(|f| f.path);
     let folder = begin(loaded, job, order)?;
-    let done = work::ladder(study, &case, &folder, &job.monitor(case.system.clone()), &|step: &str| job.say(step));
+    let monitor = job.monitor(case.system.clone());
+    let done = work::ladder(study, case, &folder, old.as_deref(), monitor, &|step: &str| job.say(step));
     let (result, system) = done.inspect_err(|_| discard(&folder))?;
     let value = work::json(&result, &folder)?;
     // A ladder reads the held-out tests at its end.

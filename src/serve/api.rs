@@ -251,7 +251,12 @@ fn run_file(bench: &Bench, run: &str, file: &str) -> Answer {
     // Names are looked for in the listing before they become a path; a link would lead out of the study.
     let no_link = |path: &std::path::Path| std::fs::symlink_metadata(path).is_ok_and(|m| !m.file_type().is_symlink());
     let folder = runs.join(run);
-    if !is_run(run) || file == "checkpoint.json" || !listed(&runs, run) || !no_link(&folder) || !listed(&folder, file) {
+    if !is_run(run)
+        || ["checkpoint.json", "fits.journal"].contains(&file)
+        || !listed(&runs, run)
+        || !no_link(&folder)
+        || !listed(&folder, file)
+    {
         return Err(unknown());
     }
     let path = folder.join(file);

@@ -214,7 +214,7 @@ impl Loaded {
                         continue;
                     }
                     let folder = RunFolder::at(folder);
-                    let goes_on = order.is_some() || folder.checkpoint().is_file() || folder.left().is_some();
+                    let goes_on = order.is_some() || folder.checkpoint().is_file() || folder.journal().is_file();
                     open.push(Unfinished { id: name.clone(), verb, goes_on, resumes: order.and_then(|o| o.resume) });
                 }
                 Some(result) if result[STUDY_FILE].as_str() == own.as_deref() => found.push((name.clone(), verb, result)),
@@ -280,6 +280,14 @@ impl Loaded {
         let tree = lock(&self.tree);
         let node = tree.nodes.get(id)?;
         interrupted(&node.result).then(|| node.verb.clone())
+    }
+
+    /// The model that a run began from, and the order that it was made by where it keeps that.
+    pub fn made_by(&self, id: &str) -> (String, Option<Order>) {
+        let tree = lock(&self.tree);
+        let node = tree.nodes.get(id);
+        let order = node.and_then(|n| serde_json::from_value(n.result["workbench"]["order"].clone()).ok());
+        (node.and_then(|n| n.parent.clone()).unwrap_or(ROOT.into()), order)
     }
 
     /// Profiles of the parameters of a model, the latest of each.

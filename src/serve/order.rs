@@ -89,7 +89,7 @@ pub fn command(bench: &Bench, order: &Order, starts: &[String]) -> String {
         // A run that has kept nothing is begun anew.
         let kept = match order.verb.as_str() {
             "fit" => old.checkpoint().is_file(),
-            "ladder" => old.left().is_some(),
+            "ladder" => old.journal().is_file(),
             _ => false,
         };
         line += &if kept { format!(" --resume {}", run(resume)) } else { String::new() };

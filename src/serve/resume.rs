@@ -1,7 +1,7 @@
 //! Runs that were stopped or killed, gone on with.
 
 use crate::limits;
-use crate::study::run::is_run;
+use crate::study::run::{RunFolder, is_run};
 use crate::work::Failure;
 
 use super::bench::{Loaded, ROOT};
@@ -14,8 +14,17 @@ use super::order::{ORDER, ORDER_BYTES, Order};
 pub fn goes_on(loaded: &Loaded, run: &str) -> Result<Order, Failure> {
     let refused = |message: &str| Failure::new("serve", run, message, "a run that was stopped or killed");
     let of = |verb: &str, model: &str| Order { verb: verb.into(), model: model.into(), resume: Some(run.into()), ..Order::default() };
-    if let Some(verb) = loaded.stopped(run) {
-        return Ok(of(&verb, run));
+    match loaded.stopped(run) {
+        // A ladder is climbed again from where it began.
+        Some(verb) if verb == "ladder" => {
+            if !RunFolder::at(loaded.runs().join(run)).journal().is_file() {
+                return Err(refused("its folder holds no fits to go on with: an earlier version of misfit has written it"));
+            }
+            let (model, order) = loaded.made_by(run);
+            return Ok(Order { resume: Some(run.into()), ..order.unwrap_or_else(|| of(&verb, &model)) });
+        }
+        Some(verb) => return Ok(of(&verb, run)),
+        None => {}
     }
     let Some(open) = loaded.unfinished().into_iter().find(|u| u.id == run && is_run(run)) else {
         return Err(refused("there is no such run, or it has come to its end"));

@@ -17,6 +17,7 @@ mod house;
 mod missing;
 mod new;
 mod population;
+mod resumed;
 mod rig;
 mod round_trip;
 mod scheduler;

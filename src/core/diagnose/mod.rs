@@ -14,11 +14,11 @@ pub use calibrate::case::{Case, Fitted, Search};
 pub use calibrate::compare::{compare, glance};
 pub use calibrate::fit::{fit, unit_of};
 pub use calibrate::mode_energy::modes as mode_energies;
-pub use calibrate::slack::{Slack, deviates};
+pub use calibrate::slack::Slack;
 pub use error::DiagnoseError;
 pub use results::{Fault, Missed, Reason, Unexplained};
 pub use search::climb::unbounded;
-pub use search::ladder::{diagnose, ladder, ladder_keeping};
+pub use search::ladder::{diagnose, ladder};
 pub use search::map::{Mark, map};
 pub use settings::{Fitting, Proposals, Race, STATED, Scoring, Settings, Stated, Telling};
 

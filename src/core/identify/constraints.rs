@@ -28,7 +28,7 @@ pub struct Constraints {
 }
 
 /// Where one inequality a'p <= b comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Source {
     Lower(usize),
     Upper(usize),

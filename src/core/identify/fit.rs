@@ -2,6 +2,7 @@
 
 use super::constraints::{Constraints, Source};
 use super::ending::{LogEntry, Termination, Tolerances};
+use super::journal::{Asked, Kept};
 use super::lm::{ConstrainedLm, LmState};
 use super::monitor::{Checkpoint, Monitor};
 use super::problem::{Augmented, LeastSquares, LossBlock, Losses, Prior};
@@ -224,10 +225,11 @@ fn solver<'a, P: LeastSquares + ?Sized>(
 fn run<P: LeastSquares + ?Sized>(
     problem: &P,
     p: Vec<f64>,
-    solver: ConstrainedLm<'_>,
+    mut solver: ConstrainedLm<'_>,
     options: &FitOptions,
 ) -> Result<FitOutcome, IdentifyError> {
     let clock = Instant::now();
+    let monitor = solver.monitor;
     let augmented = Augmented { problem, priors: &options.priors };
     let start = p.clone();
     let first_iteration = solver.first_iteration;
@@ -239,27 +241,31 @@ fn run<P: LeastSquares + ?Sized>(
         watches: [solver.monitor.first_watch(), solver.monitor.watch()],
         begun: AtomicBool::new(solver.known.is_some()),
     };
+    // A fit of no iterations is one evaluation, and one with a checkpoint of its own goes on from there.
+    let journal = monitor.journal.as_ref().filter(|_| limit > 0 && monitor.checkpoint.is_none());
+    let (mut asked, mut before) = (None, 0);
+    if let Some(journal) = journal {
+        let went_on = solver.known.is_some();
+        let first = solver.known.take().map_or_else(|| evaluated.jacobian(&DVector::from_column_slice(&p)), Ok);
+        let (r, j) = first.map_err(start_fails)?;
+        let begins = Asked::new(&p, options, (&r, &j), solver.losses.cost(&r), went_on);
+        if let Some(outcome) = journal.find(&begins).and_then(|kept| again(kept, &evaluated, (&p, &r, &j), &solver.losses, options)) {
+            return Ok(outcome);
+        }
+        (solver.known, before, asked) = (Some((r, j)), u64::from(!went_on), Some(begins));
+    }
     let configure = |state: LmState| state.param(DVector::from_vec(p)).max_iters(limit).counting(true);
     let result = Executor::new(evaluated, solver).configure(configure).timer(false).run();
-    let mut result = result.map_err(|why| match why.downcast_ref::<EvalError>() {
-        Some(eval) => IdentifyError::StartFails(eval.clone()),
-        None => IdentifyError::StartFails(EvalError::new(why.to_string())),
-    })?;
+    let mut result = result.map_err(start_fails)?;
     let count = |name: &str| result.problem.counts.get(name).copied().unwrap_or(0);
-    let evaluations = (count("residual_count"), count("jacobian_count"));
+    let evaluations = (count("residual_count"), before + count("jacobian_count"));
     let solver = result.solver;
     let state = &mut result.state;
     let (Some(p), Some(residuals), Some(jacobian)) = (state.take_param(), state.take_residuals(), state.take_jacobian()) else {
         return Err(IdentifyError::Numerical { while_doing: "taking the outcome of the fit" });
     };
     let start_cost = solver.log.first().map_or_else(|| state.get_cost(), |entry| entry.cost);
-    let active = solver.active.iter();
-    let active = active.map(|&(source, multiplier)| ActiveConstraint {
-        label: options.constraints.label(source, &options.names),
-        multiplier,
-        source,
-    });
-    Ok(FitOutcome {
+    let outcome = FitOutcome {
         start,
         cost: solver.losses.cost(&residuals),
         start_cost,
@@ -268,11 +274,66 @@ fn run<P: LeastSquares + ?Sized>(
         iterations: first_iteration + state.get_iter(),
         evaluations,
         wall_s: clock.elapsed().as_secs_f64(),
-        active: active.collect(),
+        active: named(solver.active.iter().copied(), options),
         held: solver.held,
         log: solver.log,
         gait: Gait { lambda: solver.lambda, growth: solver.growth, scale: solver.scale, last_drop: solver.last_drop },
         p: p.as_slice().to_vec(),
+        residuals,
+        jacobian,
+    };
+    // What was given up on the way, here or in the work around it, is no end of this fit.
+    if let Some((journal, asked)) = journal.zip(asked).filter(|_| !monitor.stops() && !parallel::given_up()) {
+        journal.keep(asked, &outcome);
+    }
+    Ok(outcome)
+}
+
+/// The constraints that a fit rests on, by name.
+fn named(active: impl Iterator<Item = (Source, f64)>, options: &FitOptions) -> Vec<ActiveConstraint> {
+    let one = |(source, multiplier)| ActiveConstraint { label: options.constraints.label(source, &options.names), multiplier, source };
+    active.map(one).collect()
+}
+
+/// Why a fit cannot begin.
+fn start_fails(why: Error) -> IdentifyError {
+    IdentifyError::StartFails(why.downcast_ref::<EvalError>().cloned().unwrap_or_else(|| EvalError::new(why.to_string())))
+}
+
+/// The outcome of a kept fit that began as this one does, evaluated where it ended; none where that cannot be computed, is not feasible, or does not cost
+/// what was kept of it.
+fn again<P: LeastSquares + ?Sized>(
+    kept: &Kept,
+    evaluated: &Evaluated<'_, P>,
+    (start, r, j): (&[f64], &DVector<f64>, &DMatrix<f64>),
+    losses: &Losses,
+    options: &FitOptions,
+) -> Option<FitOutcome> {
+    let (gait, wall_s) = kept.gait(options)?;
+    let mut p = kept.p().to_vec();
+    if options.constraints.check_start(&p, &options.names).is_err() {
+        // A bound may have moved by its last bit.
+        options.constraints.snap(&mut p, &[]);
+        options.constraints.check_start(&p, &options.names).ok()?;
+    }
+    let there = || evaluated.jacobian(&DVector::from_column_slice(&p)).ok();
+    let (residuals, jacobian) = if p == start { (r.clone(), j.clone()) } else { there()? };
+    let (cost, start_cost) = (losses.cost(&residuals), losses.cost(r));
+    let (iterations, evaluations) = kept.took();
+    kept.costs(cost, start_cost).then(|| FitOutcome {
+        start: start.to_vec(),
+        cost,
+        start_cost,
+        n_residuals: evaluated.problem.problem.n_residuals(),
+        termination: kept.termination().clone(),
+        iterations,
+        evaluations,
+        wall_s,
+        active: named(kept.active(), options),
+        held: kept.held(),
+        log: vec![],
+        gait,
+        p,
         residuals,
         jacobian,
     })

@@ -1,6 +1,6 @@
 //! Watching, stopping and resuming a fit.
 
-use super::IdentifyError;
+use super::{IdentifyError, Journal};
 use crate::parallel::Watch;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -64,6 +64,8 @@ pub struct Monitor<'a> {
     /// called with the variables of the fit after every accepted iteration
     pub on_point: Option<PointCallback<'a>>,
     pub checkpoint: Option<CheckpointFile>,
+    /// answers fits that an earlier run has made, and keeps those that end
+    pub journal: Option<Arc<Journal>>,
 }
 
 impl<'a> Monitor<'a> {
@@ -99,6 +101,17 @@ impl<'a> Monitor<'a> {
         self
     }
 
+    #[must_use]
+    pub fn journal(mut self, journal: Journal) -> Self {
+        self.journal = Some(Arc::new(journal));
+        self
+    }
+
+    /// The time that earlier runs have taken for what the journal holds.
+    pub fn spent(&self) -> Duration {
+        self.journal.as_ref().map_or(Duration::ZERO, |journal| journal.spent())
+    }
+
     /// Same flag and deadline, no callback, the checkpoint shared: for the members of a multi-start. `best` is the least cost so far.
     pub(crate) fn member(&self, best: &Arc<Mutex<f64>>) -> Monitor<'static> {
         let shared = |file: &CheckpointFile| CheckpointFile { resume: false, best: Some(best.clone()), ..file.clone() };
@@ -110,9 +123,9 @@ impl<'a> Monitor<'a> {
         self.checkpoint.as_ref().is_some_and(|file| file.resume && file.path.exists())
     }
 
-    /// Same flag and deadline, neither callback nor checkpoint.
+    /// Same flag, deadline and journal, neither callback nor checkpoint.
     pub fn quiet(&self) -> Monitor<'static> {
-        Monitor { cancel: self.cancel.clone(), deadline: self.deadline, on_iteration: None, on_point: None, checkpoint: None }
+        Monitor { cancel: self.cancel.clone(), deadline: self.deadline, journal: self.journal.clone(), ..Monitor::default() }
     }
 
     /// The same flag, and a deadline at this share of the time that is left; without a deadline there is none.

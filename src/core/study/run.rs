@@ -229,7 +229,7 @@ impl RunFolder {
         let (origin, folder) = Origin::of(study);
         let fail = |path: &Path, e: std::io::Error| RunError::Write { path: path.to_path_buf(), reason: e.to_string() };
         if let Some(out) = out {
-            let known = [RESULT, CHECKPOINT, RUNG].iter().any(|f| out.join(f).exists());
+            let known = [RESULT, CHECKPOINT, JOURNAL].iter().any(|f| out.join(f).exists());
             if out.join("study.toml").exists() && !known {
                 return Err(RunError::Occupied { path: out.to_path_buf() });
             }
@@ -274,8 +274,10 @@ impl RunFolder {
             }
         }
         let path = self.write(RESULT, format!("{json:#}\n").as_bytes())?;
-        // What a ladder kept on its way has its place in the result; where it cannot be removed nobody looks for it any more.
-        let _ = std::fs::remove_file(self.path.join(RUNG));
+        // A ladder that has come to its end is not gone on with; where its journal cannot be removed nobody looks for it any more.
+        if json.get("interrupted").and_then(serde_json::Value::as_bool) != Some(true) {
+            self.forget();
+        }
         Ok(path)
     }
 
@@ -284,14 +286,19 @@ impl RunFolder {
         Ok(study.save(system, &self.path)?)
     }
 
-    /// `rung.toml`: the study with the model of the last rung of a ladder that is still climbing. The result takes its place.
-    pub fn rung(&self, study: &Study, system: &System) -> Result<PathBuf, RunError> {
-        Ok(study.save_as(system, &self.path, RUNG)?)
+    /// The file of the fits that a ladder has made, until it comes to its end.
+    pub fn journal(&self) -> PathBuf {
+        self.path.join(JOURNAL)
     }
 
-    /// The model that a ladder has left here: that of its end, or of its last rung where it was killed.
-    pub fn left(&self) -> Option<PathBuf> {
-        ["study.toml", RUNG].map(|name| self.path.join(name)).into_iter().find(|file| file.is_file())
+    /// Begins that file with these bytes.
+    pub fn begin_journal(&self, bytes: &[u8]) -> Result<PathBuf, RunError> {
+        self.write(JOURNAL, bytes)
+    }
+
+    /// Removes that file.
+    pub fn forget(&self) {
+        let _ = std::fs::remove_file(self.journal());
     }
 
     /// `residuals.parquet`: every measured value with its computed one.
@@ -309,7 +316,7 @@ impl RunFolder {
 }
 
 const CHECKPOINT: &str = "checkpoint.json";
-const RUNG: &str = "rung.toml";
+const JOURNAL: &str = "fits.journal";
 
 /// Every measured value with its computed one, as a table.
 ///

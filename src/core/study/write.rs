@@ -78,13 +78,8 @@ impl Study {
     /// Writes `<folder>/study.toml` with the values and effects of `system` ([`Study::with_values`]) and returns its path; makes the
     /// folder where it is missing. Never writes over the file of this study.
     pub fn save(&self, system: &System, folder: &Path) -> Result<PathBuf, StudyError> {
-        self.save_as(system, folder, "study.toml")
-    }
-
-    /// The same under another name.
-    pub fn save_as(&self, system: &System, folder: &Path, name: &str) -> Result<PathBuf, StudyError> {
         std::fs::create_dir_all(folder).map_err(|e| fail(folder, &e))?;
-        let file = folder.join(name);
+        let file = folder.join("study.toml");
         if let (Ok(new), Ok(own)) = (file.canonicalize(), self.file.canonicalize())
             && new == own
         {

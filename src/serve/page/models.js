@@ -174,7 +174,7 @@ function drawLadder() {
     parts.push(el("h2", {}, `${shown.interrupted ? "So far" : "Found"}: ${found(shown)}`),
       el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["Rung", "Added", "Removed", "Nats", "Fit", "Select", "Held out"].map(t => el("th", { scope: "col" }, t)))),
         el("tbody", {}, ...shown.rungs.map((r, k) => el("tr", {}, el("td", {}, String(k)), el("td", {}, words(r.added)), el("td", {}, (r.removed || []).map(words).join(", ") || "-"), el("td", { class: "n" }, Number.isFinite(r.nats) ? digits(r.nats, 3) : "-"), ...["fit", "select", "held_out"].map(s => el("td", {}, ratio(r.errors?.[s])))))))),
-      shown.began_with?.length ? el("p", {}, `It went on from a model that had ${shown.began_with.map(words).join(", ")} already.`) : "",
+      shown.began_with?.length ? el("p", {}, `It began with a model that had ${shown.began_with.map(words).join(", ")} already.`) : "",
       shown.why ? el("p", {}, `${shown.proven ? "Proven" : "Not proven"}: ${shown.why}.`) : "", h?.after ? el("p", {}, `Held-out error: ${percent(h.before)} before, ${percent(h.after)} after, floor ${percent(h.floor)}.`) : "",
       ...(shown.missing || []).filter(m => m.tied_with?.length).map(m => el("p", {}, `${words(m)} cannot be told from ${m.tied_with.join(", ")} by these tests.`)),
       shown.next_test ? el("div", { class: "next-test" }, el("h3", {}, "The next test"), el("p", {}, shown.next_test.describe), el("button", { type: "button", onclick: () => window.print() }, "Print")) : "",

@@ -1,4 +1,4 @@
-//! `kill -9` at random moments of fit, ladder and add: no file is half written, and a resumed fit ends where the undisturbed one does.
+//! `kill -9` at random moments of fit, ladder and add: no file is half written, and a resumed fit or ladder ends where the undisturbed one does.
 //!
 //! `MISFIT_KILLS=200 cargo test --release --test behaviour kills -- --nocapture` does it so many times; MISFIT_HOSTILE_SEED sets the seed.
 
@@ -54,6 +54,14 @@ fn cost(rig: &Rig, more: &[&str]) -> f64 {
     rig.json("fit", more)["cost"].as_f64().unwrap()
 }
 
+/// What a ladder finds, with the cost of every rung.
+fn climbed(rig: &Rig, more: &[&str]) -> (Vec<String>, Vec<f64>) {
+    let json = rig.json("ladder", more);
+    let missing = json["missing"].as_array().unwrap().iter().map(|m| format!("{} at {}", m["effect"], m["at"]));
+    let costs = json["rungs"].as_array().unwrap().iter().map(|r| r["cost"].as_f64().unwrap());
+    (missing.chain([json["verdict"].to_string(), json["ended"].to_string()]).collect(), costs.collect())
+}
+
 #[test]
 fn kills_leave_nothing_half_written() {
     let number = |name: &str, or: u64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(or);
@@ -64,7 +72,9 @@ fn kills_leave_nothing_half_written() {
         &(rig.read("study.toml") + "[[effect]]\neffect = \"elastic_slip\"\nat = \"c1.x\"\nf = \"1 N\"\nd = \"0.05 mm\"\n"),
     );
     let before = rig.read("study.toml");
-    let undisturbed = cost(&rig, &["--out", &rig.path("whole").display().to_string()]);
+    let whole = rig.path("whole").display().to_string();
+    let undisturbed = cost(&rig, &["--out", &whole]);
+    let found = climbed(&rig, &["--out", &whole]);
     // How long each verb takes; kills fall within 1.1 of it.
     let took = VERBS.map(|verb| {
         let started = Instant::now();
@@ -73,7 +83,7 @@ fn kills_leave_nothing_half_written() {
         std::fs::remove_dir_all(rig.path("timed")).unwrap();
         started.elapsed().as_secs_f64()
     });
-    let (mut resumed, mut killed) = (0, 0);
+    let (mut resumed, mut climbed_on, mut killed) = (0, 0, 0);
     for k in 0..kills as usize {
         let (verb, out) = (VERBS[k % 3], rig.path("out"));
         let mut child = command(&rig, verb, &out).spawn().unwrap();
@@ -89,6 +99,15 @@ fn kills_leave_nothing_half_written() {
             assert!((found - undisturbed).abs() <= 1e-6 * undisturbed, "kill {k}: {found} resumed, {undisturbed} undisturbed");
             resumed += 1;
         }
+        if verb == "ladder" && out.join("fits.journal").is_file() {
+            let again = rig.path("again").display().to_string();
+            let (what, costs) = climbed(&rig, &["--resume", &out.display().to_string(), "--out", &again, "--threads", "1"]);
+            assert_eq!(what, found.0, "kill {k}");
+            assert_eq!(costs.len(), found.1.len(), "kill {k}");
+            let off = costs.iter().zip(&found.1).map(|(a, b)| (a - b).abs() / b).fold(0.0, f64::max);
+            assert!(off <= 1e-6, "kill {k}: {costs:?} resumed, {:?} undisturbed", found.1);
+            climbed_on += 1;
+        }
         // A killed `add` leaves the study as it was, or with the whole effect.
         let now = rig.read("study.toml");
         assert!(
@@ -98,5 +117,5 @@ fn kills_leave_nothing_half_written() {
         rig.write("study.toml", &before);
         let _ = std::fs::remove_dir_all(&out);
     }
-    println!("{kills} kills, {killed} in time, {resumed} fits resumed");
+    println!("{kills} kills, {killed} in time, {resumed} fits and {climbed_on} ladders resumed");
 }

@@ -175,15 +175,15 @@ fn a_fit_that_was_killed_goes_on_from_its_best_state() {
     assert!((result(run)["cost"].as_f64().unwrap() / whole["cost"].as_f64().unwrap() - 1.0).abs() < 1e-6);
 }
 
-/// A ladder of the command line that was killed after its first rung; its run.
+/// A ladder of the command line that was killed on its way; its run.
 #[cfg(unix)]
 fn killed_ladder(rig: &Rig) -> std::path::PathBuf {
     // On a busy machine the ladder may come to its end before it is seen.
     for _ in 0..5 {
         let mut ladder = program().args(["ladder", &rig.folder().display().to_string(), "--json"]).stdout(Stdio::null()).spawn().unwrap();
         while ladder.try_wait().unwrap().is_none() {
-            let left = rig.runs().into_iter().find(|r| r.join("rung.toml").is_file());
-            if let Some(run) = left {
+            let lines = |run: &std::path::Path| std::fs::read_to_string(run.join("fits.journal")).map_or(0, |text| text.lines().count());
+            if let Some(run) = rig.runs().into_iter().find(|run| lines(run) > 10) {
                 ladder.kill().unwrap();
                 ladder.wait().unwrap();
                 if !run.join("result.json").exists() {
@@ -193,7 +193,7 @@ fn killed_ladder(rig: &Rig) -> std::path::PathBuf {
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
     }
-    panic!("no ladder was killed between its first rung and its end");
+    panic!("no ladder was killed between its first fits and its end");
 }
 
 #[cfg(unix)]
@@ -202,13 +202,15 @@ fn a_ladder_killed_on_the_command_line_goes_on_there_and_on_the_page() {
     let rig = hiding();
     let killed = killed_ladder(&rig);
     let name = killed.file_name().unwrap().to_str().unwrap().to_string();
-    let had = |result: &Value| (result["began_with"].clone(), result["missing"].as_array().unwrap().len(), result["verdict"].clone());
-    let wanted = (json!([{ "effect": "coulomb", "at": "c1.x" }]), 1, json!("missing"));
+    let costs = |result: &Value| -> Vec<Value> { result["rungs"].as_array().unwrap().iter().map(|r| r["cost"].clone()).collect() };
+    let had = |result: &Value| (costs(result), result["missing"].as_array().unwrap().len(), result["verdict"].clone());
+    let wanted = had(&rig.json("ladder", &["--out", &rig.path("whole").display().to_string()]));
+    assert!(wanted.1 == 1 && wanted.2 == "missing", "{wanted:?}");
     let run = killed.display().to_string();
     let second = rig.path("second");
     let of_verb = rig.json("ladder", &["--resume", &run, "--out", &second.display().to_string()]);
     assert_eq!(had(&of_verb), wanted);
-    assert!(second.join("study.toml").is_file() && !second.join("rung.toml").exists(), "the result takes the place of the rung");
+    assert!(second.join("study.toml").is_file() && !second.join("fits.journal").exists(), "the result takes the place of the journal");
     let served = Served::start(rig.folder(), &["--json"]);
     assert_eq!(unfinished(&served), std::slice::from_ref(&name));
     let begun = served.post("run", &json!({ "verb": "resume", "model": "study", "resume": name })).json();
@@ -218,19 +220,50 @@ fn a_ladder_killed_on_the_command_line_goes_on_there_and_on_the_page() {
     let of_page: Value = serde_json::from_str(&rig.read(&format!("runs/{model}/result.json"))).unwrap();
     assert_eq!(had(&of_page), wanted);
     assert!(unfinished(&served).is_empty());
-    // The folder of a killed ladder is a run, and may be written over where it is named; one without a rung cannot be gone on with.
+    // The folder of a killed ladder is a run, and may be written over where it is named; one without a journal cannot be gone on with.
     assert_eq!(rig.json("ladder", &["--out", &run])["missing"][0]["effect"], "coulomb");
     let ran = rig.run("ladder", &["--json", "--resume", &rig.path("data").display().to_string()]);
-    assert!(ran.error()[2].contains("no rung"), "{}", ran.stdout);
+    assert!(ran.error()[2].contains("no fits of an earlier ladder"), "{}", ran.stdout);
+}
+
+/// A ladder that is stopped on the page is climbed again from where it began, with the values that it was ordered with.
+#[test]
+fn a_ladder_stopped_on_the_page_ends_as_an_undisturbed_one() {
+    let rig = hiding();
+    let served = Served::start(rig.folder(), &["--json"]);
+    let order = json!({ "verb": "ladder", "model": "study", "values": { "0.0": 23e3 } });
+    let whole = served.run(&order);
+    let begun = served.post("run", &order).json();
+    let lines = |run: &std::path::Path| std::fs::read_to_string(run.join("fits.journal")).map_or(0, |text| text.lines().count());
+    while !rig.runs().iter().any(|run| lines(run) > 10) {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    assert_eq!(served.post("stop", &json!({ "job": begun["job"] })).status, 200);
+    let ended = served.wait(&begun["job"]);
+    assert_eq!(ended["status"], "stopped", "{ended}");
+    let stopped = ended["result"]["model"].as_str().unwrap();
+    let begun = served.post("run", &json!({ "verb": "resume", "model": stopped, "resume": stopped })).json();
+    let command = begun["command"].as_str().unwrap();
+    assert!(
+        command.starts_with(&format!("misfit ladder {} --resume ", rig.folder().display())) && command.contains("--start"),
+        "{command}"
+    );
+    let ended = served.wait(&begun["job"]);
+    let result = |ended: &Value| -> Value {
+        let model = ended["result"]["model"].as_str().unwrap_or_else(|| panic!("{ended}"));
+        serde_json::from_str(&rig.read(&format!("runs/{model}/result.json"))).unwrap()
+    };
+    let (again, whole) = (result(&ended), result(&whole));
+    let told = |r: &Value| (r["missing"].clone(), r["verdict"].clone(), r["rungs"][1]["cost"].clone(), r["rungs"][0]["cost"].clone());
+    assert_eq!(told(&again), told(&whole));
+    assert_eq!((&again["workbench"]["parent"], &again["workbench"]["resumed"]), (&json!("study"), &json!(stopped)));
 }
 
 #[cfg(unix)]
 #[test]
-fn a_ladder_that_was_killed_goes_on_from_its_last_rung() {
+fn a_ladder_of_the_page_that_was_killed_goes_on() {
     let rig = hiding();
     let mut served = Served::start(rig.folder(), &["--json"]);
-    let added = served.run(&json!({ "verb": "add", "model": "study", "effect": "coulomb", "at": "c1.x" }));
-    let with = rig.path("runs").join(added["result"]["model"].as_str().unwrap()).join("study.toml");
     assert_eq!(served.post("run", &json!({ "verb": "ladder", "model": "study" })).status, 200);
     let order = || rig.runs().into_iter().find(|r| r.join("workbench.json").is_file());
     while order().is_none() {
@@ -239,8 +272,6 @@ fn a_ladder_that_was_killed_goes_on_from_its_last_rung() {
     assert!(served.state()["unfinished"].as_array().unwrap().is_empty(), "what runs is not unfinished");
     served.signal("-KILL");
     let Some(killed) = order() else { panic!("the ladder had come to its end") };
-    // It had reached a rung: with the friction.
-    std::fs::copy(with, killed.join("rung.toml")).unwrap();
     let served = Served::start(rig.folder(), &["--json"]);
     let name = killed.file_name().unwrap().to_str().unwrap().to_string();
     assert_eq!(unfinished(&served), std::slice::from_ref(&name));
@@ -251,10 +282,7 @@ fn a_ladder_that_was_killed_goes_on_from_its_last_rung() {
     click(&mut browser, ".unfinished button");
     browser.until("document.getElementById('model-name').textContent.startsWith('ladder: ')", 120);
     click(&mut browser, "#tab-ladder");
-    browser.until(
-        "document.getElementById('view-ladder').textContent.includes('It went on from a model that had coulomb at c1.x already.')",
-        10,
-    );
+    browser.until("document.getElementById('view-ladder').textContent.includes('coulomb at c1.x')", 10);
     assert!(unfinished(&served).is_empty());
     assert_eq!(browser.eval("document.querySelectorAll('.unfinished').length"), 0);
 }

@@ -9,7 +9,7 @@ use crate::identify::{
     self, Constraints, FitOptions, FitOutcome, IdentifyError, LeastSquares, Loss, LossBlock, Measure, Monitor, Prior, Termination,
     Uncertainty, UncertaintyOptions,
 };
-use crate::model::{FreeParam, Instance, ModelError, ParamValue, System};
+use crate::model::{FreeParam, ModelError, ParamValue, System};
 use crate::parallel;
 use crate::residual::{Common, Memo, Problem};
 use crate::response::Plan;
@@ -68,8 +68,6 @@ pub struct Case {
     pub common: Option<Arc<Common>>,
     /// What deviates in its system of what the study ties or fixes.
     pub deviations: Slack,
-    /// Effects that an earlier ladder has found, which goes on with them as its own.
-    pub found: Vec<Instance>,
 }
 
 /// A fitted case.

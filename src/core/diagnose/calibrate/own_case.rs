@@ -32,7 +32,6 @@ impl Case {
             memo: None,
             common: None,
             deviations: Slack::default(),
-            found: vec![],
         }
     }
 

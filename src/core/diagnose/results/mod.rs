@@ -432,7 +432,7 @@ pub struct HeldOut {
 pub struct LadderResult {
     /// Name of the study.
     pub study: String,
-    /// Effects beyond the study with which the first rung began: those of a model, or of an earlier ladder that was gone on with.
+    /// Effects beyond the study with which the first rung began: those of the model that it was climbed from.
     pub began_with: Vec<EffectAt>,
     /// Rungs.
     pub rungs: Vec<Rung>,

@@ -15,7 +15,7 @@ use crate::diagnose::calibrate::case::{Case, Fitted};
 use crate::diagnose::calibrate::fit::begin;
 use crate::diagnose::calibrate::slack::{self, Slack};
 use crate::diagnose::calibrate::weigh::{Scale, Tied, Weighed};
-use crate::diagnose::results::{EffectAt, Rung};
+use crate::diagnose::results::Rung;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::{DiagnoseError, trace};
 
@@ -134,21 +134,6 @@ impl<'a> Climb<'a> {
             tried: 1.0,
             turned: vec![],
         })
-    }
-
-    /// Stands again where an earlier ladder has ended: what it had found, fitted once more beside the study's own model.
-    pub fn take_up(&mut self, start: &System, found: &[Instance]) -> Result<Rung, DiagnoseError> {
-        let mut system = self.now.fitted.system.clone();
-        for (now, left) in system.instances.iter_mut().zip(&start.instances) {
-            now.params.iter_mut().zip(&left.params).for_each(|(now, left)| now.value = left.value);
-        }
-        system.instances.extend(found.iter().cloned());
-        self.now = self.scale.weigh(&system, &self.now.v, self.monitor).map_err(DiagnoseError::start_fails)?;
-        self.added.extend(found.iter().map(|i| Added::new(Name::of(&system, i))));
-        self.forget();
-        self.refine();
-        let last = found.last().map(|i| EffectAt::of(&system, i));
-        self.rung(last, vec![])
     }
 
     /// Gives slack to what the study ties or fixes where that gains more than what a step has found. Whether it did.

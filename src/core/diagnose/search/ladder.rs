@@ -142,19 +142,13 @@ impl End {
     }
 }
 
-/// Climbs. The held-out tests are computed once, at the end, for the first and the last model.
+/// Climbs. The held-out tests are computed once, at the end, for the first and the last model. With a journal in the monitor every fit that has ended is
+/// kept, and one that an earlier climb has made is answered from it, so that a climb that was stopped or killed is climbed again to where it was cut off in
+/// little time and ends as an undisturbed one does.
 pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderResult, System), DiagnoseError> {
-    ladder_keeping(case, monitor, watch, &|_| {})
-}
-
-/// The same; `keep` is given the model of every rung above the first as soon as it stands, so that a climb that is killed can be gone on with.
-pub fn ladder_keeping(
-    case: &Case,
-    monitor: &Monitor,
-    watch: Watch,
-    keep: &dyn Fn(&System),
-) -> Result<(LadderResult, System), DiagnoseError> {
-    let started = std::time::Instant::now();
+    // What is given a share of the time spent so far counts that of the earlier climb.
+    let now = std::time::Instant::now();
+    let started = now.checked_sub(monitor.spent()).unwrap_or(now);
     let (mut climb, mut rungs) = at_the_foot(case, monitor, watch)?;
     let mut visible = Vec::new();
     let end = loop {
@@ -164,9 +158,6 @@ pub fn ladder_keeping(
         if climb.effects() >= climb.settings.max_added || rungs.len() > 2 * climb.settings.max_added {
             climb.exchange(&mut rungs)?;
             break End::Full;
-        }
-        if rungs.len() > 1 {
-            keep(&climb.slack.held(&climb.now.fitted.system));
         }
         watch(&format!("rung {}", rungs.len()));
         let step = match parallel::watched(&monitor.watch(), || climb.step()) {
@@ -205,7 +196,7 @@ pub fn ladder_keeping(
     climb.finish(rungs, &end, visible, started)
 }
 
-/// The study's own model fitted to its tests, channels turned back and clipped samples left out, and what an earlier ladder had found beside it: the first rungs.
+/// The study's own model fitted to its tests, channels turned back and clipped samples left out: the first rung.
 fn at_the_foot<'a>(case: &Case, monitor: &'a Monitor<'a>, watch: Watch<'a>) -> Result<(Climb<'a>, Vec<Rung>), DiagnoseError> {
     watch("fitting the study as it stands");
     let (case, clipped) = unclipped(case);
@@ -216,11 +207,7 @@ fn at_the_foot<'a>(case: &Case, monitor: &'a Monitor<'a>, watch: Watch<'a>) -> R
     let Began { case, fitted, .. } = begin(&Case { worth: Some(case.search.settings.settled), ..case }, monitor)?;
     let mut climb = Climb::new(&Case { worth: None, ..case }, &fitted, monitor, watch)?;
     climb.turned = turned;
-    let mut rungs = vec![climb.rung(None, vec![])?];
-    let Case { system, found, .. } = climb.case.clone();
-    if !found.is_empty() {
-        rungs.push(climb.take_up(&system, &found)?);
-    }
+    let rungs = vec![climb.rung(None, vec![])?];
     Ok((climb, rungs))
 }
 
