@@ -1,0 +1,133 @@
+//! Frequency responses that cannot be what they are said to be: a turned sign, another quantity, another unit; and models that run away from them.
+
+use std::f64::consts::TAU;
+use std::fmt::Write;
+
+use super::rig::{Ran, Rig, noise};
+
+/// A body of 1 kg on a spring of 20 kN/m, 22.5 Hz, with 2 % of damping; the accelerance by real and imaginary part is what is measured.
+const STUDY: &str = r#"schema = 1
+dataset = "data"
+[[body]]
+name = "m"
+mass = "1 kg"
+free = ["x"]
+[[connector]]
+name = "c1"
+from = "ground"
+to = "m"
+[[effect]]
+effect = "linear_stiffness"
+at = "c1.x"
+k = { start = "18 N/mm", min = "0 N/mm" }
+[[effect]]
+effect = "viscous"
+at = "c1.x"
+c = { start = "4 N s/m", min = "0 N s/m" }
+"#;
+
+/// `f,re,im`: the accelerance times `factor`, over `power` times i w, with half a per cent of noise.
+fn frf(factor: f64, integrals: i32) -> String {
+    let (m, k, c) = (1.0, 20e3, 5.66);
+    let (mut text, mut state) = ("f,re,im\n".to_string(), 7);
+    for n in 10..160 {
+        let f = f64::from(n) * 0.5;
+        let w = TAU * f;
+        // -w2 / (k - m w2 + i c w)
+        let (re, im) = (k - m * w * w, c * w);
+        let size = factor * -w * w / (re * re + im * im);
+        let (mut re, mut im) = (size * re, -size * im);
+        for _ in 0..integrals {
+            (re, im) = (im / w, -re / w);
+        }
+        let far = 0.005 * re.hypot(im);
+        writeln!(text, "{f},{:e},{:e}", re + far * noise(&mut state), im + far * noise(&mut state)).unwrap();
+    }
+    text
+}
+
+/// A study of one driving point: what was measured, and what it is said to be.
+fn study(file: &str, quantity: &str, unit: &str) -> Rig {
+    let rig = Rig::new();
+    let dataset = format!(
+        "schema = 1\n[[test]]\nid = \"frf-a\"\nkind = \"frf\"\nfile = \"frf.csv\"\nexcite = \"m.x\"\nrespond = \"m.x\"\nquantity = \"{quantity}\"\nnoise = \"0.5 %\"\n\
+         channels = [\n {{ role=\"frequency\", column=\"f\", unit=\"Hz\" }},\n {{ role=\"real\", column=\"re\", unit=\"{unit}\" }},\n \
+         {{ role=\"imag\", column=\"im\", unit=\"{unit}\" }}]\n"
+    );
+    rig.write("data/frf.csv", file);
+    rig.write("data/dataset.toml", &dataset);
+    rig.write("study.toml", STUDY);
+    rig
+}
+
+fn accelerance(factor: f64) -> Rig {
+    study(&frf(factor, 0), "accelerance", "m/s2/N")
+}
+
+/// What check holds against a study, and its notes.
+fn checked(rig: &Rig) -> (Vec<String>, String) {
+    let ran = rig.run("check", &["--json"]);
+    let json = ran.json();
+    let problems = json["problems"].as_array().unwrap().iter().map(|p| p["message"].as_str().unwrap().to_string()).collect();
+    (problems, json["findings"].to_string())
+}
+
+#[test]
+fn what_check_refuses_no_fit_begins_with() {
+    let right = accelerance(1.0);
+    assert!(checked(&right).0.is_empty(), "{:?}", checked(&right));
+    let rig = accelerance(-1.0);
+    let (problems, _) = checked(&rig);
+    assert!(problems.len() == 1 && problems[0].contains("the sign of the force or of the response is turned"), "{problems:?}");
+    let refused = |ran: Ran| {
+        let [stage, place, message, accepted] = ran.error();
+        assert!(stage == "data" && place.ends_with("frf.csv, test frf-a"), "{stage} {place}");
+        assert!(accepted.contains("of an accelerance between 0 and 180"), "{accepted}");
+        message
+    };
+    assert_eq!(refused(rig.run("fit", &["--json"])), problems[0]);
+    let added = rig.run("add", &["cubic_stiffness", "--at", "c1.x", "--json"]);
+    assert_eq!(refused(added), problems[0]);
+    // A search turns a response back where a model says so too, and names the channel.
+    let ladder = rig.json("ladder", &[]);
+    let named = ladder["instruments"][0].clone();
+    assert!(named["at"] == "frf-a.response" && named["why"].as_str().unwrap().contains("turned back"), "{named}");
+    // Another of the three quantities is no turned channel.
+    let rig = study(&frf(1.0, 1), "accelerance", "m/s2/N");
+    let (problems, _) = checked(&rig);
+    assert!(problems.len() == 1 && problems[0].contains("its phase is that of the mobility"), "{problems:?}");
+    for verb in ["fit", "diagnose", "ladder"] {
+        assert_eq!(refused(rig.run(verb, &["--json"])), problems[0], "{verb}");
+    }
+}
+
+#[test]
+fn a_unit_that_is_off_by_its_prefix_is_named() {
+    assert_eq!(checked(&accelerance(1.0)).1, "[]");
+    for (factor, said) in [(1e3, "1000 times what the model computes"), (1e-3, "0.00100 times"), (1.0 / 9.80665, "g for m/s2")] {
+        let (_, notes) = checked(&accelerance(factor));
+        assert!(notes.contains("frf-a: over the whole band it is") && notes.contains(said), "{factor}: {notes}");
+    }
+}
+
+#[test]
+fn a_model_that_stands_still_has_run_away() {
+    // A force drives a spring that answers the wrong way: the least cost is that of a spring which does not give.
+    let rig = Rig::new();
+    let mut text = "t,x,F\n".to_string();
+    let mut state = 3;
+    for k in 0..=800 {
+        let p = TAU * f64::from(k) / 100.0;
+        writeln!(text, "{},{},{}", f64::from(k) / 100.0, -p.sin() + 0.3 * p.cos() + 0.01 * noise(&mut state), 20.0 * p.sin()).unwrap();
+    }
+    rig.write("data/loop1.csv", &text);
+    rig.write("data/dataset.toml", &format!("schema = 1\n{}", super::rig::test_toml(1)));
+    rig.change("data/dataset.toml", "control = \"displacement\"", "control = \"force\"");
+    rig.change("data/dataset.toml", ", sigma=\"0.05 N\"", "");
+    rig.change("study.toml", "split = { select = [\"loop-2Hz\"], held_out = [\"loop-5Hz\"] }\n", "");
+    let ran = rig.run("fit", &["--json"]);
+    let json = ran.json();
+    let notes = json["notes"].to_string();
+    assert!(ran.code == 1 && json["termination"] == "failed", "{notes} {}", json["parameters"]);
+    assert!(notes.contains("c1.x.linear_stiffness.k` ran away: from 15.0 to") && notes.contains("stands still in `loop-1Hz`"), "{notes}");
+}
