@@ -38,11 +38,12 @@ to = "m"
 [[effect]]
 effect = "linear_stiffness"
 at = "c1.x"
-k = { start = "9 N/mm", min = "0 N/mm" }
+k = { start = "9.7 N/mm", min = "0 N/mm" }
 [[effect]]
 effect = "coulomb"
 at = "c1.x"
 f = { start = "1 N", min = "0 N" }
+vr = "2 mm/s"
 "#;
 
 /// Records of `t,x` in s and mm that begin so long after the release.
@@ -87,7 +88,8 @@ fn a_decay_gives_stiffness_and_friction_from_wherever_it_is_recorded() {
     assert!(json["termination"] == "converged" || json["termination"] == "stalled", "{}", json["termination"]);
     assert!((value("c1.x.linear_stiffness.k") / K - 1.0).abs() < 2e-3, "{}", json["parameters"]);
     assert!((value("c1.x.coulomb.f") / F - 1.0).abs() < 0.02, "{}", json["parameters"]);
+    // Below `vr` the friction of the model creeps, where this one sticks: that is what is left.
     for test in json["tests"].as_array().unwrap() {
-        assert!(test["whitened_rms"].as_f64().unwrap() < 1.5, "{test}");
+        assert!(test["error"].as_f64().unwrap() < 0.02, "{test}");
     }
 }

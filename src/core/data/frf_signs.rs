@@ -238,8 +238,10 @@ mod tests {
             let mut one = test("a", "m.x", "m.x", 1.0);
             let Record::Frf(f) = &mut one.record else { unreachable!() };
             f.quantity = declared;
-            for (h, f) in f.receptance.iter_mut().zip(&f.frequency) {
-                *h *= measured.from_receptance(TAU * f) / declared.from_receptance(TAU * f);
+            for ((h, s), f) in f.receptance.iter_mut().zip(&mut f.receptance_sigma).zip(&f.frequency) {
+                let taken_for = measured.from_receptance(TAU * f) / declared.from_receptance(TAU * f);
+                *h *= taken_for;
+                *s = 1e-3 * h.norm();
             }
             let found = frf_doubts(&[one]);
             if declared == measured {

@@ -72,37 +72,38 @@ fn scales_at_zero(case: &Case, began: &System) -> Vec<(String, f64)> {
     each.map(|(f, s)| (f.name.clone(), (measured / s).sqrt())).collect()
 }
 
-/// How large a test that is driven by a force is computed, over how large it was measured, in units of its noise; none of other tests.
-fn answers(plan: &Plan, system: &System) -> Option<f64> {
-    if !plan.driven_by_force() {
-        return None;
+/// How large the tests that a force drives are computed, over how large they were measured, in units of their noise; none where there are no such tests.
+fn answers(driven: &[&Plan], system: &System) -> Option<f64> {
+    let (mut computed, mut measured) = (0.0, 0.0);
+    for plan in driven {
+        let values = plan.evaluate(system, &[], false).ok()?.values;
+        let size = |values: &[f64]| values.iter().zip(&plan.sigma).map(|(v, s)| (v / s).powi(2)).sum::<f64>();
+        computed += size(&values);
+        measured += size(&plan.measured);
     }
-    let computed = plan.evaluate(system, &[], false).ok()?.values;
-    let size = |values: &[f64]| values.iter().zip(&plan.sigma).map(|(v, s)| (v / s).powi(2)).sum::<f64>().sqrt();
-    Some(size(&computed) / size(&plan.measured)).filter(|r| r.is_finite())
+    Some((computed / measured).sqrt()).filter(|r| r.is_finite())
 }
 
-/// The parameters that let a model stand still under a force that moved what was measured: more mass, stiffness or damping than the drive could move. A model
+/// The parameters that let a model stand still under forces that moved what was measured: more mass, stiffness or damping than the drive could move. A model
 /// that has stood still from its start is far from its tests, and has not run there.
 fn holds_still(case: &Case, fitted: &Fitted, began: &System) -> Vec<String> {
-    let least = case.search.settings.fitting.stands_still;
-    let still = case.plans_of(SplitName::Fit).into_iter().find_map(|plan| {
-        let now = answers(plan, &fitted.system).filter(|a| *a < least)?;
-        let before = answers(plan, began)?;
-        (before > now).then(|| (plan.id.clone(), now))
-    });
-    let Some((test, part)) = still else { return vec![] };
-    // A parameter that began at nothing has gone furthest.
-    let gone = |f: &FreeParam| (value(&fitted.system, f) / value(began, f)).abs().ln().abs();
-    let open = |f: &&FreeParam| !gone(f).is_nan() && gone(f) > 0.0;
-    let furthest = fitted.free.iter().filter(open).map(gone).fold(0.0, f64::max);
-    let share = case.search.settings.fitting.part_of_the_way;
-    let runaways = fitted.free.iter().filter(open).filter(|f| gone(f) >= share * furthest);
+    let s = &case.search.settings.fitting;
+    let driven: Vec<&Plan> = case.plans_of(SplitName::Fit).into_iter().filter(|p| p.driven_by_force()).collect();
+    let Some(part) = answers(&driven, &fitted.system).filter(|now| *now < s.stands_still) else { return vec![] };
+    if answers(&driven, began).is_none_or(|before| before <= part) {
+        return vec![];
+    }
+    // What has grown, in the logarithm; a parameter that began at nothing has grown most.
+    let grown = |f: &FreeParam| (value(&fitted.system, f) / value(began, f)).abs().ln();
+    let furthest = fitted.free.iter().map(grown).fold(0.0, f64::max);
+    let runaways = fitted.free.iter().filter(|f| grown(f) > 0.0 && grown(f) >= s.part_of_the_way * furthest);
+    let tests: Vec<String> = driven.iter().take(3).map(|p| format!("`{}`", p.id)).collect();
     let told = |f: &FreeParam| {
         format!(
-            "{}; with it the model stands still in `{test}`, where it answers {} % of what was measured: no drive of that test could move it, so that the test \
-             contradicts the model (signs, units, places: `misfit check`); a `max` in study.toml keeps it",
+            "{}; with it the model stands still in {}, where it answers {} % of what was measured: no drive of these tests could move it, so that they \
+             contradict the model (signs, units, places: `misfit check`); a `max` in study.toml keeps it",
             way(&fitted.system, began, f),
+            tests.join(", "),
             digits(100.0 * part, 2)
         )
     };

@@ -84,7 +84,7 @@ fn told(r: &Ratio, quantity: FrfQuantity, s: &Telling) -> Option<String> {
             Some(format!("over the whole band it is the {word} of the model{also}{turned}, and is declared as {}", quantity.word()))
         }
         (None, Some((_, what))) if r.power == 0 => {
-            Some(format!("over the whole band it is {} times what the model computes{turned} ({what}?)", factor()))
+            Some(format!("over the whole band it is {} times what the model computes{turned}: {what}?", factor()))
         }
         _ => None,
     }
@@ -130,7 +130,7 @@ mod tests {
         assert!(say(&lines(plain(1e3), 1.0)).unwrap().contains("1000 times"));
         // The model at its start is off by a tenth in stiffness.
         assert!(say(&lines(plain(1e-3), 1.1)).unwrap().contains("mm for m"), "{:?}", ratio(&lines(plain(1e-3), 1.1), 2.0));
-        assert!(say(&lines(plain(-9.80665), 1.0)).unwrap().contains("sign turned (g for m/s2"));
+        assert!(say(&lines(plain(-9.80665), 1.0)).unwrap().contains("sign turned: g for m/s2"));
         assert!(
             say(&lines(|w| Complex64::new(0.0, w), 1.0)).unwrap().contains("is the accelerance of the model, and is declared as mobility")
         );

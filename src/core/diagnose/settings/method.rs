@@ -30,8 +30,8 @@ pub struct Fitting {
     /// A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
     /// any more: the data do not hold it, or they contradict the model.
     pub ran_away: f64,
-    /// Size of the computed response of a test driven by a force, as a part of the measured one (both in units of noise), below which the model stands still
-    /// there: at its best it then explains the square of that, a hundredth, of what was measured.
+    /// Size of the computed responses of the tests driven by a force, as a part of the measured ones (both in units of noise), below which the model stands
+    /// still there: at its best it then explains the square of that, a twenty-fifth, of what was measured.
     pub stands_still: f64,
     /// Of the parameters of a model that stands still, those are named that have gone this part of the way (in the logarithm of their value) of the one that
     /// has gone furthest.
@@ -147,7 +147,7 @@ impl Default for Fitting {
             too_quiet: 0.5,
             per_parameter: 10,
             ran_away: 1e9,
-            stands_still: 0.1,
+            stands_still: 0.2,
             part_of_the_way: 0.5,
             known: 100.0,
             shape_reach: 1e6,

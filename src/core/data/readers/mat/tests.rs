@@ -64,7 +64,7 @@ fn vectors_matrices_and_structures() {
         };
         assert_eq!((column(0), column(1), column(2)), (vec![0.0, 0.1, 0.2, 0.3], vec![1.0, -2.0, 3.0, -4.0], vec![5.0, 6.0, 7.0, 8.0]));
         let names: Vec<String> = list(Path::new("a.mat"), &file(big, compressed)).unwrap().into_iter().map(|l| l.name).collect();
-        assert_eq!(names, ["t", "M", "run.force", "c{1}"]);
+        assert_eq!(names, ["t", "M", "run.force", "c{1}{1}"]);
     }
 }
 
