@@ -132,3 +132,43 @@ fn a_model_that_stands_still_has_run_away() {
     rig.write("data/frf.csv", &frf(1.0, 0));
     assert_eq!(rig.json("fit", &[])["termination"], "converged");
 }
+
+/// One harmonic of a hardening spring at a constant response X: k + 3/4 k3 X^2, whatever force that takes.
+#[test]
+fn lines_that_were_held_at_one_response_give_a_cubic_spring() {
+    let (k, k3, c, x) = (20e3, 4e8, 20.0, 2e-3);
+    let mut text = "f,re,im\n".to_string();
+    let mut forces = vec![];
+    for n in 10..100 {
+        let w = TAU * 0.5 * f64::from(n);
+        let (re, im) = (k + 0.75 * k3 * x * x - w * w, c * w);
+        let size = re * re + im * im;
+        writeln!(text, "{},{:e},{:e}", 0.5 * f64::from(n), re / size, -im / size).unwrap();
+        forces.push(x * size.sqrt());
+    }
+    let rig = study(&text, "receptance", "m/N");
+    rig.change("study.toml", "k = { start = \"18 N/mm\", min = \"0 N/mm\" }", "k = { start = \"20 N/mm\", fixed = true }");
+    let study = rig.read("study.toml").replace("4 N s/m", "17 N s/m");
+    let cubic = "[[effect]]\neffect = \"cubic_stiffness\"\nat = \"c1.x\"\nk3 = { start = \"0.3 N/mm3\", min = \"0 N/mm3\" }\n";
+    rig.write("study.toml", &(study + cubic));
+    let found = |rig: &Rig| {
+        let fit = rig.json("fit", &[]);
+        let all = fit["parameters"].as_array().unwrap();
+        all.iter().find(|p| p["name"] == "c1.x.cubic_stiffness.k3").unwrap()["value"].as_f64().unwrap()
+    };
+    let dataset = rig.read("data/dataset.toml");
+    let said = |line: &str| rig.write("data/dataset.toml", &dataset.replace("noise =", &format!("{line}\nnoise =")));
+    said("response_amplitude = \"2 mm\"");
+    assert!((found(&rig) / k3 - 1.0).abs() < 0.01, "{}", found(&rig));
+    // Its force line by line says the same, and one force for all lines does not.
+    let mean = forces.iter().sum::<f64>() / forces.len() as f64;
+    said(&format!("excitation = \"{mean} N\""));
+    assert!((found(&rig) / k3 - 1.0).abs() > 0.5, "{}", found(&rig));
+    let mut rows = text.lines();
+    let header = format!("{},F\n", rows.next().unwrap());
+    let rows = rows.zip(&forces).map(|(row, f)| format!("{row},{f}\n"));
+    rig.write("data/frf.csv", &(header + &rows.collect::<String>()));
+    let column = "channels = [\n { role=\"excitation\", column=\"F\", unit=\"N\" },";
+    rig.write("data/dataset.toml", &dataset.replace("channels = [", column));
+    assert!((found(&rig) / k3 - 1.0).abs() < 0.01, "{}", found(&rig));
+}
