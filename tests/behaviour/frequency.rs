@@ -110,6 +110,10 @@ fn a_unit_that_is_off_by_its_prefix_is_named() {
         let (_, notes) = checked(&accelerance(factor));
         assert!(notes.contains("frf-a: over the whole band it is") && notes.contains(said), "{factor}: {notes}");
     }
+    // A mass that is free and begins off by a fifth would take the factor up.
+    let rig = accelerance(1e3);
+    rig.change("study.toml", "mass = \"1 kg\"", "mass = { start = \"1.2 kg\", min = \"0.0001 kg\" }");
+    assert!(checked(&rig).1.contains("a prefix: mm for m, or kN for N?"), "{:?}", checked(&rig));
 }
 
 /// The response of a light tip that moves with the body, its sign turned: no driving point, whose phase would say so.

@@ -131,7 +131,8 @@ fn driving_point(f: &Frf) -> Option<FrfDoubt> {
     let means = kept.or((declared.share > TURNED).then_some(2));
     let refused = declared.size > LEAD && means.is_some();
     let claim = format!(
-        "the {} of a driving point gives power back to its force (the imaginary part of its receptance lies above zero) on {} of {} lines beyond the noise,          {:.0} % of its square sum: a structure that takes energy from its force does so nowhere{}",
+        "the {} of a driving point gives power back to its force (the imaginary part of its receptance lies above zero) on {} of {} lines \
+         beyond the noise, {:.0} % of its square sum: a structure that takes energy from its force does so nowhere{}",
         f.quantity.word(),
         declared.lines,
         declared.seen,

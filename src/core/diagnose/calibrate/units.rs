@@ -71,7 +71,7 @@ fn told(r: &Ratio, quantity: FrfQuantity, s: &Telling) -> Option<String> {
     if r.scatter > s.same_factor || r.phase.abs() < s.same_phase {
         return None;
     }
-    let near = s.same_unit.max(r.scatter);
+    let near = (s.same_unit * r.log.abs()).max(r.scatter).max(s.same_unit);
     let unit =
         FACTORS.iter().map(|(f, what)| ((r.log.abs() - f.ln()).abs(), what)).filter(|u| u.0 <= near).min_by(|a, b| a.0.total_cmp(&b.0));
     let other = FrfQuantity::WORDS.iter().find(|(_, q)| r.power != 0 && q.derivatives() == quantity.derivatives() + r.power);
@@ -128,7 +128,10 @@ mod tests {
         let say = |lines: &[_]| ratio(lines, s.shaped).and_then(|r| told(&r, FrfQuantity::Mobility, &s));
         let plain = |f: f64| move |_: f64| Complex64::from(f);
         assert!(say(&lines(plain(1e3), 1.0)).unwrap().contains("1000 times"));
-        // The model at its start is off by a tenth in stiffness.
+        // The model at its start is off by a fifth in its mass.
+        assert!(say(&lines(plain(1.2e3), 1.0)).unwrap().contains("mm for m"));
+        assert_eq!(say(&lines(plain(8.0), 1.0)), None);
+        // And by a tenth in stiffness.
         assert!(say(&lines(plain(1e-3), 1.1)).unwrap().contains("mm for m"), "{:?}", ratio(&lines(plain(1e-3), 1.1), 2.0));
         assert!(say(&lines(plain(-9.80665), 1.0)).unwrap().contains("sign turned: g for m/s2"));
         assert!(
