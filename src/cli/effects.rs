@@ -91,6 +91,11 @@ fn list(infos: &[&Info]) -> String {
     table(&["effect", "role", "parameters", "claim"], &rows) + "`misfit effects NAME` shows one with equation, signs, source and range.\n"
 }
 
+/// What the effects of a channel act on, and in what unit.
+const CHANNEL: &str = "  y is what the channel reads: `at = \"loop-1Hz.force\"` is the force of one test, `*.force` that of all tests\n  \
+                       unit of the channel: N or N m for a force, m or rad for a displacement, m/s, m/s2 for velocity and acceleration; study.toml may\n  \
+                       state it in any unit of that dimension (b = \"0.2 kN\"), results are in SI\n";
+
 fn one(info: &Info) -> String {
     let row = |p: &Param| vec![p.name.into(), parameter_unit(p), p.dim.si(true), p.bounds(), parameter_kind(p).into(), p.doc.into()];
     let rows: Vec<Vec<String>> = info.params.iter().map(row).collect();
@@ -101,7 +106,11 @@ fn one(info: &Info) -> String {
         info.family,
         info.claim,
         info.equation,
-        if info.role == Role::Geometry { "" } else { "  F is the force on `to` that holds it there, x = q_to - q_from\n" },
+        match info.role {
+            Role::Geometry => "",
+            Role::Channel => CHANNEL,
+            _ => "  F is the force on `to` that holds it there, x = q_to - q_from\n",
+        },
         table(&["parameter", "along", "about", "bounds", "kind", "what it is"], &rows),
         info.source,
         info.range

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use crate::data::Estimate;
 use crate::data::inspect::{FoundFile, FoundFrf, FoundHistory, FoundItem};
 use crate::data::modal_fit;
+use crate::data::{Estimate, Role};
 use crate::work::new::{self, Correction, Scaffold};
 
 use super::Outcome;
@@ -20,6 +20,9 @@ pub(super) struct Args {
     /// Files from the test bench: .csv .txt .tsv .dat .asc .parquet .uff .unv .mat
     #[arg(long, required = true, num_args = 1.., value_name = "FILES")]
     pub from: Vec<PathBuf>,
+    /// Samples for each second of the files without a column of time, in Hz
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    pub rate: Option<f64>,
     /// Corrections of what is found, as JSON: a list of { file, item, columns = { NAME: { role, unit } }, start_up, control, quantity, respond, excite,
     /// averages }; the workbench writes it
     #[arg(long, value_name = "JSON", value_parser = corrections)]
@@ -32,6 +35,14 @@ pub(super) struct Args {
 #[derive(Clone)]
 pub(super) struct Corrections(Vec<Correction>);
 
+fn rate(text: &str) -> Result<f64, String> {
+    match text.trim().trim_end_matches("Hz").trim_end().parse::<f64>() {
+        // A year between two samples, and a sample in a femtosecond, are no rates.
+        Ok(hz) if (1e-8..=1e15).contains(&hz) => Ok(hz),
+        _ => Err("samples for each second above 0, such as 610.35".into()),
+    }
+}
+
 fn corrections(text: &str) -> Result<Corrections, String> {
     let list = serde_json::from_str(text).map(Corrections);
     list.map_err(|e| {
@@ -43,7 +54,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     new::free(&args.dir)?;
     let names = new::names(&args.from)?;
     // Every file is read before anything is written.
-    let new::Looked { found, files, left, scaffold } = new::look(&args.from, args.correct.as_ref().map_or(&[], |c| &c.0))?;
+    let new::Looked { found, files, left, scaffold } = new::look(&args.from, args.rate, args.correct.as_ref().map_or(&[], |c| &c.0))?;
     let Some(scaffold) = scaffold else {
         let inside: String = found.iter().flat_map(|f| &f.items).take(20).map(described).collect();
         let message = format!(
@@ -168,7 +179,7 @@ fn frf(f: &FoundFrf) -> String {
         f.lines,
         significant(f.band.0, 4),
         significant(f.band.1, 6),
-        if f.columns.len() > 3 { ", with coherence" } else { "" }
+        if f.columns.iter().any(|c| c.0 == Role::Coherence) { ", with coherence" } else { "" }
     );
     f.findings.iter().for_each(|n| text += &format!("    finding: {n}\n"));
     text

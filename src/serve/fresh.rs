@@ -150,7 +150,7 @@ impl Basket {
         if files.is_empty() {
             return Err(refused("basket", "no file has come yet", "files dropped on the page"));
         }
-        new::look(&files, corrections).map_err(|f| found::inside(&f, self.folder.path()))
+        new::look(&files, None, corrections).map_err(|f| found::inside(&f, self.folder.path()))
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::data::toml_strict::{TomlError, TomlFile, TomlProblem};
 use crate::data::{Dataset, frf_doubts};
 use crate::diagnose::results::SplitName;
-use crate::diagnose::{Case, approached};
+use crate::diagnose::{Case, approached, odd_units};
 use crate::identify::{GateReport, Monitor, gate};
 use crate::parallel;
 use crate::residual::Problem;
@@ -46,8 +46,7 @@ pub fn check(path: &Path, data: Option<&Path>, starts: &[(String, String)], seed
     }
     for doubt in frf_doubts(&study.dataset.tests) {
         if doubt.refused {
-            let place = format!("{}, test {}", study.dataset.file.display(), doubt.test);
-            found.problems.push(Failure::new("data", place, format!("test `{}`: {}", doubt.test, doubt.claim), doubt.accepted));
+            found.problems.push(doubt.error().into());
         } else {
             found.notes.push(format!("{}: {}; accepted: {}", doubt.test, doubt.claim, doubt.accepted));
         }
@@ -56,8 +55,9 @@ pub fn check(path: &Path, data: Option<&Path>, starts: &[(String, String)], seed
         say("the gate: does every parameter move the residual, and does a short fit reach the data");
         // A formula that has no value or gives energy back is found here.
         match Case::from_study(&study, seed).map_err(Failure::from).and_then(|case| at_gate(&case, monitor)) {
-            Ok(report) => {
+            Ok((report, notes)) => {
                 found.problems.extend(refused(&report));
+                found.notes.extend(notes);
                 found.gate = Some(report);
             }
             Err(failure) => found.problems.push(failure),
@@ -66,12 +66,22 @@ pub fn check(path: &Path, data: Option<&Path>, starts: &[(String, String)], seed
     found
 }
 
-fn at_gate(case: &Case, monitor: &Monitor) -> Result<GateReport, Failure> {
-    let system = approached(case, monitor)?.unwrap_or_else(|| case.system.clone());
+/// What the gate says, and what the model says of the units of the frequency responses: as the study has it and, where its free parameters do not take that up,
+/// from where a fit would begin.
+fn at_gate(case: &Case, monitor: &Monitor) -> Result<(GateReport, Vec<String>), Failure> {
+    let nearer = approached(case, monitor)?;
+    let mut notes = odd_units(case, &case.system);
+    let test = |note: &str| note.split(':').next().map(str::to_string);
+    for note in nearer.iter().flat_map(|system| odd_units(case, system)) {
+        if !notes.iter().any(|n| test(n) == test(&note)) {
+            notes.push(note);
+        }
+    }
+    let system = nearer.unwrap_or_else(|| case.system.clone());
     let problem = Problem::new(case.plans_of(SplitName::Fit), system);
     let rows = problem.plans.iter().map(|p| p.len()).sum();
     let options = case.options(&problem.system, rows).map_err(Failure::from)?;
-    Ok(gate(&problem, &problem.variables(), &options, monitor)?)
+    Ok((gate(&problem, &problem.variables(), &options, monitor)?, notes))
 }
 
 const ACCEPTED_FAR: &str = "wider bounds or priors, starting values nearer to the data (`misfit compare` shows where they miss), or data in the units they are said to have";

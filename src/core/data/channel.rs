@@ -18,6 +18,8 @@ pub enum Role {
     Amplitude,
     Phase,
     Coherence,
+    /// Peak force of every line of an FRF.
+    Excitation,
     Mode,
     Damping,
     Family,
@@ -30,7 +32,7 @@ pub enum Role {
 
 impl Role {
     /// Every role by its word in dataset.toml.
-    pub const WORDS: [(&'static str, Role); 19] = [
+    pub const WORDS: [(&'static str, Role); 20] = [
         ("time", Role::Time),
         ("displacement", Role::Displacement),
         ("velocity", Role::Velocity),
@@ -42,6 +44,7 @@ impl Role {
         ("amplitude", Role::Amplitude),
         ("phase", Role::Phase),
         ("coherence", Role::Coherence),
+        ("excitation", Role::Excitation),
         ("mode", Role::Mode),
         ("damping", Role::Damping),
         ("family", Role::Family),
@@ -74,7 +77,7 @@ impl Role {
             Self::Displacement => &[Dimension::LENGTH, Dimension::ANGLE],
             Self::Velocity => &[Dimension::VELOCITY, Dimension::ANGULAR_VELOCITY],
             Self::Acceleration => &[Dimension::ACCELERATION, Dimension::ANGULAR_ACCELERATION],
-            Self::Force => &[Dimension::FORCE, Dimension::MOMENT],
+            Self::Force | Self::Excitation => &[Dimension::FORCE, Dimension::MOMENT],
             Self::Frequency => &[Dimension::FREQUENCY],
             Self::Phase => &[Dimension::ANGLE],
             Self::DissipatedEnergy | Self::StoredEnergy => &[Dimension::ENERGY],

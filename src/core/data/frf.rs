@@ -61,8 +61,10 @@ pub struct Frf {
     pub quantity: FrfQuantity,
     /// Unit of the file, for printing.
     pub unit: Unit,
-    /// Peak amplitude of the exciting force (N) or moment (N m); none is small signal.
+    /// Peak amplitude of the exciting force (N) or moment (N m), of the line where it is largest; none is small signal.
     pub excitation: Option<f64>,
+    /// The part of that which each line was excited with; empty where all had as much.
+    pub parts: Vec<f64>,
     /// Hz, ascending.
     pub frequency: Vec<f64>,
     /// The measured quantity.
@@ -96,10 +98,13 @@ impl Frf {
     }
 }
 
-const ROLES: [Role; 6] = [Role::Frequency, Role::Real, Role::Imag, Role::Amplitude, Role::Phase, Role::Coherence];
+const ROLES: [Role; 7] = [Role::Frequency, Role::Real, Role::Imag, Role::Amplitude, Role::Phase, Role::Coherence, Role::Excitation];
 
 pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<Frf, DataError> {
-    only(table, &["file", "excite", "respond", "quantity", "excitation", "noise", "channels", "estimate", "load_cell_mass"])?;
+    only(
+        table,
+        &["file", "excite", "respond", "quantity", "excitation", "response_amplitude", "noise", "channels", "estimate", "load_cell_mass"],
+    )?;
     let excite = place(&table.require("excite", "the place of the force, such as \"m1.x\"")?)?;
     let respond = place(&table.require("respond", "the place of the response, such as \"m8.x\"")?)?;
     let quantity = table.require("quantity", "\"accelerance\", \"mobility\" or \"receptance\"")?.word("quantity", &FrfQuantity::WORDS)?;
@@ -121,6 +126,11 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
     }
     let excited = Excited { excite: excite.clone(), respond: respond.clone(), quantity, excitation, mass };
     if table.has("estimate") {
+        if let Some(v) = table.get("response_amplitude") {
+            return Err(v
+                .refuse("a response that is estimated from histories was held at no amplitude", "excitation, or nothing for small signal")
+                .into());
+        }
         return histories::read(table, id, source, excited);
     }
     let noise = table.optional("noise", |v| sigma(&v, &Unit::si(Dimension::DIMENSIONLESS)))?.map(|s| match s {
@@ -130,6 +140,22 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
     let responses = along_axis(&[Dimension::LENGTH, Dimension::ANGLE], Some(&respond));
     let dimensions: Vec<Dimension> = forces.iter().flat_map(|f| responses.iter().map(move |r| r.over(per_time).over(*f))).collect();
     let specs = channels(table, &ROLES, &dimensions)?;
+    // Of the quantity that answers, along the axis of its place.
+    let held = table.optional("response_amplitude", |v| {
+        let of: Vec<Dimension> = responses.iter().map(|r| r.over(per_time)).collect();
+        let q = v.quantity_of(&of)?;
+        if q.value > 0.0 {
+            Ok(q.value)
+        } else {
+            Err(v.refuse(format!("a response of {q}"), "a peak response above 0, at which every line was held"))
+        }
+    })?;
+    let forces = specs.iter().any(|s| s.role == Role::Excitation);
+    if usize::from(excitation.is_some()) + usize::from(held.is_some()) + usize::from(forces) > 1 {
+        let accepted = "one of them: excitation for one force at all lines, response_amplitude for one response at all lines, a channel of role excitation \
+                        for the peak force of each";
+        return Err(table.refuse("what the lines were excited with is said twice", accepted).into());
+    }
     let has = |role: Role| specs.iter().any(|s| s.role == role);
     if !has(Role::Frequency) {
         return Err(no_channel(table, "role = \"frequency\"").into());
@@ -205,7 +231,25 @@ pub(super) fn read(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Resu
     floor(&measured, &mut sigma, &mut notes);
     let (unit, frequency) = (first_spec.unit.clone(), frequency.clone());
     let coherence = coherence.map(|(_, v)| v.clone());
-    Ok(excited.frf(id, file.clone(), unit, frequency, measured, sigma, coherence, notes))
+    let read = excited.frf(id, file.clone(), unit, frequency, measured, sigma, coherence, notes);
+    let by_line: Vec<f64> = match (column(Role::Excitation), held) {
+        (Some((spec, forces)), _) => {
+            if let Some(i) = forces.iter().position(|f| *f <= 0.0) {
+                let message = format!("an excitation of {}", spec.unit.print(forces[i]));
+                return Err(lines.fail(i, spec, &message, "the peak force of every line, above 0"));
+            }
+            forces.clone()
+        }
+        // The force that made the response what it was held at.
+        (None, Some(response)) => read.measured.iter().map(|h| response / h.norm()).collect(),
+        (None, None) => return Ok(read),
+    };
+    if let Some(i) = by_line.iter().position(|f| !f.is_finite()) {
+        let message = "no response at all, which no force holds at an amplitude";
+        return Err(lines.fail(i, first_spec, message, "a response above 0 at every line"));
+    }
+    let largest = by_line.iter().fold(0.0f64, |m, f| m.max(*f));
+    Ok(Frf { excitation: Some(largest), parts: by_line.iter().map(|f| f / largest).collect(), ..read })
 }
 
 /// Where and how a structure is excited.
@@ -251,6 +295,7 @@ impl Excited {
             respond: self.respond,
             quantity: self.quantity,
             excitation: self.excitation,
+            parts: vec![],
             frequency,
             measured,
             sigma,

@@ -21,6 +21,10 @@ pub enum Control {
 impl Control {
     pub const WORDS: [(&'static str, Control); 2] = [("displacement", Control::Displacement), ("force", Control::Force)];
 
+    /// The words of a transient test: what was released and left to itself has no control.
+    pub const OF_RECORDS: [(&'static str, Option<Control>); 3] =
+        [("displacement", Some(Control::Displacement)), ("force", Some(Control::Force)), ("free", None)];
+
     pub fn role(self) -> Role {
         match self {
             Self::Displacement => Role::Displacement,
@@ -160,7 +164,7 @@ pub(super) fn cycle(table: &TableView<'_>, id: &str, conditions: &Conditions, so
             .refuse("cycles and discard_cycles both stand there", "one of them: cycles = \"3-8\" leaves out what lies before and after")
             .into());
     }
-    let (mut record, centred) = record(table, id, Some(control), source)?;
+    let (mut record, centred) = record(table, id, Drive::Controlled(control), source)?;
     (record.discard_cycles, record.last_cycle) = cycles.map_or((discard, None), |(first, last)| (first - 1, Some(last)));
     record.frequency = conditions.get("frequency").map(|c| c.value);
     if !record.channels.iter().any(|c| !c.input) {
@@ -187,20 +191,52 @@ fn cycles(value: &ValueView<'_>) -> Result<(u32, u32), TomlError> {
 
 pub(super) fn transient(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<TimeRecord, DataError> {
     only(table, &["file", "control", "noise", "channels"])?;
-    let control = table.optional("control", |v| v.word("control", &Control::WORDS))?;
-    let (mut record, centred) = record(table, id, control, source)?;
+    let drive = match table.optional("control", |v| v.word("control", &Control::OF_RECORDS))? {
+        Some(Some(control)) => Drive::Controlled(control),
+        Some(None) => Drive::Free,
+        None => Drive::Marked,
+    };
+    let (mut record, centred) = record(table, id, drive, source)?;
     let means: Vec<f64> = record.channels.iter().map(|c| c.values.iter().sum::<f64>() / c.values.len().max(1) as f64).collect();
     record.centre(&centred, |k| means[k]);
     if record.channels.iter().all(|c| c.input) {
         return Err(no_channel(table, "that answers (without input = true)").into());
     }
+    if drive == Drive::Free {
+        released(table, &mut record)?;
+    }
     Ok(record)
 }
 
+/// What drives a recorded test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Drive {
+    /// The channel of the controlled role.
+    Controlled(Control),
+    /// The channels that are marked `input = true`.
+    Marked,
+    /// Nothing: the structure was released before its first sample.
+    Free,
+}
+
+/// A record that nothing drives is one under a force of zero, where its first motion is measured.
+fn released(table: &TableView<'_>, record: &mut TimeRecord) -> Result<(), DataError> {
+    let Some(at) = record.channels.iter().find(|c| c.role != Role::Force).map(|c| c.at.clone()) else {
+        return Err(no_channel(table, "of a motion: of what was released a displacement, velocity or acceleration").into());
+    };
+    let along = super::channel::along_axis(Role::Force.dimensions(), Some(&at))[0];
+    let values = vec![0.0; record.time.len()];
+    record.channels.push(Channel { role: Role::Force, at, unit: crate::units::Unit::si(along), sigma: None, input: true, values });
+    record.control = Some(Control::Force);
+    record.notes.push(Note::new("control", "nothing drives the record: the structure was released before it begins"));
+    Ok(())
+}
+
 /// The record, and which of its channels are to be centred.
-fn record(table: &TableView<'_>, id: &str, control: Option<Control>, source: &Source<'_>) -> Result<(TimeRecord, Vec<usize>), DataError> {
+fn record(table: &TableView<'_>, id: &str, drive: Drive, source: &Source<'_>) -> Result<(TimeRecord, Vec<usize>), DataError> {
     let mut specs = channels(table, &ROLES, &[])?;
-    mark_inputs(table, control, &mut specs)?;
+    let control = if let Drive::Controlled(control) = drive { Some(control) } else { None };
+    mark_inputs(table, drive, &mut specs)?;
     let noise = table.optional("noise", |v| super::channel::sigma(&v, &crate::units::Unit::si(crate::units::Dimension::DIMENSIONLESS)))?;
     let noise = noise.map(|s| match s {
         Sigma::Absolute(f) | Sigma::Relative(f) => Sigma::Relative(f),
@@ -299,14 +335,23 @@ fn evened(
 }
 
 /// Settles which channels drive: those marked, or the one of the controlled role.
-fn mark_inputs(table: &TableView<'_>, control: Option<Control>, specs: &mut [ChannelSpec]) -> Result<(), DataError> {
+fn mark_inputs(table: &TableView<'_>, drive: Drive, specs: &mut [ChannelSpec]) -> Result<(), DataError> {
     let marked = specs.iter().filter(|s| s.input).count();
-    let Some(control) = control else {
-        if marked > 0 {
+    let control = match drive {
+        Drive::Controlled(control) => control,
+        Drive::Marked if marked > 0 => return Ok(()),
+        Drive::Marked => {
+            let accepted =
+                "control = \"displacement\" or \"force\", input = true in the channels that drive it, or control = \"free\" for a decay";
+            return Err(table.refuse("nothing drives this test: it has no key `control`, and no channel is marked", accepted).into());
+        }
+        Drive::Free => {
+            if let Some(driven) = specs.iter().find(|s| s.input) {
+                let message = format!("the {} is marked as input, and control is free", driven.label());
+                return Err(table.refuse(message, "no input = true in a record that nothing drives").into());
+            }
             return Ok(());
         }
-        let accepted = "control = \"displacement\" or \"force\", or input = true in the channels that drive it";
-        return Err(table.refuse("nothing drives this test: it has no key `control`, and no channel is marked", accepted).into());
     };
     let role = control.role();
     if let Some(other) = specs.iter().find(|s| s.input && s.role != role) {

@@ -73,6 +73,7 @@ macro_rules! words {
 }
 
 words!(ControlWord, Control::WORDS, "What the rig holds: force or displacement.");
+words!(RecordControlWord, Control::OF_RECORDS, "What the rig holds: force or displacement; free: nothing, as in a decay.");
 words!(FrfWord, FrfQuantity::WORDS, "Response over force.");
 words!(RoleWord, Role::WORDS, "What a channel measures.");
 
@@ -182,7 +183,7 @@ enum Test {
         /// CSV, Parquet, universal or MATLAB file.
         file: String,
         /// What the rig holds.
-        control: Option<ControlWord>,
+        control: Option<RecordControlWord>,
         /// Noise of channels without a sigma, a part of their rms.
         noise: Option<Quantity>,
         /// Channels of the file.
@@ -210,8 +211,10 @@ enum Test {
         respond: String,
         /// Response over force.
         quantity: FrfWord,
-        /// Peak force; small signal where it is left out.
+        /// Peak force of every line; small signal where nothing is said of the excitation.
         excitation: Option<Quantity>,
+        /// Peak response that every line was held at, in the unit of what answers.
+        response_amplitude: Option<Quantity>,
         /// Noise, a part of |H|.
         noise: Option<Quantity>,
         /// Channels of the file.

@@ -1,5 +1,6 @@
 //! What can go wrong in fit and diagnosis.
 
+use crate::data::DataError;
 use crate::explain::Explain;
 use crate::identify::{EvalError, IdentifyError};
 use crate::model::ModelError;
@@ -8,6 +9,9 @@ use crate::response::ResponseError;
 /// Errors of the diagnose stage.
 #[derive(Debug, thiserror::Error)]
 pub enum DiagnoseError {
+    /// Measurements that no model can have been measured with.
+    #[error(transparent)]
+    Data(#[from] DataError),
     /// From the response stage.
     #[error(transparent)]
     Response(#[from] ResponseError),
@@ -27,6 +31,7 @@ impl DiagnoseError {
 
     fn inner(&self) -> &dyn Explain {
         match self {
+            DiagnoseError::Data(e) => e,
             DiagnoseError::Response(e) => e,
             DiagnoseError::Identify(e) => e,
             DiagnoseError::Model(e) => e,

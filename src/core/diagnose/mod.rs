@@ -15,6 +15,7 @@ pub use calibrate::compare::{compare, glance};
 pub use calibrate::fit::{fit, unit_of};
 pub use calibrate::mode_energy::modes as mode_energies;
 pub use calibrate::slack::Slack;
+pub use calibrate::units::odd_units;
 pub use error::DiagnoseError;
 pub use results::{Fault, Missed, Reason, Unexplained};
 pub use search::climb::unbounded;

@@ -349,3 +349,28 @@ fn a_preload_moves_the_operating_point_and_adds_no_stiffness_of_its_own() {
     null.instances[3].follower = true;
     assert!(super::equilibrium::equilibrium(&model, &bind(&null), &[], 0).unwrap().is_none());
 }
+
+/// Under forces of their own each line is what it is under that force alone: a hardening spring whose response has one branch.
+#[test]
+fn every_line_of_an_frf_may_have_a_force_of_its_own() {
+    let model = chain(&[0.5]);
+    let at = |name: &str, p: &[f64]| instance(&model, name, "c0.x", p);
+    let instances = vec![at("linear_stiffness", &[1000.0]), at("cubic_stiffness", &[4e7]), at("viscous", &[9.0])];
+    let system = System { model: model.clone(), instances };
+    let (bound, settings) = (bind(&system), super::harmonic::Settings::default());
+    let omega: Vec<f64> = (1..40).map(|k| 2.0 * f64::from(k)).collect();
+    // As at a constant response: least at the resonance.
+    let forces: Vec<f64> = omega.iter().map(|w| 2e-3 * Complex64::new(1000.0 - 0.5 * w * w, 9.0 * w).norm()).collect();
+    let all = super::harmonic::under_forces(&model, &bound, &omega, 0, &forces, &[0], true, settings).unwrap();
+    let mut moved = 0.0f64;
+    for (k, (w, f)) in omega.iter().zip(&forces).enumerate() {
+        let one = super::harmonic::at_amplitude(&model, &bound, &[*w], 0, *f, &[0], true, settings).unwrap();
+        assert!((one.h[0] - all.h[k]).norm() < 1e-9 * one.h[0].norm(), "{w}: {} {}", one.h[0], all.h[k]);
+        let n = bound.n_free;
+        let apart = (0..n).map(|p| (one.dh[p] - all.dh[k * n + p]).norm() / one.dh[p].norm().max(1e-30)).fold(0.0, f64::max);
+        assert!(apart < 1e-6, "{w}: {apart}");
+        let same = super::harmonic::at_amplitude(&model, &bound, &[*w], 0, forces[0], &[0], false, settings).unwrap();
+        moved = moved.max((same.h[0] - one.h[0]).norm() / one.h[0].norm());
+    }
+    assert!(moved > 0.05, "one force for all lines gives the same: {moved}");
+}

@@ -12,6 +12,8 @@ use crate::engine::EngineError;
 use crate::engine::march::State;
 use crate::model::Model;
 
+use super::site::{Seat, seat};
+
 /// Part of its largest value that a channel, or its rate, has at the first sample of a record that begins in motion, and the standard deviations
 /// of noise that it then has at least.
 const MOVING: f64 = 0.05;
@@ -38,6 +40,8 @@ pub(super) struct Beginning {
     dofs: Vec<usize>,
     /// Samples that it is estimated from.
     samples: usize,
+    /// What the channels themselves read of the unknowns at the first sample: a friction that sticks at rest hides the way from there.
+    read: Vec<f64>,
 }
 
 /// A start of a march: displacements, then velocities of these degrees of freedom beyond those of rest, and their derivatives.
@@ -86,7 +90,8 @@ impl Beginning {
         let cycle = record.channels.iter().filter(|c| record.answers(c)).map(|c| samples_a_cycle(&c.values)).fold(0.0, f64::max);
         let least = (n / PART).max(2 * EACH * dofs.len());
         let samples = least.max((CYCLES * cycle).ceil() as usize).min(n);
-        Some(Beginning { dofs, samples })
+        let read = read_off(record, &dofs, cycle, model);
+        Some(Beginning { dofs, samples, read })
     }
 
     /// Samples that it is estimated from.
@@ -127,6 +132,13 @@ impl Beginning {
         // What moves nothing stays at rest.
         let ridge = prior.map(|p| if p > 0.0 { p * p } else { 1.0 });
         let cost = |o: &Opening, z: &DVector<f64>| o.r.norm_squared() + z.component_mul(&prior).norm_squared();
+        if self.read.iter().any(|v| *v != 0.0) {
+            let read = DVector::from_vec(self.read.clone());
+            match open(&self.seeded(read.as_slice(), 0), false) {
+                Ok(there) if cost(&there, &read) < cost(&now, &z) => (z, now) = (read, there),
+                _ => {}
+            }
+        }
         let normal = |j: &DMatrix<f64>| (j.tr_mul(j) + DMatrix::from_diagonal(&ridge)).cholesky();
         for _ in 0..STEPS {
             let Some(factors) = normal(&now.slopes) else { break };
@@ -185,6 +197,46 @@ impl Beginning {
         (0..count).for_each(|i| by_start[(i, i)] += if prior[i] > 0.0 { prior[i] * prior[i] } else { 1.0 });
         Ok(by_start.cholesky().map(|f| -f.solve(&second.columns(0, n_free))))
     }
+}
+
+/// Part of a cycle through whose samples a parabola is laid, and the fewest of them.
+const PARABOLA: f64 = 0.125;
+const PARABOLA_LEAST: usize = 4;
+
+/// Displacements, then velocities of these degrees of freedom at the first sample, where a channel reads them against the ground; 0 elsewhere.
+fn read_off(record: &TimeRecord, dofs: &[usize], cycle: f64, model: &Model) -> Vec<f64> {
+    let mut read = vec![0.0; 2 * dofs.len()];
+    let dt = (record.time[record.time.len() - 1] - record.time[0]) / (record.time.len() - 1) as f64;
+    for c in record.channels.iter().filter(|c| record.answers(c)) {
+        let of = match seat(model, &c.at) {
+            Ok(Seat::Dof(d)) => Some((d, 1.0)),
+            Ok(Seat::Place(p)) => match (model.places[p].from, model.places[p].to) {
+                (None, Some(d)) => Some((d, 1.0)),
+                (Some(d), None) => Some((d, -1.0)),
+                _ => None,
+            },
+            Err(_) => None,
+        };
+        let Some((k, sign)) = of.and_then(|(d, sign)| Some((dofs.iter().position(|k| *k == d)?, sign))) else { continue };
+        match c.role {
+            Role::Displacement => {
+                let (x, rate) = at_first(&c.values, ((PARABOLA * cycle) as usize).max(PARABOLA_LEAST));
+                (read[k], read[dofs.len() + k]) = (sign * x, sign * rate / dt);
+            }
+            Role::Velocity => read[dofs.len() + k] = sign * c.values[0],
+            _ => {}
+        }
+    }
+    read
+}
+
+/// Value and rate for each sample, at the first one, of the parabola through the first `count` samples.
+fn at_first(x: &[f64], count: usize) -> (f64, f64) {
+    let n = count.min(x.len());
+    let a = DMatrix::from_fn(n, 3, |i, p| (i as f64).powi(p as i32));
+    let b = DVector::from_column_slice(&x[..n]);
+    let fitted = (a.tr_mul(&a)).cholesky().map(|f| f.solve(&a.tr_mul(&b)));
+    fitted.map_or((x[0], 0.0), |p| (p[0], p[1]))
 }
 
 /// Rice's mean period: samples in a cycle of `2 pi` times the rms of the value over that of its rate.

@@ -14,7 +14,7 @@ use crate::model::{Bound, ChannelPiece, Model};
 
 use super::site::{Seat, seat};
 use super::variation::Variation;
-use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError};
+use super::{Amplitude, Block, BlockKind, Computed, Plan, ResponseError, Work};
 
 /// Resolutions of the harmonic balance under a declared excitation, [`Plan::refined`] looks which is enough: most of what lies between two levels
 /// is a factor of four to ten in time. The balance holds to a part in 1e9, far below what a level leaves out.
@@ -31,8 +31,10 @@ pub struct FrfPlan {
     input: usize,
     output: usize,
     quantity: FrfQuantity,
-    /// Peak of the exciting force [N]; none is small signal.
+    /// Peak of the exciting force [N], of the line where it is largest; none is small signal.
     excitation: Option<f64>,
+    /// The part of that which each line had; empty where all had as much.
+    parts: Vec<f64>,
     /// Resolution under it, of [`LEVELS`].
     level: usize,
     /// Where a system stands beside which others are computed, for a look.
@@ -76,7 +78,8 @@ impl FrfPlan {
         });
         plan.add_block(block, measured.collect(), sigma.collect());
         plan.notes.extend(frf.notes.iter().map(|n| format!("{}: {}", n.about, n.text)));
-        Ok(FrfPlan { omega, input, output, quantity, excitation: frf.excitation, level: 0, standing: None })
+        let (excitation, parts) = (frf.excitation, frf.parts.clone());
+        Ok(FrfPlan { omega, input, output, quantity, excitation, parts, level: 0, standing: None })
     }
 
     /// The same at other frequencies or under another excitation.
@@ -87,7 +90,8 @@ impl FrfPlan {
 
     /// The same at these of its lines.
     pub(super) fn of_lines(&self, lines: &[usize]) -> Self {
-        FrfPlan { omega: lines.iter().map(|k| self.omega[*k]).collect(), ..self.clone() }
+        let parts = lines.iter().filter_map(|k| self.parts.get(*k).copied()).collect();
+        FrfPlan { omega: lines.iter().map(|k| self.omega[*k]).collect(), parts, ..self.clone() }
     }
 
     /// Number of lines.
@@ -98,6 +102,11 @@ impl FrfPlan {
     /// Whether every line takes more than its share of one sweep: a balance, or a system about a point.
     pub(super) fn dear(&self) -> bool {
         self.excitation.is_some() || self.standing.is_some()
+    }
+
+    /// The force of every line where the largest is this.
+    fn forces(&self, largest: f64) -> Vec<f64> {
+        (0..self.omega.len()).map(|k| largest * self.parts.get(k).copied().unwrap_or(1.0)).collect()
     }
 
     /// Peak of the exciting force.
@@ -132,9 +141,10 @@ impl FrfPlan {
     pub(super) fn amplitudes(&self, model: &Model, bound: &Bound) -> Result<Option<Vec<Amplitude>>, EngineError> {
         let Some(force) = self.excitation else { return Ok(None) };
         let dofs: Vec<usize> = (0..model.dofs.len()).collect();
-        let r = harmonic::at_amplitude(model, bound, &self.omega, self.input, force, &dofs, false, LEVELS[self.level])?;
+        let forces = self.forces(force);
+        let r = harmonic::under_forces(model, bound, &self.omega, self.input, &forces, &dofs, false, LEVELS[self.level])?;
         let mut widest = vec![Amplitude::default(); model.places.len()];
-        for (line, w) in self.omega.iter().enumerate() {
+        for (line, (w, force)) in self.omega.iter().zip(forces).enumerate() {
             let motion = |dof: Option<usize>| dof.map_or(Complex64::ZERO, |d| r.h[line * dofs.len() + d] * force);
             for (a, place) in widest.iter_mut().zip(&model.places) {
                 let x = (motion(place.to) - motion(place.from)).norm();
@@ -170,7 +180,8 @@ impl FrfPlan {
         let outputs = if pieces.is_empty() { vec![self.output] } else { vec![self.output, self.input] };
         let r = match self.excitation {
             Some(force) => {
-                harmonic::at_amplitude(model, bound, &self.omega, self.input, force, &outputs, sensitivities, LEVELS[self.level])?
+                let forces = self.forces(force);
+                harmonic::under_forces(model, bound, &self.omega, self.input, &forces, &outputs, sensitivities, LEVELS[self.level])?
             }
             None => match &self.standing {
                 Some(standing) => {
@@ -219,5 +230,12 @@ impl FrfPlan {
             out.slopes.extend(dh.iter().map(|d| (d * to_quantity).im));
         }
         Ok(out)
+    }
+}
+
+impl Plan {
+    /// What an FRF was measured as; none of other tests.
+    pub fn frf_quantity(&self) -> Option<FrfQuantity> {
+        if let Work::Frf(f) = &self.work { Some(f.quantity) } else { None }
     }
 }

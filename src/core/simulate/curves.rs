@@ -111,25 +111,32 @@ pub(super) fn frf(toml: &mut String, frf: &Frf, computed: &[f64], noise: &mut No
         quoted(&format!("{}.csv", frf.test)),
         frf.quantity.word()
     );
-    if let Some(f) = frf.excitation {
-        let rotational = frf.excite.rsplit_once('.').and_then(|(_, a)| Axis::parse(a).ok()).is_some_and(|a| a.rotational());
-        let dimension = if rotational { Dimension::MOMENT } else { Dimension::FORCE };
-        let _ = writeln!(toml, "excitation = \"{}\"", Unit::si(dimension).print(f));
+    let rotational = frf.excite.rsplit_once('.').and_then(|(_, a)| Axis::parse(a).ok()).is_some_and(|a| a.rotational());
+    let of_force = Unit::si(if rotational { Dimension::MOMENT } else { Dimension::FORCE });
+    if let Some(f) = frf.excitation.filter(|_| frf.parts.is_empty()) {
+        let _ = writeln!(toml, "excitation = \"{}\"", of_force.print(f));
     }
     let unit = quoted(&frf.unit.symbol);
     let _ = writeln!(
         toml,
         "channels = [\n  {{ role = \"frequency\", column = \"f\", unit = \"Hz\" }},\n  {{ role = \"real\", column = \"re\", unit = {unit} }},\n  \
-         {{ role = \"imag\", column = \"im\", unit = {unit} }},\n  {{ role = \"coherence\", column = \"coh\", averages = {AVERAGES} }},\n]"
+         {{ role = \"imag\", column = \"im\", unit = {unit} }},\n  {{ role = \"coherence\", column = \"coh\", averages = {AVERAGES} }},\n"
     );
+    if !frf.parts.is_empty() {
+        let _ = writeln!(toml, "  {{ role = \"excitation\", column = \"force\", unit = {} }},", quoted(&of_force.symbol));
+    }
+    toml.push_str("]\n");
     let e = noise.fraction();
     let coherence = 1.0 / (1.0 + 2.0 * f64::from(AVERAGES) * e * e);
-    let header = ["f", "re", "im", "coh"].map(str::to_string);
+    let mut header = ["f", "re", "im", "coh"].map(str::to_string).to_vec();
+    header.extend((!frf.parts.is_empty()).then(|| "force".to_string()));
     let mut rows = Vec::with_capacity(frf.frequency.len());
-    for (f, h) in frf.frequency.iter().zip(computed.chunks_exact(2)) {
+    for (line, (f, h)) in frf.frequency.iter().zip(computed.chunks_exact(2)).enumerate() {
         let sigma = e * h[0].hypot(h[1]);
         let (re, im) = (h[0] + sigma * noise.normal(), h[1] + sigma * noise.normal());
-        rows.push(vec![*f, frf.unit.from_si(re), frf.unit.from_si(im), coherence]);
+        let mut row = vec![*f, frf.unit.from_si(re), frf.unit.from_si(im), coherence];
+        row.extend(frf.parts.get(line).map(|part| part * frf.excitation.unwrap_or(1.0)));
+        rows.push(row);
     }
     csv(&header, rows.into_iter())
 }

@@ -63,6 +63,7 @@ impl Case {
         let motions = |instance: &Instance| plans.iter().flat_map(|(p, _)| motions(p, &study.system, instance)).collect();
         formula::examine(&study.system, motions).map_err(|(i, e)| formula::located(&study.system.instances[i], &e))?;
         Ok(Case {
+            refused: frf_doubts(&study.dataset.tests).into_iter().filter(|d| d.refused).collect(),
             of_data: of_data(study),
             orders: study.orders.iter().map(|o| (o.below.clone(), o.above.clone(), o.gap)).collect(),
             loss: study.fit.loss,

@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn cycles_are_looked_for_again_under_other_roles_and_start_up() {
         let (_folder, path) = file();
-        let mut found = vec![inspect(&path).unwrap()];
+        let mut found = vec![inspect(&path, None).unwrap()];
         let name = |text: &str| {
             let FoundItem::History(h) = &found[0].items[0] else { panic!("no history") };
             h.columns.iter().find(|c| c.column.starts_with(text)).unwrap().column.clone()

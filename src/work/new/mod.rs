@@ -52,14 +52,15 @@ pub fn named(file: &Path) -> String {
     file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Reads every file, corrects what was found as the engineer says, and writes down the study it makes. Nothing is written to the disk.
+/// Reads every file, corrects what was found as the engineer says, and writes down the study it makes. Nothing is written to the disk. `rate` [Hz] is that of
+/// files without a column of time.
 ///
 /// # Errors
 /// Where no file can be read, and corrections of what is not there.
-pub fn look(files: &[PathBuf], corrections: &[Correction]) -> Result<Looked, Failure> {
+pub fn look(files: &[PathBuf], rate: Option<f64>, corrections: &[Correction]) -> Result<Looked, Failure> {
     let mut looked = Looked { found: vec![], files: vec![], left: vec![], scaffold: None };
     for file in files {
-        match inspect(file) {
+        match inspect(file, rate) {
             Ok(one) => {
                 looked.found.push(one);
                 looked.files.push(file.clone());

@@ -92,8 +92,10 @@ impl Writer {
         let answers = h.columns.iter().filter_map(|c| c.role).filter(|r| r.has_place() && Some(*r) != drives).count();
         if h.cyclic.is_none() && (drives.is_none() || answers == 0) {
             let name = path.display();
-            self.to_confirm
-                .push(format!("{name}: a history left out, it has no channel that drives (displacement or force) and one that answers"));
+            self.to_confirm.push(format!(
+                "{name}: a history left out, it has no channel that drives (displacement or force) and one that answers; a decay, which \
+                                 nothing drives, is a test of kind = \"transient\" with control = \"free\""
+            ));
             return;
         }
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
@@ -135,6 +137,10 @@ impl Writer {
                 text += &format!(" # not used: {}\n", c.column.replace(['\n', '\r'], " "));
                 continue;
             };
+            if let Some(rate) = c.clock {
+                text += &format!(" {{ role = \"time\", rate = \"{rate} Hz\" }},\n");
+                continue;
+            }
             // The places of a loop are those of the joint it is measured at.
             let node = c.at.filter(|_| h.cyclic.is_none());
             let turned = if node.is_some_and(|n| n.2) { ", scale = -1" } else { "" };
@@ -224,6 +230,9 @@ impl Writer {
                 }
                 _ => String::new(),
             };
+            if *role == Role::Excitation {
+                confirm.push(format!("{id}: that `{column}` is the peak force of every line, and no rms"));
+            }
             let missing = unit.is_none() && matches!(role, Role::Real | Role::Imag | Role::Amplitude);
             if missing {
                 confirm.push(format!("{id}: the unit of `{column}` is not in the file; write it in dataset.toml"));

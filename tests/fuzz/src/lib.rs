@@ -41,7 +41,7 @@ pub fn feed(bytes: &[u8], extension: &str, also: impl FnOnce(&PathBuf)) {
     let column = |name: &str, text: bool| Wanted { name: name.into(), text };
     let _ = read(&path, &[column("t", false), column("F", false)], None);
     let _ = read(&path, &[column("n", true)], None);
-    let _ = inspect(&path);
+    let _ = inspect(&path, None);
     also(&path);
     let took = MOST.load(Relaxed) - before;
     assert!(took <= 10 * bytes.len() + OWN, "{took} bytes for a file of {}", bytes.len());

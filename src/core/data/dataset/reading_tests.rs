@@ -262,3 +262,56 @@ fn date_and_time_as_loggers_write_it() {
     let r = record(&toml("cycle", "", TIME, "", ""), &numbers.collect::<Vec<_>>().join("\n"));
     assert!((r.time[599] - 5.99).abs() < 1e-9);
 }
+
+#[test]
+fn a_decay_has_no_channel_that_drives_it() {
+    let file = csv(6, plain, |c| 0.4 * 0.7f64.powi(c as i32));
+    let released = toml("transient", "", TIME, "", "").replace("control = \"displacement\"", "control = \"free\"");
+    let only_x = released.replace(",\n { role=\"force\", at=\"c1.x\", column=\"F\", unit=\"N\", sigma=\"0.1 N\" }]", "]");
+    let read = record(&only_x, &file);
+    let drives: Vec<_> =
+        read.channels.iter().filter(|c| c.input).map(|c| (c.role, c.at.as_str(), c.values.iter().all(|f| *f == 0.0))).collect();
+    assert_eq!(drives, [(Role::Force, "c1.x", true)]);
+    assert_eq!(read.control, Some(crate::data::Control::Force));
+    said(&read, "control", "released before it begins");
+    // A force that is measured somewhere is compared, and drives nothing.
+    let read = record(&released, &file);
+    assert_eq!(read.channels.iter().filter(|c| read.answers(c)).count(), 2);
+    let e = |toml: &str| load(toml, &file).unwrap_err().to_string();
+    assert!(e(&released.replace("unit=\"mm\"", "unit=\"mm\", input=true")).contains("marked as input, and control is free"));
+    let only_f = released.replace(" { role=\"displacement\", at=\"c1.x\", column=\"x\", unit=\"mm\" },\n", "");
+    assert!(e(&only_f).contains("of a motion"), "{}", e(&only_f));
+    assert!(e(&released.replace("\"transient\"", "\"cycle\"")).contains("unknown control"));
+}
+
+#[test]
+fn lines_of_an_frf_have_the_force_that_was_measured_or_made_their_response() {
+    let lines: String = (10..60).map(|f| format!("{f},{},{},{}\n", -0.1 * f as f64, 0.02 * f as f64, 5.0 / f as f64)).collect();
+    let test = |more: &str, channel: &str| {
+        format!(
+            "schema = 1\n[[test]]\nid = \"t\"\nkind = \"frf\"\nfile = \"t.csv\"\nexcite = \"m.x\"\nrespond = \"m.x\"\nquantity = \"accelerance\"\nnoise = \"1 %\"\n{more}\nchannels = [\n \
+             {{ role=\"frequency\", column=\"f\", unit=\"Hz\" }},\n {{ role=\"real\", column=\"re\", unit=\"m/s2/N\" }},\n \
+             {{ role=\"imag\", column=\"im\", unit=\"m/s2/N\" }}{channel}]\n"
+        )
+    };
+    let file = "f,re,im,F\n".to_string() + &lines;
+    let read = |toml: &str| match load(toml, &file).unwrap_or_else(|e| panic!("{e}")).tests.remove(0).record {
+        Record::Frf(f) => *f,
+        other => panic!("{other:?}"),
+    };
+    let column = ",\n { role=\"excitation\", column=\"F\", unit=\"N\" }";
+    let measured = read(&test("", column));
+    assert!(measured.excitation == Some(0.5) && measured.parts.len() == 50, "{measured:?}");
+    assert!((measured.parts[40] - 10.0 / 50.0).abs() < 1e-12);
+    let held = read(&test("response_amplitude = \"2 m/s2\"", ""));
+    let force = |k: usize| held.excitation.unwrap() * held.parts[k];
+    assert!((0..50).all(|k| (force(k) * held.measured[k].norm() - 2.0).abs() < 1e-12));
+    assert!(read(&test("excitation = \"0.5 N\"", "")).parts.is_empty());
+    let e = |toml: &str, file: &str| load(toml, file).unwrap_err();
+    let twice = e(&test("excitation = \"0.5 N\"", column), &file);
+    assert!(twice.to_string().contains("said twice"), "{twice}");
+    let unit = e(&test("response_amplitude = \"2 mm\"", ""), &file);
+    assert!(unit.to_string().contains("is a length"), "{unit}");
+    let none = e(&test("", column), &file.replace(&format!(",{}\n", 5.0 / 30.0), ",0\n"));
+    assert!(none.to_string().contains("an excitation of 0") && none.place().contains("line 22"), "{none} {}", none.place());
+}

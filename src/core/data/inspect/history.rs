@@ -215,6 +215,7 @@ mod tests {
             unit: None,
             guessed: true,
             at: None,
+            clock: None,
             values: (0..n).map(|k| (0.1 * k as f64).sin() + if role == Role::Time { k as f64 } else { 0.0 }).collect(),
         };
         let found = found(vec![of("t", Role::Time, 240), of("x", Role::Displacement, 240), of("F", Role::Force, 4)], &Corrected::default());

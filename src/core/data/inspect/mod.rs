@@ -32,7 +32,28 @@ pub struct FoundColumn {
     pub guessed: bool,
     /// Node and axis where the file gives them: `(12, "z", against the axis)`.
     pub at: Option<At>,
+    /// Of a time that no column of the file holds: its samples for each second, Hz.
+    pub clock: Option<f64>,
 }
+
+impl FoundColumn {
+    /// The time of so many samples at a rate [Hz] that somebody has stated.
+    fn clock(rate: f64, samples: usize) -> FoundColumn {
+        let values = (0..samples).map(|k| k as f64 / rate).collect();
+        FoundColumn {
+            column: CLOCK.into(),
+            role: Some(Role::Time),
+            unit: Some("s".into()),
+            values,
+            guessed: false,
+            at: None,
+            clock: Some(rate),
+        }
+    }
+}
+
+/// What the time of a stated rate is called among the columns of a file.
+const CLOCK: &str = "(stated rate)";
 
 /// A file and what is in it.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,11 +102,14 @@ pub struct FoundModes {
     pub nodes: Vec<i64>,
 }
 
-/// Looks into a file.
-pub fn inspect(path: &Path) -> Result<FoundFile, DataError> {
+/// Looks into a file. `rate` [Hz] is that of histories in tables without a column of time.
+///
+/// # Errors
+/// A file that cannot be read, or holds neither a history nor an FRF.
+pub fn inspect(path: &Path, rate: Option<f64>) -> Result<FoundFile, DataError> {
     let items = match FileKind::of(path)? {
         FileKind::Universal => universal::items(&UffFile::from_bytes(path, readers::bytes(path)?)?)?,
-        _ => tabular(path, columns(path)?)?,
+        _ => records(path, columns(path)?, rate)?,
     };
     Ok(FoundFile { path: path.to_path_buf(), items })
 }
@@ -119,7 +143,7 @@ fn columns(path: &Path) -> Result<Table, DataError> {
             Ok((Column::Numbers(values), own)) => {
                 let unit = unit.or(own);
                 let (role, guessed) = (guess_role(&column, unit.as_deref()), guess::by_letter(&column, unit.as_deref()));
-                table.columns.push(FoundColumn { role, column, unit, values, guessed, at: None });
+                table.columns.push(FoundColumn { role, column, unit, values, guessed, at: None, clock: None });
             }
             Ok((Column::Text(_), _)) => {}
             Err(e) => table.unread.push((column, e)),
@@ -145,7 +169,67 @@ fn why(e: &DataError) -> String {
     }
 }
 
-fn tabular(path: &Path, Table { mut columns, unread }: Table) -> Result<Vec<FoundItem>, DataError> {
+/// The structure that a column belongs to: what stands before the name of its field. Of one in a table that is nothing.
+fn structure(name: &str) -> &str {
+    let inside = ["real(", "imag("].iter().find_map(|part| name.strip_prefix(part)).unwrap_or(name);
+    inside.rsplit_once('.').map_or("", |n| n.0)
+}
+
+/// Roles that a channel of a history has beside its time.
+const MOVES: [Role; 4] = [Role::Displacement, Role::Velocity, Role::Acceleration, Role::Force];
+
+/// What a table holds: one thing or, where several structures have a time (or frequency) of their own, one each.
+fn records(path: &Path, table: Table, rate: Option<f64>) -> Result<Vec<FoundItem>, DataError> {
+    let begins = |c: &FoundColumn| match c.role {
+        Some(Role::Time | Role::Frequency) => true,
+        Some(role) => rate.is_some() && MOVES.contains(&role),
+        None => false,
+    };
+    let mut own: Vec<String> = Vec::new();
+    for c in table.columns.iter().filter(|c| begins(c)) {
+        if !own.iter().any(|o| o == structure(&c.column)) {
+            own.push(structure(&c.column).to_string());
+        }
+    }
+    if own.len() < 2 {
+        return tabular(path, table, rate);
+    }
+    let mut parts: Vec<Table> = own.iter().map(|_| Table { columns: vec![], unread: vec![] }).collect();
+    let of = |name: &str| own.iter().position(|o| o == structure(name));
+    let mut others = Vec::new();
+    for c in table.columns {
+        match of(&c.column) {
+            Some(k) => parts[k].columns.push(c),
+            None => others.push(format!("`{}`", c.column)),
+        }
+    }
+    for (name, e) in table.unread {
+        match of(&name) {
+            Some(k) => parts[k].unread.push((name, e)),
+            None => others.push(format!("`{name}`")),
+        }
+    }
+    let (mut items, mut first, mut none) = (Vec::new(), None, true);
+    for looked in parts.into_iter().map(|t| tabular(path, t, rate)) {
+        none &= looked.is_err();
+        match looked {
+            Ok(found) => items.extend(found),
+            Err(e) => {
+                items.push(FoundItem::Other(e.to_string()));
+                first = first.or(Some(e));
+            }
+        }
+    }
+    if let Some(e) = first.filter(|_| none) {
+        return Err(e);
+    }
+    if !others.is_empty() {
+        items.push(FoundItem::Other(format!("not used, without a time beside them: {}", others.join(", "))));
+    }
+    Ok(items)
+}
+
+fn tabular(path: &Path, Table { mut columns, unread }: Table, rate: Option<f64>) -> Result<Vec<FoundItem>, DataError> {
     // Beside the parts of an FRF, `f` is no force.
     let of = |columns: &[FoundColumn], role: Role| columns.iter().any(|c| c.role == Some(role));
     if !of(&columns, Role::Time) && !of(&columns, Role::Frequency) && (of(&columns, Role::Imag) || of(&columns, Role::Phase)) {
@@ -153,12 +237,15 @@ fn tabular(path: &Path, Table { mut columns, unread }: Table) -> Result<Vec<Foun
         columns.iter_mut().find(letter).into_iter().for_each(|c| c.role = Some(Role::Frequency));
     }
     let has = |role: Role| columns.iter().find(|c| c.role == Some(role));
-    if has(Role::Time).is_some() {
+    let history = |columns: Vec<FoundColumn>| {
         let mut found = history::found(columns, &Corrected::default());
         // A channel with a bad cell is told; a column of text is no channel.
         let named = unread.iter().filter(|(name, _)| guess_role(name, bracket(name).as_deref()).is_some());
         found.findings.extend(named.map(|(name, e)| Note::new(name, format!("not read: {}", why(e)))));
-        return Ok(vec![FoundItem::History(Box::new(found))]);
+        vec![FoundItem::History(Box::new(found))]
+    };
+    if has(Role::Time).is_some() {
+        return Ok(history(columns));
     }
     // What is called a time and cannot be read is what is wrong.
     if let Some(k) = unread.iter().position(|(name, _)| guess_role(name, bracket(name).as_deref()) == Some(Role::Time)) {
@@ -168,7 +255,10 @@ fn tabular(path: &Path, Table { mut columns, unread }: Table) -> Result<Vec<Foun
     if let (Some(f), Some(parts)) = (has(Role::Frequency), parts) {
         let band = f.values.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
         let roles = [Role::Frequency].into_iter().chain(parts).chain(has(Role::Coherence).map(|_| Role::Coherence));
-        let named = roles.filter_map(|r| has(r).map(|c| (r, c.column.clone(), c.unit.clone()))).collect();
+        let mut named: Vec<_> = roles.filter_map(|r| has(r).map(|c| (r, c.column.clone(), c.unit.clone()))).collect();
+        // A force beside every line is what the line was excited with.
+        let forces = has(Role::Force).filter(|c| !c.guessed && c.values.len() == f.values.len() && c.values.iter().all(|v| *v > 0.0));
+        named.extend(forces.map(|c| (Role::Excitation, c.column.clone(), c.unit.clone())));
         let quantity = columns.iter().find(|c| c.role == Some(parts[0])).and_then(|c| guess::quantity(c.unit.as_deref()));
         let values = parts.map(|p| has(p).map_or(&[][..], |c| &c.values));
         // Of real and imaginary part, or of amplitude and phase.
@@ -189,6 +279,12 @@ fn tabular(path: &Path, Table { mut columns, unread }: Table) -> Result<Vec<Foun
         };
         return Ok(vec![FoundItem::Frf(frf)]);
     }
+    // Nothing but the rate says when the samples of such a table were taken.
+    let longest = columns.iter().filter(|c| c.role.is_none_or(|r| MOVES.contains(&r))).map(|c| c.values.len()).max();
+    if let (Some(rate), Some(samples)) = (rate, longest) {
+        columns.insert(0, FoundColumn::clock(rate, samples));
+        return Ok(history(columns));
+    }
     let names: Vec<&str> = columns.iter().map(|c| c.column.as_str()).collect();
     Err(super::error::FileError {
         file: path.to_path_buf(),
@@ -198,8 +294,8 @@ fn tabular(path: &Path, Table { mut columns, unread }: Table) -> Result<Vec<Foun
             names.join(", "),
             unread.iter().map(|(name, e)| format!("; `{name}` is not read, {}", why(e))).collect::<String>()
         ),
-        accepted: "columns whose names or units say what they are, such as `time [s]`, `displacement [mm]`, `force [N]`; a file without a column of time \
-                   is written into dataset.toml by hand, with `{ role = \"time\", rate = \"610.35 Hz\" }` among the channels of its test"
+        accepted: "columns whose names or units say what they are, such as `time [s]`, `displacement [mm]`, `force [N]`; `misfit new --rate 610.35` for a file \
+                   without a column of time; what no name tells is written into dataset.toml by hand, with the columns as they are named here"
             .into(),
     }
     .into())

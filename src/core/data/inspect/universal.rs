@@ -67,7 +67,7 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
                         };
                         let at = place(&f.header.response).filter(|p| p.0 > 0);
                         let (column, given) = (format!("#{}", i + 1), unit(&y));
-                        let column = FoundColumn { column, role, unit: given, values: values.clone(), guessed: false, at };
+                        let column = FoundColumn { column, role, unit: given, values: values.clone(), guessed: false, at, clock: None };
                         match groups.iter_mut().find(|g| g.abscissa == f.abscissa) {
                             Some(g) => g.columns.push(column),
                             None => groups.push(Group { abscissa: f.abscissa.clone(), unit: unit(&x), columns: vec![column] }),
@@ -106,8 +106,15 @@ pub(super) fn items(file: &UffFile) -> Result<Vec<FoundItem>, DataError> {
     }
     for g in groups {
         let time = Some(Role::Time);
-        let mut columns =
-            vec![FoundColumn { column: "time".into(), role: time, unit: g.unit, values: g.abscissa, guessed: false, at: None }];
+        let mut columns = vec![FoundColumn {
+            column: "time".into(),
+            role: time,
+            unit: g.unit,
+            values: g.abscissa,
+            guessed: false,
+            at: None,
+            clock: None,
+        }];
         columns.extend(g.columns);
         items.push(FoundItem::History(Box::new(history::found(columns, &history::Corrected::default()))));
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::data::Rig;
+use crate::data::{FrfDoubt, Rig};
 use crate::identify::{
     self, Constraints, FitOptions, FitOutcome, IdentifyError, LeastSquares, Loss, LossBlock, Measure, Monitor, Prior, Termination,
     Uncertainty, UncertaintyOptions,
@@ -46,6 +46,8 @@ pub struct Case {
     pub system: System,
     /// What the data say of each other, whatever the model.
     pub of_data: Vec<Finding>,
+    /// Frequency responses that are refused: no fit begins with one.
+    pub refused: Vec<FrfDoubt>,
     /// Pairs of free parameters in rising order, by name, with a least gap.
     pub orders: Vec<(String, String, f64)>,
     /// Loss on whitened residuals.

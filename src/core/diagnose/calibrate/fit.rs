@@ -7,6 +7,7 @@ use crate::parallel;
 use crate::residual::Problem;
 use crate::units::Unit;
 
+use super::absurd::absurd;
 use super::approach::approached;
 use super::case::{Case, Fitted};
 use super::compare::compare;
@@ -28,8 +29,11 @@ pub struct Began {
 /// A case fitted to its fit tests in the time steps that it has, from where [`approached`] leads; and whether that led anywhere.
 ///
 /// # Errors
-/// As [`Case::fit_system`].
+/// As [`Case::fit_system`]; a frequency response that is refused.
 pub fn led(case: &Case, monitor: &Monitor) -> Result<(Fitted, bool), DiagnoseError> {
+    if let Some(doubt) = case.refused.first() {
+        return Err(doubt.error().into());
+    }
     let case = &Case { memo: Some(case.memo.clone().unwrap_or_default()), ..case.clone() };
     let nearer = approached(case, monitor)?;
     let start = nearer.as_ref().unwrap_or(&case.system);
@@ -85,7 +89,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
     notes.extend(as_many(&tests, fitted.free.len()));
     notes.extend(too_quiet(&tests, fitted.free.len(), &case.search.settings.fitting));
     notes.extend(case.notes());
-    let away = ran_away(&fitted, &parameters, start, case.search.settings.fitting.ran_away);
+    let away = absurd(case, &fitted, &parameters, start);
     let termination = if away.is_empty() { fitted.outcome.termination.name() } else { "failed" };
     notes.splice(0..0, away);
     let (scale, stands) = as_it_stands(case, &fitted);
@@ -135,28 +139,6 @@ fn too_quiet(tests: &[TestResult], free: usize, s: &crate::diagnose::settings::F
     tests.iter().filter(quiet).map(say).collect()
 }
 
-/// Free parameters that have run away from where they began, each with what may be done.
-fn ran_away(fitted: &Fitted, parameters: &[ParameterResult], began: &System, times: f64) -> Vec<String> {
-    let value = |system: &System, f: &FreeParam| system.instances[f.instance].params[f.param].value;
-    let one = |f: &FreeParam| {
-        let (from, to) = (value(began, f), value(&fitted.system, f));
-        let (symbol, factor) = &fitted.system.instances[f.instance].params[f.param].unit;
-        let open = fitted.system.instances[f.instance].params[f.param].max.is_infinite();
-        let held = parameters.iter().any(|p| p.name == f.name && p.identifiable);
-        let far = open && !held && from != 0.0 && to.abs() > times * from.abs();
-        far.then(|| {
-            format!(
-                "`{}` ran away: from {} to {} {symbol}; the fitted tests do not hold it, or contradict the model (signs, units, places: \
-                 `misfit check`); a `max` in study.toml keeps it",
-                f.name,
-                digits(from / factor, 3),
-                digits(to / factor, 3)
-            )
-        })
-    };
-    fitted.free.iter().filter_map(one).collect()
-}
-
 /// What the likelihood makes of the residuals on the fitted tests.
 fn as_it_stands(case: &Case, fitted: &Fitted) -> (Scale, Option<Weighed>) {
     let scale = Scale::of_fitted(case, &fitted.system, &case.search.settings);
@@ -170,7 +152,7 @@ pub fn effects(system: &System) -> Vec<EffectAt> {
 }
 
 /// A number with this many significant digits, in plain notation where that is short.
-fn digits(value: f64, count: i32) -> String {
+pub(super) fn digits(value: f64, count: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }

@@ -1,5 +1,6 @@
 //! A case fitted and held against its tests: the fit, from afar where it must be, what of it deviates, how likely it is, and where it fails.
 
+pub(in crate::diagnose) mod absurd;
 pub(in crate::diagnose) mod approach;
 pub(in crate::diagnose) mod case;
 pub(in crate::diagnose) mod compare;
@@ -12,4 +13,5 @@ pub(in crate::diagnose) mod nearby;
 pub(in crate::diagnose) mod own_case;
 pub(in crate::diagnose) mod slack;
 pub(in crate::diagnose) mod spread;
+pub(in crate::diagnose) mod units;
 pub(in crate::diagnose) mod weigh;

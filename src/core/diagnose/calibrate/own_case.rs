@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::data::Test;
+use crate::data::{Test, frf_doubts};
 use crate::identify::{Loss, Tolerances};
 use crate::model::{System, held};
 use crate::response::Plan;
@@ -21,6 +21,7 @@ impl Case {
             plans: Arc::new(plans),
             system,
             of_data: vec![],
+            refused: vec![],
             orders: vec![],
             loss: Loss::Squares,
             max_iterations: Tolerances::default().max_iterations,
@@ -44,6 +45,7 @@ impl Case {
         held(&system.model, &system.instances).map_err(|(_, e)| e)?;
         let plan = |(test, split): &(Test, SplitName)| Ok((Plan::new(test, &system.model)?, *split));
         let plans = tests.iter().map(plan).collect::<Result<Vec<_>, DiagnoseError>>()?;
-        Ok(Case::new(name, system, plans, seed))
+        let refused = frf_doubts(tests.iter().map(|t| &t.0)).into_iter().filter(|d| d.refused).collect();
+        Ok(Case { refused, ..Case::new(name, system, plans, seed) })
     }
 }

@@ -93,7 +93,10 @@ pub fn phased(case: &Case, monitor: &Monitor) -> (Case, Vec<Instrument>) {
             format!("the phase of {id} is opposite to that of a model of all tests: its response is turned round, and was turned back");
         Instrument { effect: "gain".into(), at: format!("{id}.response"), why, tied_with: vec![] }
     };
-    (with(&turned), turned.iter().map(told).collect())
+    let right = with(&turned);
+    let is_right = |test: &str| turned.iter().any(|k| case.plans[*k].0.id == test);
+    let refused = right.refused.iter().filter(|d| !is_right(&d.test)).cloned().collect();
+    (Case { refused, ..right }, turned.iter().map(told).collect())
 }
 
 /// The case without the tests that have a clipped channel, and what is clipped. Where a channel stands at its extreme in half of its tests or more it is the

@@ -30,6 +30,12 @@ pub struct Fitting {
     /// A parameter without an upper bound that the data do not identify and that ends this many times beyond its start is no value of the field
     /// any more: the data do not hold it, or they contradict the model.
     pub ran_away: f64,
+    /// Size of the computed responses of the tests driven by a force, as a part of the measured ones (both in units of noise), below which the model stands
+    /// still there: at its best it then explains the square of that, a twenty-fifth, of what was measured.
+    pub stands_still: f64,
+    /// Of the parameters of a model that stands still, those are named that have gone this part of the way (in the logarithm of their value) of the one that
+    /// has gone furthest.
+    pub part_of_the_way: f64,
     /// Times its start and its plain fit that a coefficient without an upper bound may come to in the search: two decades.
     pub known: f64,
     /// Times where a plain fit begins, and one over it, within which a positive shape stays that no bound holds: six decades to either side.
@@ -112,6 +118,16 @@ pub struct Telling {
     pub spline_begins: [[f64; 2]; 2],
     /// ...and the part of the largest force at a place that it has at the largest motion there.
     pub spline_takes: f64,
+    /// Median deviation of ln(measured / computed) over the lines of an FRF (from a constant times a power of the frequency) within which the two differ by that
+    /// constant alone: half of the lines lie within a third.
+    pub same_factor: f64,
+    /// Range of ln of the computed accelerance over the lines that it needs for that: one line of stiffness or of mass is any other, by a factor or a power.
+    pub shaped: f64,
+    /// Mean cosine of the angle between the measured lines and the computed ones (times the power of i w) beyond which their phases agree.
+    pub same_phase: f64,
+    /// Distance of ln of the constant from that of a factor between units, as a part of the former, at which it is that factor, where the lines scatter by
+    /// less: a start that is off by a fifth is told from a prefix, and 8 from 9.81 and from 2 pi.
+    pub same_unit: f64,
     /// Part of a mode's energy below which a place is not told.
     pub energy: f64,
     /// Part of a mode's strain energy beyond which the fixture that holds it is told.
@@ -132,6 +148,8 @@ impl Default for Fitting {
             too_quiet: 0.5,
             per_parameter: 10,
             ran_away: 1e9,
+            stands_still: 0.2,
+            part_of_the_way: 0.5,
             known: 100.0,
             shape_reach: 1e6,
         }
@@ -182,6 +200,10 @@ impl Default for Telling {
             picture: 200,
             spline_begins: [[0.3, 0.6], [3.0, 1.5]],
             spline_takes: 0.3,
+            same_factor: 0.3,
+            shaped: 2.0,
+            same_phase: 0.7,
+            same_unit: 0.03,
             energy: 0.02,
             fixture: 0.5,
         }

@@ -80,19 +80,39 @@ pub fn at_amplitude(
     sensitivities: bool,
     settings: Settings,
 ) -> Result<Receptance, EngineError> {
-    check(model, omega, input, amplitude, outputs, settings)?;
+    under_forces(model, bound, omega, input, &vec![amplitude; omega.len()], outputs, sensitivities, settings)
+}
+
+/// The same under a force of its own at every frequency: a test that was held at one response, or whose drive was recorded.
+///
+/// # Errors
+/// As [`at_amplitude`].
+#[allow(clippy::too_many_arguments)]
+pub fn under_forces(
+    model: &Model,
+    bound: &Bound,
+    omega: &[f64],
+    input: usize,
+    forces: &[f64],
+    outputs: &[usize],
+    sensitivities: bool,
+    settings: Settings,
+) -> Result<Receptance, EngineError> {
+    check(model, omega, input, forces, outputs, settings)?;
     if model.space.is_some() || !bound.loads.is_empty() {
         return Err(EngineError::Request {
             what: "the excitation amplitude of parts that turn far, or under loads that stay,",
-            value: amplitude.to_string(),
+            value: forces.first().map_or(String::new(), f64::to_string),
             accepted: "a small signal (no `excitation`), or a cycle or transient test".into(),
         });
     }
     let bound = &bound.apart();
-    let mut balance = Balance::new(model, bound, Drive::force(input, amplitude), outputs, settings)?;
+    let mut balance = Balance::new(model, bound, Drive::force(input, forces.first().copied().unwrap_or(1.0)), outputs, settings)?;
     let mut h = Vec::with_capacity(omega.len() * outputs.len());
     let mut dh = Vec::with_capacity(if sensitivities { omega.len() * outputs.len() * bound.n_free } else { 0 });
-    for w in omega {
+    for (w, force) in omega.iter().zip(forces) {
+        // The motion of the line before is where the next one begins, whatever its force: it changes little from line to line.
+        balance.drive = Drive::force(input, *force);
         balance.line(*w)?;
         balance.response(&mut h);
         if sensitivities {
@@ -102,10 +122,10 @@ pub fn at_amplitude(
     Ok(Receptance { h, dh })
 }
 
-fn check(model: &Model, omega: &[f64], input: usize, amplitude: f64, outputs: &[usize], settings: Settings) -> Result<(), EngineError> {
+fn check(model: &Model, omega: &[f64], input: usize, forces: &[f64], outputs: &[usize], settings: Settings) -> Result<(), EngineError> {
     let request = |what, value: String, accepted: &str| Err(EngineError::Request { what, value, accepted: accepted.into() });
-    if !(amplitude.is_finite() && amplitude > 0.0) {
-        return request("the excitation amplitude", amplitude.to_string(), "a finite force above 0 (peak); omit it for a small signal");
+    if let Some(force) = forces.iter().find(|f| !(f.is_finite() && **f > 0.0)) {
+        return request("the excitation amplitude", force.to_string(), "a finite force above 0 (peak); omit it for a small signal");
     }
     if let Some(w) = omega.iter().find(|w| !(w.is_finite() && **w > 0.0)) {
         return request(

@@ -38,6 +38,8 @@ pub(super) enum Body<'a> {
     },
     /// A structure of one element.
     Struct(Vec<(String, Array<'a>)>),
+    /// The elements of a cell array, or of an array of structures.
+    Elements(Vec<Array<'a>>),
     Other,
 }
 
@@ -121,6 +123,7 @@ impl Array<'_> {
     pub fn class_word(&self) -> &'static str {
         match (self.class, &self.body) {
             (1, _) => "cell array",
+            (2, Body::Struct(_)) => "structure",
             (2, _) => "array of structures",
             (3, _) => "object",
             (4, _) => "text",
@@ -174,27 +177,57 @@ pub(super) fn parse(bytes: Bytes<'_>, depth: usize) -> Result<Array<'_>, String>
             let (re, after) = part(at)?;
             Body::Numeric { re, im: if complex { Some(part(after)?.0) } else { None } }
         }
-        2 if count == 1 && depth < DEPTH => Body::Struct(fields(data, at, big, depth)?),
+        1 if depth < DEPTH => Body::Elements(cells(data, at, count, big, depth)?),
+        2 if depth < DEPTH => structures(data, at, count, big, depth)?,
         _ => Body::Other,
     };
     Ok(Array { name, class, dims, body })
 }
 
-fn fields<'a>(data: &'a [u8], at: usize, big: bool, depth: usize) -> Result<Vec<(String, Array<'a>)>, String> {
-    let length = element(data, at, big)?;
-    let width = u32_at(length.data, 0, big).filter(|w| (1..=4096).contains(w)).ok_or("a structure without names of its fields")? as usize;
-    let names = element(data, length.next, big)?;
-    let mut at = names.next;
+/// The array in the element at `at`, inside another one, and where the next one begins.
+fn inner(data: &[u8], at: usize, big: bool, depth: usize) -> Result<(Array<'_>, usize), String> {
+    let value = element(data, at, big)?;
+    if value.kind != MATRIX {
+        return Err("a cell or a field of a structure that is no array".into());
+    }
+    Ok((parse(Bytes { data: value.data, big }, depth + 1)?, value.next))
+}
+
+/// The cells of a cell array, column by column as MATLAB counts them. Each takes bytes of the file, whatever the dimensions say.
+fn cells(data: &[u8], mut at: usize, count: usize, big: bool, depth: usize) -> Result<Vec<Array<'_>>, String> {
     let mut all = Vec::new();
-    for name in names.data.chunks_exact(width) {
-        let value = element(data, at, big)?;
-        if value.kind != MATRIX {
-            return Err("a field of a structure that is no array".into());
-        }
-        all.push((text(name), parse(Bytes { data: value.data, big }, depth + 1)?));
-        at = value.next;
+    for _ in 0..count {
+        let (cell, next) = inner(data, at, big, depth)?;
+        all.push(cell);
+        at = next;
     }
     Ok(all)
+}
+
+/// A structure, or the structures of an array: all fields of the first, then all of the second.
+fn structures(data: &[u8], at: usize, count: usize, big: bool, depth: usize) -> Result<Body<'_>, String> {
+    let length = element(data, at, big)?;
+    let width = u32_at(length.data, 0, big).filter(|w| (1..=4096).contains(w)).ok_or("a structure without names of its fields")? as usize;
+    let named = element(data, length.next, big)?;
+    let names: Vec<String> = named.data.chunks_exact(width).map(text).collect();
+    let mut at = named.next;
+    // Structures without fields take no bytes: none of them is worth a place.
+    let count = if names.is_empty() { count.min(1) } else { count };
+    let mut all = Vec::new();
+    for _ in 0..count {
+        let mut fields = Vec::with_capacity(names.len());
+        for name in &names {
+            let (value, next) = inner(data, at, big, depth)?;
+            fields.push((name.clone(), value));
+            at = next;
+        }
+        all.push(fields);
+    }
+    if count == 1 {
+        return Ok(Body::Struct(all.pop().unwrap_or_default()));
+    }
+    let one = |fields| Array { name: String::new(), class: 2, dims: vec![1, 1], body: Body::Struct(fields) };
+    Ok(Body::Elements(all.into_iter().map(one).collect()))
 }
 
 fn text(bytes: &[u8]) -> String {

@@ -1,6 +1,7 @@
 //! MATLAB files of versions 4, 5 (`save -v6` and `-v7`) and 7.3 (HDF5): numeric variables, and those in structures, as columns.
 //!
-//! A column is named as MATLAB names it: `t`, `run.force`, `M(:,2)`, of complex numbers `real(H)` and `imag(H)`. Format: The MathWorks, "MAT-File Format", level 5.
+//! A column is named as MATLAB names it: `t`, `run.force`, `M(:,2)`, in cells `c{3}`, in an array of structures `runs(2).force`, of complex numbers `real(H)` and
+//! `imag(H)`. Format: The MathWorks, "MAT-File Format", level 5.
 
 mod array;
 mod hdf;
@@ -30,6 +31,9 @@ pub(crate) struct Listed {
 fn broken(path: &Path, message: impl Into<String>, accepted: &str) -> DataError {
     FileError { file: path.to_path_buf(), place: String::new(), message: message.into(), accepted: accepted.to_string() }.into()
 }
+
+/// Class of a cell array.
+const CELL: u8 = 1;
 
 const REMEDY: &str = "a file of version 4, 5, 7 or 7.3: in MATLAB, save(\"file.mat\", \"-v7\")";
 
@@ -101,8 +105,10 @@ pub(crate) fn list(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>, DataError> 
         bytes,
         |_| false,
         |a| {
-            walk(a, a.name.clone(), &mut all);
-            Ok(())
+            walk(a, a.name.clone(), &mut |a, name| {
+                all.extend(leaf(a, name));
+                Ok(())
+            })
         },
     )?;
     Ok(all)
@@ -123,31 +129,46 @@ pub(super) fn names(path: &Path, bytes: &[u8]) -> Result<Vec<String>, DataError>
     if names.is_empty() {
         let one = |l: &Listed| format!("`{}`: {} of {} x {}", l.name, l.class, l.rows, l.columns);
         let inside = all.iter().take(8).map(one).collect::<Vec<_>>().join(", ");
-        let accepted = "vectors of numbers, alone or in a structure of one element: in MATLAB, run = c{1}; save(\"file.mat\", \"run\")";
+        let accepted = "vectors of numbers, alone, in structures or in cells; of version 7.3 alone or in a structure of one element: in MATLAB, \
+                        run = c{1}; save(\"file.mat\", \"run\")";
         return Err(broken(path, format!("no vector of numbers: {inside}"), accepted));
     }
     Ok(names)
 }
 
-fn walk(a: &Array<'_>, name: String, all: &mut Vec<Listed>) {
-    if let Body::Struct(fields) = &a.body {
-        for (field, value) in fields {
-            walk(value, format!("{name}.{field}"), all);
+/// Calls `each` with an array and all that it holds, under their names.
+fn walk<'a, 'b>(
+    a: &'b Array<'a>,
+    name: String,
+    each: &mut dyn FnMut(&'b Array<'a>, &str) -> Result<(), DataError>,
+) -> Result<(), DataError> {
+    each(a, &name)?;
+    match &a.body {
+        Body::Struct(fields) => fields.iter().try_for_each(|(field, value)| walk(value, format!("{name}.{field}"), each)),
+        Body::Elements(all) => {
+            let of = |k: usize| if a.class == CELL { format!("{name}{{{}}}", k + 1) } else { format!("{name}({})", k + 1) };
+            all.iter().enumerate().try_for_each(|(k, value)| walk(value, of(k), each))
         }
-        return;
+        Body::Numeric { .. } | Body::Other => Ok(()),
     }
+}
+
+/// What holds nothing else, as listed.
+fn leaf(a: &Array<'_>, name: &str) -> Option<Listed> {
     let (rows, columns) = a.shape();
     let (numeric, complex) = match &a.body {
         Body::Numeric { im, .. } => (true, im.is_some()),
-        _ => (false, false),
+        Body::Struct(_) => return None,
+        Body::Elements(all) if !all.is_empty() => return None,
+        Body::Elements(_) | Body::Other => (false, false),
     };
-    all.push(Listed { name, class: a.class_word(), rows, columns, numeric, complex });
+    Some(Listed { name: name.into(), class: a.class_word(), rows, columns, numeric, complex })
 }
 
 /// `M(:,2)`: the name and the column from 1.
 fn index(name: &str) -> (&str, Option<usize>) {
     let parsed = || {
-        let (base, rest) = name.split_once('(')?;
+        let (base, rest) = name.rsplit_once('(')?;
         let number = rest.trim().strip_suffix(')')?.trim().strip_prefix(':')?.trim().strip_prefix(',')?.trim();
         Some((base.trim(), number.parse().ok().filter(|n| *n > 0)?))
     };
@@ -163,24 +184,16 @@ pub(super) fn read(path: &Path, bytes: &[u8], wanted: &[Wanted]) -> Result<Colum
         let (name, column) = index(inside);
         (part, name.to_string(), column)
     };
-    let asked = |name: &str| wanted.iter().any(|w| place(w).1.split('.').next() == Some(name));
+    let places: Vec<_> = wanted.iter().map(place).collect();
+    let asked = |name: &str| places.iter().any(|p| p.1.split(['.', '{', '(']).next() == Some(name));
     variables(path, bytes, asked, |variable| {
-        walk(variable, variable.name.clone(), &mut all);
-        for (w, slot) in wanted.iter().zip(&mut found) {
-            let (part, name, column) = place(w);
-            let mut parts = name.split('.');
-            if parts.next() != Some(variable.name.as_str()) {
-                continue;
+        walk(variable, variable.name.clone(), &mut |a, name| {
+            all.extend(leaf(a, name));
+            for ((w, (part, _, column)), slot) in wanted.iter().zip(&places).zip(&mut found).filter(|((_, p), _)| p.1 == name) {
+                *slot = Some(column_of(path, &w.name, a, *part, *column)?);
             }
-            let mut a = variable;
-            for part in parts {
-                let Body::Struct(fields) = &a.body else { return Err(no_such(path, &w.name, &all)) };
-                let Some((_, inner)) = fields.iter().find(|f| f.0 == part) else { return Err(no_such(path, &w.name, &all)) };
-                a = inner;
-            }
-            *slot = Some(column_of(path, &w.name, a, part, column)?);
-        }
-        Ok(())
+            Ok(())
+        })
     })?;
     let mut columns = Vec::with_capacity(wanted.len());
     for (w, values) in wanted.iter().zip(found) {
@@ -218,7 +231,8 @@ fn column_of(path: &Path, name: &str, a: &Array<'_>, part: Option<usize>, column
     let accepted = "a real numeric vector, or one column of a matrix as `M(:,2)`";
     let (rows, columns) = a.shape();
     let Body::Numeric { re, im } = &a.body else {
-        return Err(broken(path, format!("`{name}` is a {}", a.class_word()), accepted));
+        let (word, article) = (a.class_word(), if a.class_word().starts_with(['a', 'o']) { "an" } else { "a" });
+        return Err(broken(path, format!("`{name}` is {article} {word}"), accepted));
     };
     let numbers = match (im, part) {
         (None, None) | (Some(_), Some(0)) => re,

@@ -64,7 +64,7 @@ fn vectors_matrices_and_structures() {
         };
         assert_eq!((column(0), column(1), column(2)), (vec![0.0, 0.1, 0.2, 0.3], vec![1.0, -2.0, 3.0, -4.0], vec![5.0, 6.0, 7.0, 8.0]));
         let names: Vec<String> = list(Path::new("a.mat"), &file(big, compressed)).unwrap().into_iter().map(|l| l.name).collect();
-        assert_eq!(names, ["t", "M", "run.force", "c"]);
+        assert_eq!(names, ["t", "M", "run.force", "c{1}{1}"]);
     }
 }
 
@@ -150,15 +150,76 @@ fn complex_numbers_are_read_by_their_parts() {
     assert!(get(&file(false, false), &["imag(t)"]).unwrap_err().to_string().contains("real"));
 }
 
+/// A file of these variables alone.
+fn of(variables: &[Vec<u8>], big: bool) -> Vec<u8> {
+    [&file(big, false)[..128], &variables.concat()].concat()
+}
+
+/// The elements of an array of structures: names of fields of eight characters, then the fields of one after another.
+fn structures(name: &str, dims: [u32; 2], fields: &[&str], values: &[Vec<u8>], big: bool) -> Vec<u8> {
+    let width = tag(5, &if big { 8u32.to_be_bytes() } else { 8u32.to_le_bytes() }, big);
+    let named: Vec<u8> = fields.iter().flat_map(|f| f.bytes().chain(std::iter::repeat(0)).take(8)).collect();
+    matrix(name, 2, dims, &[width, tag(1, &named, big), values.concat()].concat(), big)
+}
+
 #[test]
 fn a_file_without_vectors_says_what_it_holds() {
-    let inner = matrix("", 6, [3, 1], &doubles(&[1.0, 2.0, 3.0], false), false);
-    let cell = [&file(false, false)[..128], &matrix("runs", 1, [1, 1], &inner, false)].concat();
-    let e = names(Path::new("a.mat"), &cell).unwrap_err().to_string();
-    assert!(e.contains("`runs`: cell array of 1 x 1"), "{e}");
-    let structures = [&file(false, false)[..128], &matrix("runs", 2, [1, 2], &inner, false)].concat();
-    let e = names(Path::new("a.mat"), &structures).unwrap_err().to_string();
-    assert!(e.contains("`runs`: array of structures of 1 x 2"), "{e}");
+    let e = |bytes: &[u8]| names(Path::new("a.mat"), bytes).unwrap_err().to_string();
+    let text = matrix("", 4, [1, 2], &tag(16, b"ab", false), false);
+    let cell = of(&[matrix("runs", 1, [1, 2], &[text.clone(), text.clone()].concat(), false)], false);
+    assert!(e(&cell).contains("`runs{1}`: text of 1 x 2"), "{}", e(&cell));
+    let all = of(&[structures("runs", [1, 2], &["note"], &[text.clone(), text], false)], false);
+    assert!(e(&all).contains("`runs(2).note`: text of 1 x 2"), "{}", e(&all));
+    // Nothing is put aside for what the dimensions promise and the file does not hold.
+    let none = of(&[structures("runs", [1 << 15, 1 << 15], &[], &[], false)], false);
+    assert!(e(&none).contains("no vector of numbers"), "{}", e(&none));
+    let short = of(&[matrix("runs", 1, [1 << 15, 1 << 15], &[], false)], false);
+    assert!(e(&short).contains("damaged"), "{}", e(&short));
+}
+
+#[test]
+fn cells_and_arrays_of_structures_are_read_by_matlabs_names() {
+    for big in [false, true] {
+        let vector = |v: &[f64]| matrix("", 6, [v.len() as u32, 1], &doubles(v, big), big);
+        let (a, b, c) = (vector(&[1.0, 2.0]), vector(&[3.0, 4.0]), vector(&[5.0, 6.0]));
+        let square = matrix("", 6, [2, 2], &doubles(&[1.0, 2.0, 7.0, 8.0], big), big);
+        let within = matrix("", 1, [1, 1], &c, big);
+        let bytes = of(
+            &[
+                matrix("c", 1, [1, 3], &[a.clone(), b.clone(), within].concat(), big),
+                structures("runs", [1, 2], &["time", "force"], &[a.clone(), b.clone(), a.clone(), c.clone()], big),
+                structures("one", [1, 1], &["M", "parts"], &[square, matrix("", 1, [1, 1], &b, big)], big),
+            ],
+            big,
+        );
+        let expected = [
+            "c{1}",
+            "c{2}",
+            "c{3}{1}",
+            "runs(1).time",
+            "runs(1).force",
+            "runs(2).time",
+            "runs(2).force",
+            "one.M(:,1)",
+            "one.M(:,2)",
+            "one.parts{1}",
+        ];
+        assert_eq!(names(Path::new("a.mat"), &bytes).unwrap(), expected);
+        let found = get(&bytes, &["c{2}", "c{3}{1}", "runs(2).force", "one.M(:,2)", "one.parts{1}"]).unwrap();
+        let all: Vec<Vec<f64>> = (0..5).map(|k| numbers(&found, k)).collect();
+        assert_eq!(all, [[3.0, 4.0], [5.0, 6.0], [5.0, 6.0], [7.0, 8.0], [3.0, 4.0]]);
+        let e = |name: &str| get(&bytes, &[name]).unwrap_err().to_string();
+        assert!(
+            e("c").contains("`c` is a cell array") && e("runs").contains("`runs` is an array of structures"),
+            "{} {}",
+            e("c"),
+            e("runs")
+        );
+        assert!(e("runs(3).force").contains("no column `runs(3).force`"), "{}", e("runs(3).force"));
+        for n in 0..bytes.len() {
+            let _ = get(&bytes[..n], &["c{3}{1}", "runs(2).force"]);
+        }
+    }
 }
 
 fn version_4(big: bool) -> Vec<u8> {
