@@ -180,7 +180,7 @@ fn a_turned_driving_point_is_refused() {
     seed.write(&study);
     let arguments = ["check", study.to_str().unwrap(), "--json", "--max-seconds", "5"];
     let turned = |json: serde_json::Value| {
-        json["problems"].as_array().unwrap().iter().any(|p| p["message"].as_str().unwrap().contains("driving-point"))
+        json["problems"].as_array().unwrap().iter().any(|p| p["message"].as_str().unwrap().contains("driving point"))
     };
     assert!(!turned(misfit(&arguments).json()));
     let frf = String::from_utf8(seed.files[0].1.clone()).unwrap();
