@@ -194,7 +194,7 @@ fn state(bench: &Bench) -> Result<Value, Refused> {
     let tests: Vec<Value> = loaded.case.plans.iter().map(|(p, s)| json!({ "id": p.id, "kind": p.kind.word(), "split": s })).collect();
     let mut value = loaded.tree();
     value["study"] = json!({
-        "id": bench.id, "title": study.title, "file": study.file.display().to_string(), "folder": study.folder.display().to_string(),
+        "id": bench.id, "title": study.title, "file": study.file.display().to_string(), "folder": study.folder.display().to_string(), "runs": loaded.runs().display().to_string(),
         "options": options(bench), "tests": tests, "notes": loaded.case.notes(), "assumptions": study.assumptions,
     });
     // A run under way has no result either.

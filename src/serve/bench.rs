@@ -13,7 +13,7 @@ use crate::diagnose::results::{FitResult, SplitName};
 use crate::diagnose::{Case, Fitted};
 use crate::model::System;
 use crate::study::Study;
-use crate::study::run::{FROM_RUN, RUNS, RunFolder, STUDY_FILE, is_run};
+use crate::study::run::{FROM_RUN, RunFolder, STUDY_FILE, is_run, runs_of};
 use crate::work::{self, Failure};
 
 use super::curves::pooled;
@@ -182,7 +182,7 @@ impl Bench {
 impl Loaded {
     /// Folder of the runs.
     pub fn runs(&self) -> PathBuf {
-        self.study.folder.join(RUNS)
+        runs_of(&self.study.folder)
     }
 
     /// The file of the study, where it is not study.toml: several studies of one folder share its runs.
@@ -382,7 +382,8 @@ impl Tree {
         if let Some(opened) = result["workbench"].get("held_out_opened").filter(|o| o.is_object()) {
             self.held_out_opened.push(opened.clone());
         }
-        let made_from = result["workbench"]["parent"].as_str().or(result[FROM_RUN].as_str());
+        // The root of a page that served a run by itself is that run.
+        let made_from = result["workbench"]["parent"].as_str().filter(|p| *p != ROOT).or(result[FROM_RUN].as_str());
         let parent = made_from.filter(|p| self.nodes.contains_key(*p)).unwrap_or(ROOT).to_string();
         if let ("profile", Some(fresh)) = (verb.as_str(), result["profiles"].as_array()) {
             let known = self.profiles.entry(parent).or_default();

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::study::run::RunFolder;
+use crate::study::run::{RunFolder, runs_of};
 
 use super::bench::{Bench, ROOT};
 
@@ -64,7 +64,8 @@ pub const VERBS: [&str; 7] = ["fit", "add", "score", "ladder", "export", "profil
 /// The command line that does the same; `starts` are the values that the order begins from, as `--start` is given them.
 pub fn command(bench: &Bench, order: &Order, starts: &[String]) -> String {
     let folder = if bench.path.is_dir() { bench.path.clone() } else { bench.path.parent().map(PathBuf::from).unwrap_or_default() };
-    let run = |name: &str| quoted(&folder.join("runs").join(name).display().to_string());
+    let runs = runs_of(&folder);
+    let run = |name: &str| quoted(&runs.join(name).display().to_string());
     let study = if order.model == ROOT { quoted(&bench.path.display().to_string()) } else { run(&order.model) };
     let mut line = match order.verb.as_str() {
         "score" => format!("misfit diagnose {study} --scores"),
@@ -85,7 +86,7 @@ pub fn command(bench: &Bench, order: &Order, starts: &[String]) -> String {
         line += &format!(" --to {}", order.to.join(","));
     }
     if let Some(resume) = &order.resume {
-        let old = RunFolder::at(folder.join("runs").join(resume));
+        let old = RunFolder::at(runs.join(resume));
         // A run that has kept nothing is begun anew.
         let kept = match order.verb.as_str() {
             "fit" => old.checkpoint().is_file(),

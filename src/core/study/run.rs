@@ -177,23 +177,32 @@ struct Origin {
     run: Option<String>,
 }
 
+fn name(path: &Path) -> Option<String> {
+    path.file_name().map(|n| n.to_string_lossy().into_owned())
+}
+
+/// The run that a folder is, and the folder of `runs/` as the reader wrote it, where that names it.
+fn as_run(folder: &Path) -> Option<(String, PathBuf)> {
+    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    let run = name(&whole).filter(|n| is_run(n))?;
+    let runs = whole.parent().filter(|runs| name(runs).is_some_and(|n| n == RUNS))?;
+    let written = folder.parent().filter(|p| p.canonicalize().is_ok_and(|p| p == runs));
+    Some((run, written.unwrap_or(runs).to_path_buf()))
+}
+
+/// Where the runs on a study of this folder stand: in its `runs/`, and those on a run beside it.
+pub fn runs_of(folder: &Path) -> PathBuf {
+    as_run(folder).map_or_else(|| folder.join(RUNS), |(_, runs)| runs)
+}
+
 impl Origin {
-    /// The study's, with the folder that its runs belong in: those of a run stand beside it, not within.
-    fn of(study: &Study) -> (Origin, PathBuf) {
-        let name = |path: &Path| path.file_name().map(|n| n.to_string_lossy().into_owned());
-        let whole = study.folder.canonicalize().unwrap_or_else(|_| study.folder.clone());
-        let run = name(&whole).filter(|n| is_run(n));
-        let above = whole.parent().filter(|runs| name(runs).is_some_and(|n| n == RUNS));
-        if let (Some(run), Some(folder)) = (run, above.and_then(Path::parent)) {
-            // As the reader wrote it, where that names it.
-            let written = study.folder.ancestors().nth(2).filter(|p| p.canonicalize().is_ok_and(|p| p == folder));
-            let folder = written.unwrap_or(folder);
-            let bytes = crate::limits::bytes(&study.folder.join(RESULT), crate::limits::DATA_BYTES).ok();
-            let result: Option<serde_json::Value> = bytes.and_then(|b| serde_json::from_slice(&b).ok());
-            let file = result.and_then(|r| Some(r.get(STUDY_FILE)?.as_str()?.to_string()));
-            return (Origin { file, run: Some(run) }, folder.to_path_buf());
-        }
-        (Origin { file: name(&study.file).filter(|n| n != "study.toml"), run: None }, study.folder.clone())
+    fn of(study: &Study) -> Origin {
+        let Some((run, _)) = as_run(&study.folder) else {
+            return Origin { file: name(&study.file).filter(|n| n != "study.toml"), run: None };
+        };
+        let bytes = crate::limits::bytes(&study.folder.join(RESULT), crate::limits::DATA_BYTES).ok();
+        let result: Option<serde_json::Value> = bytes.and_then(|b| serde_json::from_slice(&b).ok());
+        Origin { file: result.and_then(|r| Some(r.get(STUDY_FILE)?.as_str()?.to_string())), run: Some(run) }
     }
 }
 
@@ -211,7 +220,7 @@ pub fn is_run(name: &str) -> bool {
 }
 
 /// Folder of the runs, in that of their study.
-pub const RUNS: &str = "runs";
+const RUNS: &str = "runs";
 /// Key of a result: the file of its study, where that is not `study.toml`.
 pub const STUDY_FILE: &str = "study_file";
 /// Key of a result: the run whose model it began from.
@@ -227,7 +236,7 @@ impl RunFolder {
 
     /// Makes `runs/<time>-<verb>` in the study's folder, or exactly `out`. A run on the model of a run stands beside that.
     pub fn create(study: &Study, verb: &str, out: Option<&Path>) -> Result<RunFolder, RunError> {
-        let (origin, folder) = Origin::of(study);
+        let origin = Origin::of(study);
         let fail = |path: &Path, e: std::io::Error| RunError::Write { path: path.to_path_buf(), reason: e.to_string() };
         if let Some(out) = out {
             let known = [RESULT, CHECKPOINT, JOURNAL].iter().any(|f| out.join(f).exists());
@@ -237,7 +246,7 @@ impl RunFolder {
             std::fs::create_dir_all(out).map_err(|e| fail(out, e))?;
             return Ok(RunFolder { path: out.to_path_buf(), origin });
         }
-        let runs = folder.join(RUNS);
+        let runs = runs_of(&study.folder);
         std::fs::create_dir_all(&runs).map_err(|e| fail(&runs, e))?;
         let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
         let name = format!("{}-{verb}", utc(now));

@@ -37,7 +37,7 @@ tabs.forEach((tab, k) => {
 /** The command line of what is shown, as long as nothing was set going. */
 function suggest() {
   if (!state.about || state.view === "new" || (state.job && !state.job.ended)) return;
-  const own = state.studies.find(s => s.id === state.study)?.path, path = state.model === "study" ? own : `${state.about.study.folder}/runs/${state.model}`;
+  const own = state.studies.find(s => s.id === state.study)?.path, path = state.model === "study" ? own : `${state.about.study.runs}/${state.model}`;
   // Scores are about the fit of the model, wherever its sliders stand.
   const starts = state.view === "structure" ? "" : moved().map(s => ` --start ${quoted(s)}`).join("");
   command(`misfit ${{ compare: "compare", structure: "diagnose", parameters: "fit", ladder: "ladder", models: "report" }[state.view]} ${quoted(path)}${state.view === "structure" ? " --scores" : ""}${starts}${state.about.study.options}`);

@@ -145,6 +145,12 @@ fn a_saved_study_can_be_opened_and_has_runs_of_its_own() {
     assert_eq!(node(&served, &on_run).unwrap()["parent"], model.as_str());
     served.study.clone_from(&own);
     assert_eq!(sorted(ids(&served)), sorted(vec!["study".into(), first.clone()]));
+    // A run that is served by itself shows what is made on it, too.
+    let alone = Served::start(&rig.path("runs").join(&first), &["--json"]);
+    let again = alone.run(&json!({ "verb": "fit", "model": "study" }))["result"]["model"].as_str().unwrap().to_string();
+    assert!(rig.path("runs").join(&again).join("result.json").is_file());
+    assert_eq!(node(&alone, &again).unwrap()["verb"], "fit");
+    assert_eq!(node(&served, &again).unwrap()["parent"], first.as_str(), "and stands below it where its study is served");
 
     // A server that is started later knows it too; dataset.toml and other files are none.
     rig.write("notes.toml", "title = \"no study\"\n");
@@ -154,7 +160,7 @@ fn a_saved_study_can_be_opened_and_has_runs_of_its_own() {
     assert_eq!(names, [own.as_str(), second.as_str()]);
     let Some(mut browser) = Browser::start(1024, 768) else { return };
     browser.go(&again.url);
-    browser.until("document.querySelectorAll('.tree .node').length === 2", 20);
+    browser.until("document.querySelectorAll('.tree .node').length === 3", 20);
     click(&mut browser, "#tab-models");
     press(&mut browser, &rig.path("with-friction.toml").display().to_string());
     browser.until("document.querySelectorAll('.tree .node').length === 4", 20);
