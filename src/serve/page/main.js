@@ -165,7 +165,7 @@ function none() {
   say("There is no study in this folder yet: drop the files of a test bench to make one.");
 }
 
-on("saved", () => attempt(async () => { list(await api("studies")); document.getElementById("study").value = state.study; }));
+on("saved", () => attempt(async () => { list(await api("studies")); document.getElementById("study").value = state.study; emit("about"); }));
 on("open-study", id => { state.beside = null; openStudy(id, null, "compare"); });
 on("written", async ({ study, told, line }) => {
   await attempt(async () => {

@@ -168,4 +168,11 @@ fn a_saved_study_can_be_opened_and_has_runs_of_its_own() {
     browser.until(&format!("{ANSWER}?.includes('on the fit tests')"), 20);
     let foot = browser.eval("document.getElementById('command').textContent").as_str().unwrap().to_string();
     assert!(foot.contains("with-friction.toml"), "{foot}");
+    // What is saved stands in the list at once.
+    click(&mut browser, "#tab-models");
+    browser.until("document.getElementById('save-name')", 10);
+    browser.eval("document.getElementById('save-name').value = 'third'");
+    press(&mut browser, "Save");
+    let third = rig.path("third.toml").display().to_string();
+    browser.until(&format!("[...document.querySelectorAll('#view-models li')].some(l => l.textContent === {third:?})"), 10);
 }
