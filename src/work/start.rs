@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::explain::Explain;
 use crate::model::{FreeParam, System};
 use crate::study::{Study, unit_of};
 use crate::units::Unit;
@@ -23,7 +24,8 @@ pub fn started(study: &Study, starts: &[(String, String)]) -> Result<System, Fai
             return Err(Failure::new("cli", "--start", format!("there is no parameter `{name}`"), accepted));
         };
         let unit = unit(study, &system, of);
-        set(&mut system, of, crate::units::parse(text, unit.dimension)?, &unit, "cli")?;
+        let value = crate::units::parse(text, unit.dimension).map_err(|e| Failure::new("cli", name, e.to_string(), e.accepted()))?;
+        set(&mut system, of, value, &unit, "cli")?;
     }
     system.check()?;
     Ok(system)
@@ -77,7 +79,11 @@ fn unit(study: &Study, system: &System, of: &FreeParam) -> Unit {
 fn set(system: &mut System, of: &FreeParam, value: f64, unit: &Unit, stage: &str) -> Result<(), Failure> {
     let param = &mut system.instances[of.instance].params[of.param];
     if !(param.min..=param.max).contains(&value) {
-        let accepted = format!("{} to {}", unit.print(param.min), unit.print(param.max));
+        let accepted = match (param.min.is_finite(), param.max.is_finite()) {
+            (true, true) => format!("{} to {}", unit.print(param.min), unit.print(param.max)),
+            (true, false) => format!("{} or more", unit.print(param.min)),
+            _ => format!("{} or less", unit.print(param.max)),
+        };
         return Err(Failure::new(stage, &of.name, format!("{} lies outside the bounds of the parameter", unit.print(value)), accepted));
     }
     param.value = value;
