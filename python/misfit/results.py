@@ -38,6 +38,8 @@ class EffectAt(msgspec.Struct, kw_only=True):
     """Place."""
     effect: str
     """Name of the effect."""
+    of: str | None = None
+    """Of a coefficient, the parameter that it acts on and the condition: `viscous.c over i`."""
 
 
 class EnergyShare(msgspec.Struct, kw_only=True):
@@ -606,6 +608,9 @@ class Fitting(msgspec.Struct, kw_only=True):
     """What a parameter may be off from its start for one unit of the approach's prior, as part of it or, of a logarithm, in the logarithm."""
     near_enough: float | None
     """Relative change of the cost at which the approach ends..."""
+    part_of_the_way: float | None
+    """Of the parameters of a model that stands still, those are named that have gone this part of the way (in the logarithm of their value) of
+    the one that has gone furthest."""
     per_parameter: int
     """...of so many residuals for each free parameter: few are fitted closely."""
     ran_away: float | None
@@ -613,6 +618,9 @@ class Fitting(msgspec.Struct, kw_only=True):
     any more: the data do not hold it, or they contradict the model."""
     shape_reach: float | None
     """Times where a plain fit begins, and one over it, within which a positive shape stays that no bound holds: six decades to either side."""
+    stands_still: float | None
+    """Size of the computed responses of the tests driven by a force, as a part of the measured ones (both in units of noise), below which the
+    model stands still there: at its best it then explains the square of that, a twenty-fifth, of what was measured."""
     too_quiet: float | None
     """Root mean square of the whitened residuals of a test below which its sigma is told to be too large: noise leaves 1..."""
     worth_no_step: float | None
@@ -918,6 +926,8 @@ class Settings(msgspec.Struct, kw_only=True):
     """Largest relative error of a model, as a logarithm."""
     model_error_spread: float | None
     """Standard deviation of the logarithm of the model's error in one test over the common one: laws fail unevenly, by factors of two."""
+    negligible: float | None
+    """Nats below the most at which the integrand over that grid, continued in held-out tests, is left off."""
     neighbours: int
     """Lines on either side over which the size of an FRF is averaged: between resonances a model errs by what its neighbours are."""
     next: Proposals
@@ -1056,6 +1066,17 @@ class Telling(msgspec.Struct, kw_only=True):
     """...so many iterations that narrow the best down..."""
     picture: int
     """...and points of its picture for each loop at most."""
+    same_factor: float | None
+    """Median deviation of ln(measured / computed) over the lines of an FRF (from a constant times a power of the frequency) within which the
+    two differ by that constant alone: half of the lines lie within a third."""
+    same_phase: float | None
+    """Mean cosine of the angle between the measured lines and the computed ones (times the power of i w) beyond which their phases agree."""
+    same_unit: float | None
+    """Distance of ln of the constant from that of a factor between units, as a part of the former, at which it is that factor, where the lines
+    scatter by less: a start that is off by a fifth is told from a prefix, and 8 from 9.81 and from 2 pi."""
+    shaped: float | None
+    """Range of ln of the computed accelerance over the lines that it needs for that: one line of stiffness or of mass is any other, by a factor
+    or a power."""
     spline_begins: list[list[float | None]]
     """Slopes at the outer and the inner nodes, over that at rest, from which a spline is fitted: one that levels off, one that hardens..."""
     spline_takes: float | None
@@ -1158,6 +1179,8 @@ class New(Run, kw_only=True, dict=True):
     """Files that could not be read."""
     modes: list[Any] | None
     """Modes of the FRFs."""
+    no_modes: str | None
+    """Why FRFs show no modes."""
     problem: Problem | None
     """What is still wrong with the dataset."""
     study: str
