@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 
-use super::rig::{Rig, noise};
+use super::rig::{ONE_BODY, Rig, noise};
 
 const K: f64 = 10e3;
 const F: f64 = 2.0;
@@ -25,17 +25,7 @@ fn slides(x0: f64, t: f64) -> f64 {
     }
 }
 
-const STUDY: &str = r#"schema = 1
-dataset = "data"
-[[body]]
-name = "m"
-mass = "1 kg"
-free = ["x"]
-[[connector]]
-name = "c1"
-from = "ground"
-to = "m"
-[[effect]]
+const EFFECTS: &str = r#"[[effect]]
 effect = "linear_stiffness"
 at = "c1.x"
 k = { start = "9.7 N/mm", min = "0 N/mm" }
@@ -65,7 +55,7 @@ fn study(begins: &[f64]) -> Rig {
         .unwrap();
     }
     rig.write("data/dataset.toml", &dataset);
-    rig.write("study.toml", STUDY);
+    rig.write("study.toml", &format!("{ONE_BODY}{EFFECTS}"));
     rig
 }
 

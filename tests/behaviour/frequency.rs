@@ -3,20 +3,10 @@
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-use super::rig::{Ran, Rig, noise};
+use super::rig::{ONE_BODY, Ran, Rig, noise};
 
 /// A body of 1 kg on a spring of 20 kN/m, 22.5 Hz, with 2 % of damping; the accelerance by real and imaginary part is what is measured.
-const STUDY: &str = r#"schema = 1
-dataset = "data"
-[[body]]
-name = "m"
-mass = "1 kg"
-free = ["x"]
-[[connector]]
-name = "c1"
-from = "ground"
-to = "m"
-[[effect]]
+const EFFECTS: &str = r#"[[effect]]
 effect = "linear_stiffness"
 at = "c1.x"
 k = { start = "18 N/mm", min = "0 N/mm" }
@@ -56,7 +46,7 @@ fn study(file: &str, quantity: &str, unit: &str) -> Rig {
     );
     rig.write("data/frf.csv", file);
     rig.write("data/dataset.toml", &dataset);
-    rig.write("study.toml", STUDY);
+    rig.write("study.toml", &format!("{ONE_BODY}{EFFECTS}"));
     rig
 }
 

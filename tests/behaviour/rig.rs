@@ -72,6 +72,19 @@ at = "c1.x"
 c = { start = "0.3 N s/mm", min = "0 N s/mm" }
 "#;
 
+/// A study of one body of 1 kg on one connector, without its effects.
+pub const ONE_BODY: &str = r#"schema = 1
+dataset = "data"
+[[body]]
+name = "m"
+mass = "1 kg"
+free = ["x"]
+[[connector]]
+name = "c1"
+from = "ground"
+to = "m"
+"#;
+
 /// Truth of the rig [N/mm, N s/mm].
 pub const K: f64 = 20.0;
 pub const C: f64 = 0.1;

@@ -59,11 +59,6 @@ pub struct Name {
 }
 
 impl Name {
-    /// The name of an instance of `system`.
-    pub fn of(system: &System, instance: &Instance) -> Name {
-        let of = instance.target.as_ref().and_then(|t| t.acts_on(system));
-        Name { effect: instance.name(), at: instance.at.clone(), of }
-    }
     /// Parameters of a friction with memory; none of other effects.
     pub fn params_with_memory(&self) -> Option<usize> {
         let info = find(self.effect).ok()?.info();
