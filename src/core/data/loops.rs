@@ -5,6 +5,7 @@
 //! root of the number of cycles. Nothing is taken from a misfit.
 
 mod area;
+mod drift;
 mod energy;
 mod findings;
 mod settling;
@@ -16,7 +17,6 @@ pub use energy::{Estimate, LoopEnergy};
 use super::frequency;
 use super::{Channel, FourierInput, Role, TimeRecord};
 use crate::units::{Dimension, Quantity, Unit};
-use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -35,8 +35,6 @@ const FREQUENCY_TOLERANCE: f64 = 0.02;
 const RUN_DOWN: f64 = 0.9;
 /// Scatter below this part of a channel's range is taken for noise-free data, and floored.
 const SCATTER_FLOOR: f64 = 1e-6;
-/// A drift between cycles is removed when chance would give it less often than this.
-const DRIFT_SIGNIFICANCE: f64 = 1e-3;
 
 /// A settled cycle: n equidistant phases, averaged over the cycles.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,6 +82,8 @@ pub struct LoopChannel {
     pub scatter: Vec<f64>,
     /// The same above the harmonics that are compared, from the first of these on.
     pub above: Vec<f64>,
+    /// Change of its mean per cycle, which was taken out; 0 where none is seen.
+    pub drift: f64,
 }
 
 impl LoopChannel {
@@ -345,7 +345,8 @@ fn average(
     let floor = SCATTER_FLOOR * (high - low).max(f64::MIN_POSITIVE);
 
     let changes = settling::changes(&folded, n, floor);
-    if let Some(drift) = drift(&folded, n, cycles, floor) {
+    let drift = drift::drift(&folded, n, cycles, floor);
+    if let Some(drift) = &drift {
         drifting.push(label.clone());
         let middle = (n * cycles - 1) as f64 / 2.0;
         folded.iter_mut().enumerate().for_each(|(i, v)| *v -= drift.slope * (i as f64 - middle) / n as f64);
@@ -401,6 +402,7 @@ fn average(
         scatter: if scatter < floor { vec![] } else { spectrum::scatter(&folded, n) },
         above: if scatter < floor { vec![] } else { spectrum::above(&folded, n) },
         correlation: if scatter < floor { vec![1.0] } else { correlation(&folded, n, rest) },
+        drift: drift.map_or(0.0, |d| d.slope),
     }
 }
 
@@ -451,43 +453,6 @@ fn cubic(time: &[f64], values: &[f64], j: usize, t: f64) -> f64 {
         sum += weight * values[i];
     }
     sum
-}
-
-struct Drift {
-    /// Change per cycle.
-    slope: f64,
-    t: f64,
-    p: f64,
-}
-
-/// A linear drift common to all phases, if significant: regression of the cycle means on the cycle number, tested against the scatter of the
-/// cycle means about it (three cycles or more) and never below what the scatter within cycles gives.
-fn drift(folded: &[f64], n: usize, cycles: usize, floor: f64) -> Option<Drift> {
-    if cycles < 3 {
-        return None;
-    }
-    let means: Vec<f64> = folded.chunks(n).map(|c| c.iter().sum::<f64>() / n as f64).collect();
-    let middle = (cycles - 1) as f64 / 2.0;
-    let sxx: f64 = (0..cycles).map(|c| (c as f64 - middle).powi(2)).sum();
-    let slope = means.iter().enumerate().map(|(c, m)| (c as f64 - middle) * m).sum::<f64>() / sxx;
-    let grand = means.iter().sum::<f64>() / cycles as f64;
-    let between: f64 = means.iter().enumerate().map(|(c, m)| (m - grand - slope * (c as f64 - middle)).powi(2)).sum();
-    let mut within = 0.0;
-    for j in 0..n {
-        let column = (0..cycles).map(|c| folded[c * n + j] - means[c]);
-        let mean = column.clone().sum::<f64>() / cycles as f64;
-        within += column.map(|v| (v - mean).powi(2)).sum::<f64>();
-    }
-    let dof = (cycles - 2) as f64;
-    let variance = (between / dof).max(within / ((cycles - 1) * (n - 1)) as f64 / n as f64);
-    let deviation = (variance / sxx).sqrt().max(floor / (sxx * n as f64).sqrt());
-    let t = slope / deviation;
-    // Readings of 1e300 overflow in their squares, and say nothing of a drift.
-    if t.is_nan() {
-        return None;
-    }
-    let p = 2.0 * (1.0 - StudentsT::new(0.0, 1.0, dof).ok()?.cdf(t.abs()));
-    (p < DRIFT_SIGNIFICANCE).then_some(Drift { slope, t, p })
 }
 
 #[cfg(test)]

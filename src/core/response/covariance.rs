@@ -158,6 +158,8 @@ pub struct Scatter {
     pub variance: Vec<f64>,
     /// Cycles that it was seen in.
     pub cycles: usize,
+    /// What the mean of the channel has gone by over all cycles of the record, those left out among them (drift); 0 where none is seen.
+    pub crept: f64,
 }
 
 /// The covariance of a test, as what whitens its rows.
@@ -242,6 +244,8 @@ pub enum Misreading {
     Bend,
     /// A sample beside a jump.
     Jump,
+    /// By a constant, in parts of the amplitude, of a channel that drifts from cycle to cycle: where it began is not known.
+    Drift,
 }
 
 /// What instruments within tolerance add to the covariance of a test.
@@ -259,7 +263,8 @@ impl Instruments {
     pub fn new(plan: &Plan, coefficients: &Coefficients, signal: &[f64], peaks: &[f64]) -> Instruments {
         let (mut columns, mut of) = (Vec::<DVector<f64>>::new(), Vec::new());
         for (k, (block, peak)) in plan.blocks.iter().zip(peaks).enumerate() {
-            for (misreading, std, values) in of_block(plan, block, &signal[block.range.clone()], *peak) {
+            let crept = plan.scatter.get(k).map_or(0.0, |s| s.crept);
+            for (misreading, std, values) in of_block(plan, block, crept, &signal[block.range.clone()], *peak) {
                 let mut whole = DVector::zeros(plan.len());
                 whole.rows_mut(block.range.start, block.range.len()).copy_from_slice(&values);
                 columns.push(whole);
@@ -284,7 +289,7 @@ fn amplitude(signal: &[f64]) -> f64 {
     (2.0 * signal.iter().map(|v| v * v).sum::<f64>() / n).sqrt()
 }
 
-fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64) -> Vec<(Misreading, f64, Vec<f64>)> {
+fn of_block(plan: &Plan, block: &Block, crept: f64, signal: &[f64], peak: f64) -> Vec<(Misreading, f64, Vec<f64>)> {
     let by = &plan.tolerances;
     // In parts of a period of this frequency.
     let delayed = |frequency: f64| by.delay_time.map_or(by.delay, |t| t * frequency);
@@ -308,6 +313,9 @@ fn of_block(plan: &Plan, block: &Block, signal: &[f64], peak: f64) -> Vec<(Misre
             }
             let jumps = jumps(&beside_jumps(&plan.measured[block.range.clone()], sigma));
             columns.extend(jumps.into_iter().map(|column| (Misreading::Jump, BESIDE, column)));
+            if crept != 0.0 {
+                columns.push((Misreading::Drift, crept.abs() / amplitude(signal).max(f64::MIN_POSITIVE), vec![crept.abs(); signal.len()]));
+            }
             columns
         }
         BlockKind::Frf => {

@@ -107,7 +107,8 @@ impl CyclePlan {
                 v: at_points(1),
             };
             plan.add_block(block, c.mean.clone(), vec![c.sigma_mean; n]);
-            plan.scatter.push(Scatter { variance: c.scatter.clone(), cycles: settled.cycles });
+            let crept = c.drift * (settled.left_out + settled.cycles) as f64;
+            plan.scatter.push(Scatter { variance: c.scatter.clone(), cycles: settled.cycles, crept });
         }
         plan.unsettled.extend(settled.unsettled.iter().cloned());
         plan.clipped = record.clipped(&settled).into_iter().map(|(role, _, why)| (role.word().to_string(), why)).collect();

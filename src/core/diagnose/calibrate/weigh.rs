@@ -40,6 +40,14 @@ impl Weighed {
     pub fn last(&self) -> Option<&Instance> {
         self.fitted.system.instances.last()
     }
+
+    /// Whether the effect that was put in last has a free shape and the tests know every one it has, within their ranges.
+    fn knows_its_shape(&self) -> bool {
+        let (Some(last), Ok(known)) = (self.fitted.system.instances.len().checked_sub(1), self.fitted.uncertainty()) else { return false };
+        let of = self.fitted.free.iter().zip(&known.parameters);
+        let mut shapes = of.filter(|(f, _)| f.instance == last && f.param > 0).map(|(_, p)| p.identifiable && !p.at_bound).peekable();
+        shapes.peek().is_some() && shapes.all(|known| known)
+    }
 }
 
 /// What a fit under a model's own variances may come to.
@@ -384,9 +392,16 @@ impl Scale {
         larger.likelihood - smaller.likelihood - price
     }
 
-    /// Odds, before any test is read, that a model with so many additions lacks something.
-    pub fn odds(&self, added: usize) -> f64 {
-        if added == 0 { self.settings.missing_odds } else { 1.0 }
+    /// Odds, before a further effect is looked for, that a model with so many additions lacks something. One that a study begins with was seen to fail, and so
+    /// is one that errs by more than any model does: what its own error stands for has no name yet. Of one that errs by no more nothing is known.
+    pub fn odds(&self, added: usize, of: &Weighed) -> f64 {
+        if added == 0 || self.errs(of) { self.settings.missing_odds } else { 1.0 }
+    }
+
+    /// Whether a model errs by more than no model is free of.
+    pub fn errs(&self, of: &Weighed) -> bool {
+        let (s, e) = (&self.settings, &self.settings.evidence);
+        of.v.model_error(&self.evidence) >= s.errs_from * e.model_error_least
     }
 
     /// What a model is worth beside others of unlike size.
@@ -396,14 +411,17 @@ impl Scale {
 
     /// How the tests tell a model from another one that stands in its place; none where they do. What is worth less by a tie alone is as likely. A larger
     /// model that is worth less by its price alone is not refuted: the price says which of two is the smaller statement, and supposes that the tests know
-    /// every parameter. One that computes what the smaller one does, its shape at the end of its range, is no other statement.
+    /// every parameter. One that computes what the smaller one does because its shape is at the end of its range, or may be anything there, is no other
+    /// statement. Where its shape is known and lies within its range, the smaller law is one of a family whose others the tests allow as well: a damping by the
+    /// power 2.0 +- 0.3 of the speed says more than the square.
     pub fn tied(&self, other: &Weighed, than: &Weighed) -> Option<Tied> {
         let (tie, behind) = (self.settings.tie, self.worth(than) - self.worth(other));
         if behind <= tie {
             return Some(Tied::Alike);
         }
         let price = 0.5 * (other.size() as f64 - than.size() as f64).max(0.0) * self.counts.n.ln();
-        (behind - price <= tie && self.apart(&other.seen, than) > self.settings.settled).then_some(Tied::Larger)
+        let another = || self.apart(&other.seen, than) > self.settings.settled || other.knows_its_shape();
+        (behind - price <= tie && another()).then_some(Tied::Larger)
     }
 
     /// Nats by which the responses of two models are apart, under the variances of the second.

@@ -124,6 +124,7 @@ impl Reading {
             Misreading::Delay => format!("{size} % of a period too {}", which("early", "late")),
             Misreading::Bend => format!("{size} % of its largest reading off a straight line"),
             Misreading::Jump => format!("{size} % of a jump too {}", which("high", "low")),
+            Misreading::Drift => format!("{size} % of its amplitude too {}, which is more than it drifts by", which("high", "low")),
         };
         let deviations = range(alike.iter().map(|r| r.deviations.abs()), 1);
         let tests: Vec<&str> = alike.iter().map(|r| r.test.as_str()).collect();

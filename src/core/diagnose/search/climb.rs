@@ -167,7 +167,7 @@ impl<'a> Climb<'a> {
         }
         let (monitor, watch) = (self.monitor, self.watch);
         let near = in_step(&self.scale.case.at(&self.now.fitted.system), monitor)?;
-        self.offered = if near.is_none() && self.errs(&self.now) { self.offer() } else { None };
+        self.offered = if near.is_none() && self.scale.errs(&self.now) { self.offer() } else { None };
         let rival = self.offered.as_ref().map(|o| o.gain);
         let open = self.added.is_empty();
         let elsewhere: Vec<System> = self.elsewhere.iter().filter(|_| open).map(|there| self.standing_at(there)).collect();
@@ -211,7 +211,7 @@ impl<'a> Climb<'a> {
                 let others = || step.stood.iter().filter(|s| s.admissible && s.name != *name);
                 let tied = |s: &Stood| self.scale.tied(&s.weighed, &taken.weighed);
                 let close = others().filter_map(|s| Some((tied(s)?, s.name.clone(), s.weighed.clone())));
-                added.tied = close.take(self.settings.ties).collect();
+                added.tied = close.collect();
                 let rival = |s: &Stood| {
                     let instance = s.weighed.fitted.system.instances.last()?;
                     (!of_channel(instance) && instance.target.is_none()).then(|| (s.name.clone(), instance.clone()))
@@ -220,10 +220,10 @@ impl<'a> Climb<'a> {
                 added.rivals = others().filter(|s| !here(s)).filter_map(rival).take(self.settings.race.closest).collect();
                 // A tie at its own place may be broken by what is added next.
                 let alike = others().filter(here).filter(|s| tied(s) == Some(Tied::Alike));
-                added.rivals.extend(alike.filter_map(rival).take(self.settings.ties));
+                added.rivals.extend(alike.filter_map(rival));
                 let (own, shared) = (taken.weighed.last(), self.settings.race.shared);
                 let kin = |of: &&Stood| own.zip(of.weighed.last()).is_some_and(|(own, law)| carried(law, own, shared).is_some());
-                added.kin = others().filter(here).filter(kin).filter_map(rival).take(self.settings.ties).collect();
+                added.kin = others().filter(here).filter(kin).filter_map(rival).collect();
                 added.held = true;
                 (added.without, added.smaller) = (Some(self.now.clone()), Some(self.now.clone()));
             }

@@ -9,7 +9,7 @@ use crate::response::Plan;
 use super::candidates::Name;
 use super::climb::Climb;
 use super::held_out::HeldOutTests;
-use super::righted::{phased, righted, unclipped};
+use super::righted::{drifting, phased, righted, unclipped};
 use super::step::Step;
 use super::unexplained::unexplained;
 use super::verdict::{Grounds, Judged, judged};
@@ -202,7 +202,7 @@ fn at_the_foot<'a>(case: &Case, monitor: &'a Monitor<'a>, watch: Watch<'a>) -> R
     let (case, clipped) = unclipped(case);
     let (case, mut turned) = righted(&case);
     let (case, opposite) = phased(&case, monitor);
-    turned.extend(clipped.into_iter().chain(opposite));
+    turned.extend(clipped.into_iter().chain(opposite).chain(drifting(&case)));
     // Its model is weighed next, which fits it once more: it need not come closer than that.
     let Began { case, fitted, .. } = begin(&Case { worth: Some(case.search.settings.settled), ..case }, monitor)?;
     let mut climb = Climb::new(&Case { worth: None, ..case }, &fitted, monitor, watch)?;

@@ -65,23 +65,17 @@ impl Climb<'_> {
             let loose = Case { worth: Some(s.settled), ..self.case.at(&system) };
             let weighed = self.loose(&scale, &loose)?;
             // Its parameters are paid for by their widths.
-            let gain = weighed.likelihood - self.now.likelihood + self.scale.odds(self.added.len()).ln();
+            let gain = weighed.likelihood - self.now.likelihood + self.scale.odds(self.added.len(), &self.now).ln();
             Some(Offer { gain, slack, scale, weighed })
         };
         // Mass between the nodes is an oscillator at every spring and every node: it is part of slack where that gains by it.
         let Some((fewer, lumped)) = slack.lumped(&given, s) else { return offer(&given, slack) };
         let small = offer(&fewer, lumped);
-        if small.as_ref().is_some_and(|o| !self.errs(&o.weighed)) {
+        if small.as_ref().is_some_and(|o| !self.scale.errs(&o.weighed)) {
             return small;
         }
         let least = small.as_ref().map_or(f64::NEG_INFINITY, |o| o.gain + s.tie);
         offer(&given, slack).filter(|whole| whole.gain > least).or(small)
-    }
-
-    /// Whether a model errs by more than slack could be worth.
-    pub fn errs(&self, weighed: &Weighed) -> bool {
-        let (s, e) = (&self.settings, &self.settings.evidence);
-        weighed.v.model_error(&self.scale.evidence) >= s.pairs_from * e.model_error_least
     }
 
     /// Gives slack where that gains more than what a step has found, by a tie: an effect is the smaller statement. It then stands in every model that
@@ -89,7 +83,7 @@ impl Climb<'_> {
     pub fn slacken(&mut self, step: &Step) -> bool {
         let than = step.taken.as_ref().map_or(0.0, |t| t.gain);
         // What strengths scatter between tests may hide the error of a model, and an effect is believed beside what a structure has anyway.
-        if step.taken.is_none() && !self.errs(&self.now) {
+        if step.taken.is_none() && !self.scale.errs(&self.now) {
             return false;
         }
         let Some(Offer { gain, slack, scale, weighed }) = self.offered.take().or_else(|| self.offer()) else { return false };

@@ -64,7 +64,7 @@ pub fn map(case: &Case, fitted: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str
     let bounds: Vec<f64> = marks.iter().map(|m| m.bound).collect();
     for (k, m) in marks.iter_mut().enumerate().filter(|(_, m)| m.bound >= m.price) {
         let close = (0..bounds.len()).filter(|j| *j != k && (bounds[*j] - bounds[k]).abs() < settings.tie);
-        m.tied_with = close.take(settings.ties).collect();
+        m.tied_with = close.take(settings.weighed).collect();
     }
     Ok(marks)
 }

@@ -14,14 +14,14 @@ use crate::diagnose::trace;
 /// may be made.
 pub(in crate::diagnose) fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench, singles: f64, sparse: Option<[Score; 2]>) -> Option<Move> {
     let (scale, s) = (a.scale, &a.scale.settings);
-    if a.base.v.model_error(&scale.evidence) < s.pairs_from * s.evidence.model_error_least {
+    if !scale.errs(a.base) {
         return None;
     }
     let acts = |n: &Name| matches!(role(n), Some(Role::Force | Role::Series)) && n.of.is_none();
     let alone: Vec<&Stood> = stood.iter().filter(|q| acts(&q.name)).take(s.pair_of).collect();
     let tried = (0.5 * singles * (singles - 1.0)).max(1.0);
     let above = |q: &Stood| (q.weighed.likelihood - a.base.likelihood).max(0.0);
-    let price = |sizes: usize| 0.5 * (sizes as f64 - 2.0 * a.base.size() as f64) * scale.counts.n.ln() + tried.ln();
+    let price = |sizes: usize| 0.5 * (sizes as f64 - 2.0 * a.base.size() as f64) * scale.counts.n.ln() + (tried / a.odds()).ln();
     let mut pairs: Vec<([Name; 2], System)> = Vec::new();
     for (k, first) in alone.iter().enumerate() {
         for second in &alone[k + 1..] {
@@ -42,7 +42,7 @@ pub(in crate::diagnose) fn in_pairs(a: &Against, stood: &[Stood], bench: &Bench,
     (a.watch)(&format!("weighing {} pairs", pairs.len()));
     let weigh = |(names, system): &([Name; 2], System)| {
         let weighed = scale.weigh(system, &a.base.v, a.monitor).ok()?;
-        let gain = scale.gain(&weighed, a.base, tried);
+        let gain = scale.gain(&weighed, a.base, tried / a.odds());
         Some(Move { names: names.to_vec(), weighed, gain })
     };
     let found = parallel::map(&pairs, weigh);

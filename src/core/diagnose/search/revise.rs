@@ -48,9 +48,9 @@ impl Climb<'_> {
     pub fn remove(&mut self, mut among: usize) -> Vec<EffectAt> {
         let mut removed = Vec::new();
         while among > 0 && !trace::stopped(self.monitor) {
-            let tried = self.tried / self.scale.odds(self.added.len() - 1);
             let weigh = |k: usize| -> Option<(f64, Weighed)> {
                 let (scale, small, whole) = self.beside_smaller(k)?;
+                let tried = self.tried / scale.odds(self.added.len() - 1, &small);
                 let gain = scale.gain(&whole, &small, tried);
                 let stays = gain > -self.settings.tie || scale.in_turn(gain, &whole, &small, self.monitor).yes;
                 (!stays).then_some((gain, small))
@@ -143,11 +143,11 @@ impl Climb<'_> {
     fn tie(&mut self, found: Vec<Alternatives>) {
         for a in found {
             let loss = a.without.as_ref().map_or(f64::INFINITY, |w| super::step::error_of(&self.scale, w).powi(2));
-            let (added, most) = (&mut self.added[a.of], self.settings.ties);
+            let added = &mut self.added[a.of];
             // What was tied with it at other places when it was added is so as long as the model has not changed.
             let known =
                 std::mem::take(&mut added.tied).into_iter().filter(|(_, name, _)| added.held && a.tied.iter().all(|t| t.1 != *name));
-            let tied = a.tied.iter().cloned().chain(known).take(most).collect();
+            let tied = a.tied.iter().cloned().chain(known).collect();
             added.smaller.clone_from(&a.without);
             (added.tied, added.without, added.loss) = (tied, a.without, loss);
         }
@@ -204,8 +204,7 @@ impl Climb<'_> {
         let mut others: Vec<(f64, Name, Weighed)> = parallel::map(&self.added[k].kin, weigh).into_iter().flatten().collect();
         others.sort_by(|a, b| b.0.total_cmp(&a.0));
         let better = others.first().filter(|o| o.0 > self.settings.swap).cloned();
-        let tied =
-            others.into_iter().filter_map(|(_, n, w)| Some((self.scale.tied(&w, &self.now)?, n, w))).take(self.settings.ties).collect();
+        let tied = others.into_iter().filter_map(|(_, n, w)| Some((self.scale.tied(&w, &self.now)?, n, w))).collect();
         Alternatives { of: k, tied, better, without: None }
     }
 
@@ -250,7 +249,7 @@ impl Climb<'_> {
             let others = self.others(k, (&scale, &small, stands), stood);
             let best = others.iter().find(|o| o.2.last().is_some_and(|i| !of_channel(i)));
             let better = best.filter(|o| o.0 > self.settings.swap).cloned();
-            let tied = others.into_iter().filter_map(|(_, n, w)| Some((scale.tied(&w, &whole)?, n, w))).take(self.settings.ties).collect();
+            let tied = others.into_iter().filter_map(|(_, n, w)| Some((scale.tied(&w, &whole)?, n, w))).collect();
             Some(Alternatives { of: k, tied, better, without: Some(small) })
         };
         parallel::over(self.added.len(), of).into_iter().flatten().collect()

@@ -1,5 +1,5 @@
 //! Channels that say of themselves what is wrong with them: forces that are turned round, by a loop that gives energy where a device can only take it,
-//! responses whose phase is opposite to that of a model of all tests, and readings that are clipped.
+//! responses whose phase is opposite to that of a model of all tests, readings that are clipped, and channels that drift.
 
 use std::sync::Arc;
 
@@ -121,4 +121,26 @@ pub fn unclipped(case: &Case) -> (Case, Vec<Instrument>) {
     }
     let found = case.plans.iter().flat_map(|(p, _)| faults(p)).collect();
     (Case { plans: Arc::new(kept), ..case.clone() }, found)
+}
+
+/// Channels of loops that go from cycle to cycle by more than a gain of one test has to move them, over the whole record and in parts of the rms of their
+/// loop. The drift was taken out where the loop was settled, and the mean that is left is granted what it has gone by.
+pub fn drifting(case: &Case) -> Vec<Instrument> {
+    let least = case.search.settings.fault_gain;
+    let of = |(plan, _): &(Plan, SplitName)| -> Vec<Instrument> {
+        let blocks = plan.blocks.iter().zip(&plan.scatter).filter(|(b, s)| {
+            let read = &plan.measured[b.range.clone()];
+            let mean = read.iter().sum::<f64>() / read.len().max(1) as f64;
+            let rms = (read.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / read.len().max(1) as f64).sqrt();
+            s.crept.abs() > least * rms
+        });
+        let told = |(b, s): (&crate::response::Block, &crate::response::Scatter)| {
+            let (id, role) = (&plan.id, &b.role);
+            let why =
+                format!("the {role} of {id} goes by {:.3e} {} over its record, from cycle to cycle, which was taken out", s.crept, b.unit);
+            Instrument { effect: "drift".into(), at: format!("{id}.{role}"), why, tied_with: vec![] }
+        };
+        blocks.map(told).collect()
+    };
+    case.plans.iter().flat_map(of).collect()
 }

@@ -89,7 +89,7 @@ pub struct Against<'a> {
 impl Against<'_> {
     /// Odds, before any test is read, that there is something to be found.
     pub fn odds(&self) -> f64 {
-        if self.need.is_none() { self.scale.odds(self.added.len()) } else { 1.0 }
+        if self.need.is_none() { self.scale.odds(self.added.len(), self.base) } else { 1.0 }
     }
 }
 

@@ -50,8 +50,9 @@ pub struct Settings {
     pub pair_of: usize,
     /// Part of the strength that each had alone with which the two begin.
     pub pair_part: f64,
-    /// Model error, in parts of the least, from which pairs are tried.
-    pub pairs_from: f64,
+    /// Model error, in parts of the least, from which a model is seen to err: pairs and slack are tried, and what is missing has the odds of a model that is
+    /// searched, whatever was added to it.
+    pub errs_from: f64,
     /// Nats within which two laws cannot be told apart, and within which nothing is decided by a gain alone; what stands is taken out only below minus
     /// this.
     pub tie: f64,
@@ -60,8 +61,6 @@ pub struct Settings {
     pub turns: usize,
     /// Nats by which an alternative must be better to take the place of what stands.
     pub swap: f64,
-    /// Ties named at most.
-    pub ties: usize,
     /// Nats by which the density of the held-out tests must rise for an effect to be proven.
     pub held_out_nats: f64,
     /// Part by which their error must fall beside that.
@@ -102,12 +101,13 @@ pub struct Settings {
     /// The same in standard deviations.
     pub correction_sure: f64,
     /// Odds, before any test is read, that a model lacks anything: of studies that are searched nine in ten miss something, or they would not be. They stand
-    /// against the first thing that is found; what stands beside another one has even odds.
+    /// against the first thing that is found, and against what is found next where the model with it still errs. Beside one that errs no more there are even
+    /// odds.
     pub missing_odds: f64,
     /// Odds, before any test is read, that what a model lacks is physics and no fault of an instrument: of studies that miss something one in twenty has an
     /// instrument at fault. Where few tests speak, physics and the gain of one test are worth the same within a nat.
     pub fault_odds: f64,
-    /// Part of a channel's rms that a gain of one test must move: less is scatter between tests.
+    /// Part of a channel's rms that a gain of one test must move, or a drift over a record: less is scatter between tests.
     pub fault_gain: f64,
     /// The same of other faults of a channel.
     pub fault_least: f64,
@@ -203,11 +203,10 @@ impl Default for Settings {
             settled: 0.02,
             pair_of: 4,
             pair_part: 0.5,
-            pairs_from: 2.0,
+            errs_from: 2.0,
             tie: 1.5,
             turns: 6,
             swap: 0.5,
-            ties: 5,
             held_out_nats: 1.0,
             held_out_fall: 0.03,
             unproven: 3.0,

@@ -5,7 +5,8 @@ use crate::diagnose::Case;
 use crate::diagnose::testing::{Climb, begin};
 use crate::identify::Monitor;
 
-/// The same first effect gains more by the logarithm of the odds that the model lacks something, and beside it nothing does.
+/// The same first effect gains more by the logarithm of the odds that the model lacks something. Beside it nothing does, since the model with it errs no more;
+/// beside one that errs as much as the base it would.
 #[test]
 fn the_first_thing_that_is_missing_has_the_odds_of_a_model_that_is_searched() {
     let folder = Folder::one(ONE);
@@ -28,10 +29,11 @@ fn the_first_thing_that_is_missing_has_the_odds_of_a_model_that_is_searched() {
         let mut climb = Climb::new(&began.case, &began.fitted, &quiet, &silent).unwrap();
         let step = climb.step().unwrap();
         let taken = step.taken.unwrap();
-        (taken.names[0].effect, taken.gain, [climb.scale.odds(0), climb.scale.odds(1)])
+        let odds = [(0, &climb.now), (1, &taken.weighed), (1, &climb.now)].map(|(added, of)| climb.scale.odds(added, of));
+        (taken.names[0].effect, taken.gain, odds)
     };
     let ((effect, even, _), (again, nine, odds)) = (found(1.0), found(9.0));
     assert_eq!((effect, again), ("cubic_stiffness", "cubic_stiffness"));
     approx::assert_relative_eq!(nine - even, 9f64.ln(), max_relative = 1e-9);
-    assert_eq!(odds, [9.0, 1.0]);
+    assert_eq!(odds, [9.0, 1.0, 9.0]);
 }

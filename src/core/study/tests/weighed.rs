@@ -6,6 +6,7 @@ use super::{Folder, ONE};
 use crate::diagnose::Case;
 use crate::diagnose::results::Reading;
 use crate::diagnose::testing::{Scale, Settings, Tied, Weighed};
+use crate::effect::Kind;
 use crate::identify::Monitor;
 use crate::model::System;
 use crate::response::Misreading;
@@ -17,12 +18,17 @@ fn loops(rises: f64) -> Folder {
 
 /// The loops of a folder at these frequencies are such.
 fn recorded(folder: Folder, all: &[f64], rises: f64) -> Folder {
+    driven(folder, all, |_, v| 2.0 * v.signum() * (1.0 + rises * v * v))
+}
+
+/// The loops of a folder at these frequencies are those of the spring and of a force [N] of the frequency [Hz] and of the speed over its largest.
+fn driven(folder: Folder, all: &[f64], force: impl Fn(f64, f64) -> f64) -> Folder {
     for hz in all {
         let row = |i: usize| {
             let t = f64::from(i as u32) * 0.01 / hz;
             let (x, v) = (0.4 * (TAU * hz * t).sin(), (TAU * hz * t).cos());
             let noise = 0.02 * (12.9898 * f64::from(i as u32) + 78.233 * hz).sin();
-            format!("{t:.6},{x:.8},{:.8}\n", 20.0 * x + 2.0 * v.signum() * (1.0 + rises * v * v) + noise)
+            format!("{t:.6},{x:.8},{:.8}\n", 20.0 * x + force(*hz, v) + noise)
         };
         let csv = "t,x,F\n".to_string() + &(0..400).map(row).collect::<String>();
         std::fs::write(folder.path().join(format!("data/loop-{hz}.csv")), csv).unwrap();
@@ -45,7 +51,8 @@ fn weighed_in(folder: &Folder, effects: &[(&str, &[(&str, f64)])]) -> (Scale, We
     let with = |(effect, values): &(&str, &[(&str, f64)])| -> System {
         let mut system = base.fitted.system.clone().and(effect, "c1.x", values).unwrap();
         let last = system.instances.last_mut().unwrap();
-        last.params.iter_mut().for_each(|p| p.free = true);
+        let shapes = last.effect.info().params.iter().map(|p| p.kind != Kind::Setting);
+        last.params.iter_mut().zip(shapes).for_each(|(p, free)| p.free = free);
         system
     };
     let of = |e: &(&str, &[(&str, f64)])| scale.weigh(&with(e), &base.v, &quiet).unwrap();
@@ -76,6 +83,18 @@ fn a_larger_law_is_refuted_by_what_it_fits_worse_and_not_by_its_parameters() {
     assert_eq!(likelier(scale.counts.n.ln(), 1.0), Some(Tied::Alike), "it pays for its parameters");
     assert_eq!(likelier(-2.0, 1.0), None, "it fits worse");
     assert_eq!(likelier(0.1, 0.0), None, "it says the same");
+}
+
+/// A force by the square of the speed. Its power comes out as 2 and is known, so that others are allowed as well.
+#[test]
+fn a_larger_law_whose_shape_is_known_is_tied_with_the_one_it_comes_to() {
+    let square = driven(Folder::one(ONE), &[1.0, 2.0, 5.0], |hz, v| 0.2 * hz * hz * v * v.abs());
+    let laws: [(&str, &[(&str, f64)]); 2] = [("quadratic_damping", &[("c", 3e4)]), ("power_damping", &[("f", 0.2), ("n", 1.9)])];
+    let (scale, _, models) = weighed_in(&square, &laws);
+    let power = models[1].last().unwrap().params[1].value;
+    assert!((power - 2.0).abs() < 0.02, "{power}");
+    assert!(scale.worth(&models[0]) - scale.worth(&models[1]) > scale.settings.tie, "its price is more than a tie");
+    assert_eq!(scale.tied(&models[1], &models[0]), Some(Tied::Larger));
 }
 
 /// Twelve loops of a friction that grows with speed. A dry one is an error of 16 facts in all of them, and those that are left out in turn say no more than all do: each
