@@ -6,7 +6,7 @@ use crate::diagnose::testing::{Climb, begin};
 use crate::identify::Monitor;
 
 /// The same first effect gains more by the logarithm of the odds that the model lacks something. Beside it nothing does, since the model with it errs no more;
-/// beside one that errs as much as the base it would.
+/// beside one that errs by 10 % it would.
 #[test]
 fn the_first_thing_that_is_missing_has_the_odds_of_a_model_that_is_searched() {
     let folder = Folder::one(ONE);
@@ -29,7 +29,9 @@ fn the_first_thing_that_is_missing_has_the_odds_of_a_model_that_is_searched() {
         let mut climb = Climb::new(&began.case, &began.fitted, &quiet, &silent).unwrap();
         let step = climb.step().unwrap();
         let taken = step.taken.unwrap();
-        let odds = [(0, &climb.now), (1, &taken.weighed), (1, &climb.now)].map(|(added, of)| climb.scale.odds(added, of));
+        let mut errs = taken.weighed.clone();
+        errs.v.tau = 0.1f64.ln();
+        let odds = [(0, &climb.now), (1, &taken.weighed), (1, &errs)].map(|(added, of)| climb.scale.odds(added, of));
         (taken.names[0].effect, taken.gain, odds)
     };
     let ((effect, even, _), (again, nine, odds)) = (found(1.0), found(9.0));
