@@ -214,6 +214,11 @@ pub struct TestResult {
     pub curves: Vec<Curve>,
 }
 
+/// Measured values that the free parameters are fitted to.
+pub fn compared(tests: &[TestResult]) -> usize {
+    tests.iter().filter(|t| t.split == SplitName::Fit).map(|t| t.n).sum()
+}
+
 /// One parameter.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct ParameterResult {
@@ -237,6 +242,19 @@ pub struct ParameterResult {
     pub printed_interval: String,
     /// Why it is not identified.
     pub note: Option<String>,
+}
+
+impl ParameterResult {
+    /// What the data say of it, in words: `yes`, `no`, `at its bound`, or that its 95 % interval holds zero, where the data give a value and do not say
+    /// whether there is anything.
+    pub fn known(&self) -> &'static str {
+        match (self.at_bound, self.identifiable, self.interval) {
+            (true, ..) => "at its bound",
+            (_, false, _) => "no",
+            (_, _, (Some(low), Some(high))) if low <= 0.0 && high >= 0.0 => "not told from zero",
+            _ => "yes",
+        }
+    }
 }
 
 /// An effect and its place.
