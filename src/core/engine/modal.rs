@@ -149,6 +149,8 @@ struct Problem<'a> {
     sums: Vec<Complex64>,
     /// Largest undamped circular frequency.
     highest: f64,
+    /// What the undamped modes that were found last are made of, where all were.
+    of: Option<undamped::Undamped>,
     /// Circular frequency at which the stiffness of the lowest undamped modes is taken.
     reference: f64,
     /// Whether there may be undamped modes above those that were found.
@@ -193,6 +195,7 @@ impl<'a> Problem<'a> {
             dz: vec![],
             dp: vec![],
             highest: 0.0,
+            of: None,
             reference: 0.0,
             more: false,
         })

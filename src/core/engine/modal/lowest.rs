@@ -248,17 +248,14 @@ impl Pencil {
             }
         }
         let heavy = self.times_mass(&y);
-        let gram = symmetric(y.tr_mul(&heavy)).symmetric_eigen();
-        let largest = gram.eigenvalues.max();
-        let kept: Vec<usize> = (0..gram.eigenvalues.len()).filter(|k| gram.eigenvalues[*k] > APART * largest).collect();
-        let scaled = |k: &usize| gram.eigenvectors.column(*k) / gram.eigenvalues[*k].sqrt();
+        let (sizes, directions) = eigen(y.tr_mul(&heavy))?;
+        let largest = sizes.last().copied().unwrap_or(0.0);
+        let kept: Vec<usize> = (0..sizes.len()).filter(|k| sizes[*k] > APART * largest).collect();
+        let scaled = |k: &usize| directions.column(*k) / sizes[*k].sqrt();
         let basis = DMatrix::from_columns(&kept.iter().map(scaled).collect::<Vec<DVector<f64>>>());
         let y = y * basis;
-        let projected = symmetric(y.tr_mul(&self.times(&y, shift))).symmetric_eigen();
-        let mut order: Vec<usize> = (0..projected.eigenvalues.len()).collect();
-        order.sort_by(|a, b| projected.eigenvalues[*a].total_cmp(&projected.eigenvalues[*b]));
-        let turned = DMatrix::from_columns(&order.iter().map(|k| projected.eigenvectors.column(*k)).collect::<Vec<_>>());
-        Ok(Ritz { values: order.iter().map(|k| projected.eigenvalues[*k] + shift).collect(), shapes: y * turned })
+        let (values, turned) = eigen(y.tr_mul(&self.times(&y, shift)))?;
+        Ok(Ritz { values: values.iter().map(|v| v + shift).collect(), shapes: y * turned })
     }
 
     fn times_mass(&self, x: &DMatrix<f64>) -> DMatrix<f64> {
@@ -302,8 +299,18 @@ fn summed(mut entries: Vec<Entry>) -> Vec<Entry> {
     entries
 }
 
-fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
-    (&m + m.transpose()) * 0.5
+/// Eigenvalues of a symmetric matrix, the lowest first, and the columns of its eigenvectors.
+pub(super) fn eigen(m: DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>), EngineError> {
+    let n = m.nrows();
+    let m = (&m + m.transpose()) * 0.5;
+    if let Some(at) = m.iter().position(|x| !x.is_finite()) {
+        return Err(BlockTriError::NotFinite { dof: at % n }.into());
+    }
+    let found = m.symmetric_eigen();
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| found.eigenvalues[*a].total_cmp(&found.eigenvalues[*b]));
+    let vectors = found.eigenvectors.select_columns(&order);
+    Ok((order.iter().map(|k| found.eigenvalues[*k]).collect(), vectors))
 }
 
 /// `to + factor A x`
