@@ -47,7 +47,7 @@ fn interval(p: &ParameterResult) -> String {
     esc(&p.printed_interval).replace("-inf", "−∞").replace("inf", "∞")
 }
 
-pub(super) fn state(p: &ParameterResult) -> String {
+fn state(p: &ParameterResult) -> String {
     let known = match (p.identifiable, p.known()) {
         (true, "at its bound" | "yes") => "<span class=\"yes\">yes</span>".to_string(),
         (_, "at its bound") => "<span class=\"no\">no</span>".to_string(),

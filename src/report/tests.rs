@@ -173,18 +173,6 @@ fn at(effect: &str, at: &str) -> EffectAt {
     EffectAt { effect: effect.into(), at: at.into(), of: None }
 }
 
-/// A value whose interval holds zero is one, and says nothing of whether there is anything.
-#[test]
-fn what_is_not_told_from_zero_is_not_told_to_be_identified() {
-    let mut all = parameters();
-    (all[0].value, all[0].interval) = (0.047, (Some(-0.027), Some(0.121)));
-    assert_eq!(all.iter().map(ParameterResult::known).collect::<Vec<_>>(), ["not told from zero", "yes", "at its bound"]);
-    all[2].at_bound = false;
-    assert_eq!(all[2].known(), "no");
-    let page = super::parameters::state(&all[0]);
-    assert!(page.contains("not told from zero") && !page.contains("yes"), "{page}");
-}
-
 fn parameters() -> Vec<ParameterResult> {
     let one = |name: &str, value: f64, unit: &str, printed: &str| ParameterResult {
         name: name.into(),
