@@ -36,6 +36,8 @@ pub(super) struct Args {
     /// Leaves study.toml as it is: the study with the effect stands in the folder of the run alone
     #[arg(long)]
     keep_study: bool,
+    #[command(flatten)]
+    sealed: text::Sealed,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -74,7 +76,8 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         study.write_effect(instance)?;
         study.file.clone()
     };
-    let shown = args.common.study.display().to_string();
-    let text = format!("before\n{}\nafter: {added} is in {}\n{}", text::tests(&before.tests), file.display(), text::fit(after, &shown));
-    Ok(Outcome { json: value, text, code: fit::code(&after.termination) })
+    let (shown, code) = (args.common.study.display().to_string(), fit::code(&after.termination));
+    let (before, after) = (text::tests(&before.tests, args.sealed), text::fit(after, &shown, args.sealed));
+    let text = format!("before\n{before}\nafter: {added} is in {}\n{after}", file.display());
+    Ok(Outcome { json: value, text, code })
 }

@@ -13,6 +13,8 @@ use super::{Outcome, fit, report, text};
 pub(super) struct Args {
     #[command(flatten)]
     pub common: Common,
+    #[command(flatten)]
+    sealed: text::Sealed,
 }
 
 pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -36,9 +38,9 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     let text = format!(
         "{} at the values of its study.toml\n\n{}\n{}{}Run: {}\n",
         study.title,
-        text::tests(&tests),
+        text::tests(&tests, args.sealed),
         text::notes(&case.notes()),
-        text::verdict(&tests, &shown, 0),
+        text::verdict(&tests, &shown, 0, args.sealed),
         folder.path.display()
     );
     Ok(Outcome { json: value, text, code: 0 })

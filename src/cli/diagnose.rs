@@ -41,7 +41,13 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
     value["fit"] = fit::plain(&result)?;
     folder.result(&value)?;
     let shown = args.common.study.display().to_string();
-    let text = format!("{}\n\n{}\n{}\nRun: {}\n", study.title, text::tests(&result.tests), told(&diagnosis, &shown), folder.path.display());
+    let text = format!(
+        "{}\n\n{}\n{}\nRun: {}\n",
+        study.title,
+        text::tests(&result.tests, text::Sealed::default()),
+        told(&diagnosis, &shown),
+        folder.path.display()
+    );
     Ok(Outcome { json: value, text, code: if session.interrupted() { INTERRUPTED } else { 0 } })
 }
 

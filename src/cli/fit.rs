@@ -27,6 +27,8 @@ pub(super) struct Args {
     bootstrap: Option<u32>,
     #[command(flatten)]
     shared: Shared,
+    #[command(flatten)]
+    sealed: text::Sealed,
 }
 
 use crate::work::{profiles, replicates, take_over};
@@ -45,7 +47,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         Ok((case, fitted, result))
     });
     let (case, fitted, result) = done.inspect_err(|_| folder.discard())?;
-    let mut text = text::fit(&result, &args.common.study.display().to_string());
+    let mut text = text::fit(&result, &args.common.study.display().to_string(), args.sealed);
     let mut value = json(&result, &folder)?;
     if !args.profile.is_empty() {
         let every = || fitted.free.iter().map(|f| f.name.clone()).collect();

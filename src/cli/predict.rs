@@ -93,7 +93,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
     }
     predictions.extend(listed.json);
-    text += &format!("{}\n{}", text::tests(&result.tests), listed.text);
+    text += &format!("{}\n{}", text::tests(&result.tests, text::Sealed::OPEN), listed.text);
     if !listed.sweeps.is_empty() {
         write_sweeps(&listed.sweeps, &folder)?;
     }

@@ -1,7 +1,7 @@
 //! Results as an engineer reads them on the terminal.
 
 use crate::diagnose::results::{
-    FitResult, ModeEnergy, OwnError, ParameterResult, Reading, ScatterOf, SplitName, TestResult, Verdict, words,
+    FitResult, ModeEnergy, OwnError, ParameterResult, Reading, ScatterOf, SplitName, TestResult, Verdict, compared, words,
 };
 
 use super::table::{percent, significant, table};
@@ -19,7 +19,37 @@ fn si(value: f64, unit: &str) -> String {
     format!("{} {unit}", significant(value, 4))
 }
 
-pub(super) fn tests(tests: &[TestResult]) -> String {
+/// Whether the terminal shows the errors of held-out tests. A held-out test is one only as long as nobody decides by it: an engineer who sees its error after every
+/// change of the model fits the model to it.
+#[derive(clap::Args, Clone, Copy, Default)]
+pub(super) struct Sealed {
+    /// Show the errors of the held-out tests as well
+    #[arg(long)]
+    held_out: bool,
+}
+
+impl Sealed {
+    /// What is predicted rests on all tests.
+    pub const OPEN: Sealed = Sealed { held_out: true };
+
+    fn shown<'a>(&self, tests: &'a [TestResult]) -> Vec<&'a TestResult> {
+        tests.iter().filter(|t| self.held_out || t.split != SplitName::HeldOut).collect()
+    }
+
+    /// That held-out tests were not shown, and how they are.
+    fn words(&self, tests: &[TestResult]) -> String {
+        let sealed: Vec<&str> = tests.iter().filter(|t| !self.held_out && t.split == SplitName::HeldOut).map(|t| t.id.as_str()).collect();
+        if sealed.is_empty() {
+            return String::new();
+        }
+        format!("held out, not shown: {} (--held-out shows them; they are for the last word on a model)\n", sealed.join(", "))
+    }
+}
+
+/// A table of tests, the held-out ones as they are asked for.
+pub(super) fn tests(tests: &[TestResult], sealed: Sealed) -> String {
+    let words = sealed.words(tests);
+    let tests = sealed.shown(tests);
     let row = |t: &TestResult| {
         let unit = t.curves.iter().find(|c| t.worst.place.starts_with(&c.label)).map_or("", |c| c.unit.as_str());
         vec![
@@ -36,8 +66,9 @@ pub(super) fn tests(tests: &[TestResult]) -> String {
     };
     let mut text = table(
         &["test", "kind", "split", "error", "floor", "error/floor", "largest/range", "rms/sigma", "farthest point"],
-        &tests.iter().map(row).collect::<Vec<_>>(),
+        &tests.iter().map(|t| row(t)).collect::<Vec<_>>(),
     );
+    text += &words;
     text += "largest/range: largest difference over the range of the measured, channel by channel (FRF: of the magnitude; tables: of the value)\n";
     for (t, f) in tests.iter().flat_map(|t| t.factors.iter().map(move |f| (t, f))) {
         text += &format!("{}, {}: off by a factor of {} at most", t.id, f.channel, significant(f.largest, 4));
@@ -68,14 +99,7 @@ fn mode_energies(t: &TestResult) -> String {
 }
 
 pub(super) fn parameters(parameters: &[ParameterResult]) -> String {
-    let row = |p: &ParameterResult| {
-        let state = match (p.at_bound, p.identifiable) {
-            (true, _) => "at its bound",
-            (false, true) => "yes",
-            (false, false) => "no",
-        };
-        vec![p.name.clone(), p.printed.clone(), state.into(), p.note.clone().unwrap_or_default()]
-    };
+    let row = |p: &ParameterResult| vec![p.name.clone(), p.printed.clone(), p.known().into(), p.note.clone().unwrap_or_default()];
     table(&["parameter", "value (95 %)", "identified", "remark"], &parameters.iter().map(row).collect::<Vec<_>>())
 }
 
@@ -90,11 +114,11 @@ pub(super) fn pooled(tests: &[TestResult], split: SplitName) -> Option<(f64, f64
 const MISSES: f64 = 1.2;
 
 /// One sentence per split, and what to do next. `free`: parameters that were fitted.
-pub(super) fn verdict(tests: &[TestResult], study: &str, free: usize) -> String {
+pub(super) fn verdict(tests: &[TestResult], study: &str, free: usize, sealed: Sealed) -> String {
     let mut text = String::new();
     let mut misses = false;
-    let fitted: usize = tests.iter().filter(|t| t.split == SplitName::Fit).map(|t| t.n).sum();
-    for which in SplitName::ALL {
+    let fitted = compared(tests);
+    for which in SplitName::ALL.into_iter().filter(|which| sealed.held_out || *which != SplitName::HeldOut) {
         let Some((error, floor)) = pooled(tests, which) else { continue };
         let ratio = error / floor;
         misses |= ratio > MISSES;
@@ -156,7 +180,7 @@ pub(super) fn notes(all: &[String]) -> String {
 }
 
 /// A whole fit.
-pub(super) fn fit(fit: &FitResult, study: &str) -> String {
+pub(super) fn fit(fit: &FitResult, study: &str, sealed: Sealed) -> String {
     let mut text = format!(
         "{}: {} after {} iterations, {} s; cost {} over {} residuals, {} free parameters\n\n",
         fit.study,
@@ -167,7 +191,7 @@ pub(super) fn fit(fit: &FitResult, study: &str) -> String {
         fit.n_residuals,
         fit.n_free
     );
-    text += &tests(&fit.tests);
+    text += &tests(&fit.tests, sealed);
     text += "\n";
     text += &parameters(&fit.parameters);
     for combination in &fit.unidentifiable {
@@ -177,5 +201,5 @@ pub(super) fn fit(fit: &FitResult, study: &str) -> String {
     text += &Reading::describe(&fit.readings).iter().map(|r| format!("{r}.\n")).collect::<String>();
     text += &notes(&fit.notes);
     text += "\n";
-    text + &verdict(&fit.tests, study, fit.n_free)
+    text + &verdict(&fit.tests, study, fit.n_free, sealed)
 }

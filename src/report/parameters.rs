@@ -48,6 +48,10 @@ fn interval(p: &ParameterResult) -> String {
 }
 
 fn state(p: &ParameterResult) -> String {
-    let known = if p.identifiable { "<span class=\"yes\">yes</span>" } else { "<span class=\"no\">no</span>" };
+    let known = match (p.identifiable, p.known()) {
+        (true, "at its bound" | "yes") => "<span class=\"yes\">yes</span>".to_string(),
+        (_, "at its bound") => "<span class=\"no\">no</span>".to_string(),
+        (_, other) => format!("<span class=\"no\">{other}</span>"),
+    };
     format!("{known}{}", if p.at_bound { ", <span class=\"no\">at its bound</span>" } else { "" })
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 
 use serde_json::Value;
 use xxhash_rust::xxh3::xxh3_64;
@@ -10,10 +11,10 @@ use super::rig::{misfit, program};
 
 /// Study 08, its loops of 50 points, with three laws to choose from: two effects are missing, and what is added first is exchanged for one of them later.
 /// Begun with the first addition and nothing else of what the search knew, it ends with a law that is not there and three times the error.
-struct Bench(tempfile::TempDir);
+pub struct Bench(tempfile::TempDir);
 
 impl Bench {
-    fn new() -> Bench {
+    pub fn new() -> Bench {
         let bench = Bench(tempfile::tempdir().unwrap());
         super::handbook::copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("studies/08-two-effects"), &bench.study());
         let file = bench.study().join("study.toml");
@@ -22,7 +23,13 @@ impl Bench {
         bench
     }
 
-    fn study(&self) -> PathBuf {
+    /// What the undisturbed ladder comes to, climbed once for all tests.
+    fn whole() -> &'static Value {
+        static WHOLE: OnceLock<Value> = OnceLock::new();
+        WHOLE.get_or_init(|| Bench::new().climbed("whole", None))
+    }
+
+    pub fn study(&self) -> PathBuf {
         self.0.path().join("study")
     }
 
@@ -100,7 +107,7 @@ fn same(a: &Value, b: &Value) {
 #[test]
 fn a_killed_ladder_ends_as_an_undisturbed_one() {
     let bench = Bench::new();
-    let whole = bench.climbed("whole", None);
+    let whole = Bench::whole();
     assert_eq!(whole["missing"].as_array().unwrap().len(), 2);
     assert!(whole["rungs"].as_array().unwrap().iter().any(|r| !r["removed"].as_array().unwrap().is_empty()), "one is exchanged on the way");
     // After its first addition.
@@ -108,22 +115,22 @@ fn a_killed_ladder_ends_as_an_undisturbed_one() {
     assert!(!bench.out("killed").join("result.json").exists());
     // Gone on with, and killed once more on its way.
     assert_eq!(bench.disturbed("again", Some("killed"), 85, "-KILL"), None);
-    same(&whole, &bench.climbed("end", Some("again")));
-    same(&whole, &bench.climbed("killed", Some("killed")));
+    same(whole, &bench.climbed("end", Some("again")));
+    same(whole, &bench.climbed("killed", Some("killed")));
 }
 
 #[cfg(unix)]
 #[test]
 fn a_stopped_ladder_ends_as_an_undisturbed_one() {
     let bench = Bench::new();
-    let whole = bench.climbed("whole", None);
+    let whole = Bench::whole();
     assert_eq!(bench.disturbed("stopped", None, 45, "-TERM"), Some(130));
     assert!(bench.out("stopped").join("result.json").is_file() && bench.journal("stopped").is_file());
-    same(&whole, &bench.climbed("end", Some("stopped")));
+    same(whole, &bench.climbed("end", Some("stopped")));
     // Stopped by the clock, at whatever moment that is.
     let ran = bench.command("late", None).args(["--max-seconds", "0.7"]).output().unwrap();
     assert_eq!(ran.status.code(), Some(130));
-    same(&whole, &bench.climbed("end", Some("late")));
+    same(whole, &bench.climbed("end", Some("late")));
     // What has come to its end is not gone on with.
     let ran = bench.command("more", Some("end")).output().unwrap();
     assert_eq!(ran.status.code(), Some(1));
@@ -140,7 +147,7 @@ fn line(text: &str) -> Vec<u8> {
 #[test]
 fn a_damaged_journal_is_not_believed() {
     let bench = Bench::new();
-    let whole = bench.climbed("whole", None);
+    let whole = Bench::whole();
     bench.disturbed("killed", None, 60, "-KILL");
     let bytes = std::fs::read(bench.journal("killed")).unwrap();
     let mut lines: Vec<Vec<u8>> = bytes.split(|b| *b == b'\n').map(<[u8]>::to_vec).collect();
@@ -178,7 +185,7 @@ fn a_damaged_journal_is_not_believed() {
     moved["fit"]["p"] = p.collect::<Vec<_>>().join(" ").into();
     lines[24] = line(&moved.to_string());
     std::fs::write(bench.journal("killed"), lines.join(&b'\n')).unwrap();
-    same(&whole, &bench.climbed("end", Some("killed")));
+    same(whole, &bench.climbed("end", Some("killed")));
 
     // What cannot be a journal of this ladder is refused.
     let refused = |bytes: &[u8], wanted: &str| {

@@ -64,6 +64,22 @@ fn a_model_of_2200_bodies_is_checked() {
     checked(2200);
 }
 
+/// A limit of a second and the three that a verb may take beyond it, in processor time of one thread: with matrices of all degrees of freedom a fit took 9 s, `diagnose` 20.
+#[cfg(unix)]
+#[test]
+fn a_verb_on_2000_bodies_ends_in_time() {
+    let rig = study(2000);
+    for verb in ["fit", "diagnose", "ladder"] {
+        let out = rig.path(verb).display().to_string();
+        let study = rig.folder().display().to_string();
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", "ulimit -t 4; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_misfit")]);
+        let ran = command.args([verb, &study, "--json", "--max-seconds", "1", "--threads", "1", "--out", &out]).output().unwrap();
+        assert!(matches!(ran.status.code(), Some(0 | 130)), "{verb}: {:?} {}", ran.status, String::from_utf8_lossy(&ran.stderr));
+        assert!(serde_json::from_slice::<serde_json::Value>(&ran.stdout).is_ok(), "{verb}");
+    }
+}
+
 /// Asked of the release profile: at most 1 s and 10 s. `cargo test --release --test behaviour size -- --ignored --nocapture`.
 #[test]
 #[ignore = "measures seconds"]

@@ -136,6 +136,35 @@ fn a_table_for_people() {
     assert!(serde_json::from_str::<serde_json::Value>(&ran.stdout).is_err());
 }
 
+/// What is held out is for the last word on a model: the terminal shows it where it is asked for, the JSON always.
+#[test]
+fn held_out_tests_are_sealed_until_they_are_asked_for() {
+    let rig = Rig::new();
+    let held_out = |json: &serde_json::Value| {
+        let of = |t: &serde_json::Value| t["split"] == "held_out" && t["error"].as_f64().is_some();
+        json["tests"].as_array().unwrap().iter().filter(|t| of(t)).count()
+    };
+    for (verb, more) in [("fit", vec![]), ("compare", vec![]), ("add", vec!["cubic_stiffness", "--at", "c1.x", "--keep-study"])] {
+        let sealed = rig.run(verb, &more);
+        assert_eq!(sealed.code, 0, "{}", sealed.stderr);
+        assert!(
+            sealed.stdout.contains("held out, not shown: loop-5Hz (--held-out") && sealed.stdout.contains("On the fit tests"),
+            "{}",
+            sealed.stdout
+        );
+        assert!(!sealed.stdout.contains("On the held out tests"), "{}", sealed.stdout);
+        let row = |text: &str| text.lines().any(|l| l.trim_start().starts_with("loop-5Hz"));
+        assert!(!row(&sealed.stdout), "{}", sealed.stdout);
+        let open = rig.run(verb, &[&more[..], &["--held-out"]].concat());
+        assert!(
+            row(&open.stdout) && open.stdout.contains("On the held out tests") && !open.stdout.contains("not shown"),
+            "{}",
+            open.stdout
+        );
+    }
+    assert!(held_out(&rig.json("fit", &[])) == 1 && held_out(&rig.json("compare", &[])) == 1);
+}
+
 #[test]
 fn what_is_simulated_gives_its_truth_back() {
     let rig = Rig::new();

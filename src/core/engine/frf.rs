@@ -5,6 +5,7 @@
 use num_complex::Complex64;
 
 use crate::model::{Bound, Model};
+use crate::parallel;
 
 use super::EngineError;
 use super::blocktri::{Element as Row, FrfSystem, Response, Sweep};
@@ -62,6 +63,9 @@ pub(super) fn swept(small: &Small, sweep: &Sweep) -> Result<Receptance, EngineEr
         // Stiffness of every group along the lines, and how it changes with its displacement.
         let mut laws = Vec::with_capacity(if small.moves() { omega.len() * ng } else { 0 });
         for (line, w) in omega.iter().enumerate() {
+            if parallel::given_up() {
+                return Err(EngineError::GivenUp);
+            }
             for (gi, &g) in groups.iter().enumerate() {
                 let element = &bound.elements[g];
                 let (z, _, by_x) = small.law(g, Complex64::new(0.0, *w), &mut dp)?;

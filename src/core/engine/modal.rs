@@ -7,16 +7,18 @@
 //! mode projected out.
 
 mod form;
+mod lowest;
 mod mode;
 mod shares;
+mod undamped;
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
 use crate::model::{Bound, Model};
+use crate::parallel;
 
 use super::EngineError;
 use super::blocktri::{BlockTri, BlockTriError, Layout, Levels};
@@ -26,6 +28,7 @@ use form::{Form, alike};
 
 pub use mode::Mode;
 pub use shares::{Shares, shares};
+pub use undamped::count;
 
 /// Which modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +64,7 @@ pub fn modes(model: &Model, bound: &Bound, range: Range, sensitivities: bool) ->
 /// The modes of a model, found as far as they are asked for.
 pub struct Modes<'a> {
     problem: Problem<'a>,
-    starts: std::vec::IntoIter<Start>,
+    starts: Vec<Start>,
     /// How many starts were tried.
     tried: usize,
     found: Vec<Mode>,
@@ -78,7 +81,7 @@ impl<'a> Modes<'a> {
         // Without mass nothing vibrates.
         let still = problem.small.mass.iter().all(|m| m.2 == 0.0);
         let starts = if still { vec![] } else { problem.starts(range)? };
-        Ok(Modes { problem, starts: starts.into_iter(), tried: 0, found: vec![], sensitivities })
+        Ok(Modes { problem, starts, tried: 0, found: vec![], sensitivities })
     }
 
     /// The lowest `count`, or all where there are fewer, in the order of their frequencies. What was found before is not looked for again.
@@ -93,13 +96,19 @@ impl<'a> Modes<'a> {
 
     fn try_starts(&mut self, count: usize) -> Result<(), EngineError> {
         while self.tried < count {
-            let Some(start) = self.starts.next() else { break };
+            if parallel::given_up() {
+                return Err(EngineError::GivenUp);
+            }
+            if self.tried == self.starts.len() && self.problem.more {
+                self.starts = self.problem.lowest(count.max(2 * self.tried))?;
+            }
+            let Some(start) = self.starts.get(self.tried) else { break };
             self.tried += 1;
-            let mode = match self.problem.rigid(&start)? {
+            let mode = match self.problem.rigid(start)? {
                 Some(mode) => Some(mode),
-                None => match self.problem.damped(&start, &self.found) {
+                None => match self.problem.damped(start, &self.found) {
                     // A motion beyond its critical damping has two real poles, to which other starts may lead as well.
-                    Err(EngineError::NoMode { .. }) if self.found.iter().any(Mode::creeps) || self.problem.creeps(&start)? => None,
+                    Err(EngineError::NoMode { .. }) if self.found.iter().any(Mode::creeps) || self.problem.creeps(start)? => None,
                     mode => Some(mode?),
                 },
             };
@@ -140,6 +149,12 @@ struct Problem<'a> {
     sums: Vec<Complex64>,
     /// Largest undamped circular frequency.
     highest: f64,
+    /// What the undamped modes that were found last are made of, where all were.
+    of: Option<undamped::Undamped>,
+    /// Circular frequency at which the stiffness of the lowest undamped modes is taken.
+    reference: f64,
+    /// Whether there may be undamped modes above those that were found.
+    more: bool,
 }
 
 const ITERATIONS: usize = 60;
@@ -149,8 +164,6 @@ const SHIFTS: [f64; 4] = [1e-9, 1e-7, 1e-5, 1e-3];
 const TOLERANCE: f64 = 1e-13;
 /// What is accepted where rounding ends the iteration earlier.
 const ACCEPTED: f64 = 1e-10;
-/// Part of a frequency at which laws are as they are at rest.
-const SLOW: f64 = 1e-4;
 /// Undamped frequencies at or below this part of the highest are those of rigid bodies.
 const RIGID: f64 = 3e-7;
 
@@ -182,6 +195,9 @@ impl<'a> Problem<'a> {
             dz: vec![],
             dp: vec![],
             highest: 0.0,
+            of: None,
+            reference: 0.0,
+            more: false,
         })
     }
 
@@ -233,102 +249,6 @@ impl<'a> Problem<'a> {
             self.small.rows[e].iter().for_each(|(d, b)| out[*d] += f * *b);
         }
         out
-    }
-
-    /// Undamped modes with the storage stiffness at a frequency of the range, those that may end in it.
-    fn starts(&mut self, range: Range) -> Result<Vec<Start>, EngineError> {
-        match range {
-            Range::Band(low, high) => {
-                let all = self.undamped(TAU * 0.5 * (low + high))?;
-                Ok(all.into_iter().filter(|s| s.omega >= 0.5 * TAU * low && s.omega <= 2.0 * TAU * high).collect())
-            }
-            Range::Lowest(count) => {
-                // The frequency at which the stiffness is taken comes from a first round.
-                let inertia: f64 = self.small.mass.iter().filter(|m| m.0 == m.1).map(|m| m.2).sum();
-                self.laws(Complex64::I)?;
-                let stiffness: f64 = self.z.iter().map(|z| z.norm()).sum();
-                let guess = if inertia > 0.0 && stiffness > 0.0 { (stiffness / inertia).sqrt() } else { 1.0 };
-                let middle = |all: &[Start]| all.iter().take(count).map(|s| s.omega).sum::<f64>() / all.len().min(count).max(1) as f64;
-                let first = middle(&self.undamped(guess)?);
-                self.undamped(if first > 0.0 { first } else { guess })
-            }
-        }
-    }
-
-    fn undamped(&mut self, omega: f64) -> Result<Vec<Start>, EngineError> {
-        self.laws(Complex64::new(0.0, SLOW * omega))?;
-        let slow: Vec<f64> = self.z.iter().map(|z| z.re).collect();
-        self.laws(Complex64::new(0.0, omega))?;
-        let n = self.small.n;
-        let dense = |entries: &[(usize, usize, f64)]| {
-            let mut m = DMatrix::<f64>::zeros(n, n);
-            entries.iter().for_each(|(i, j, x)| m[(*i, *j)] += x);
-            m
-        };
-        let mut mass = dense(&self.small.mass);
-        // Laws that are inertial count as mass, and so does what an absorber is softer by than at rest: in their dynamic stiffness they would be
-        // negative springs.
-        let mut inertia: Vec<f64> = self.small.bound.elements.iter().map(|e| e.inertia()).collect();
-        for ((m, z), slow) in inertia.iter_mut().zip(&self.z).zip(&slow) {
-            *m += ((slow - (z.re + omega * omega * *m)) / (omega * omega)).max(0.0);
-        }
-        for (row, m) in self.small.rows.iter().zip(&inertia).filter(|(_, m)| **m != 0.0) {
-            row.iter().for_each(|(i, bi)| row.iter().for_each(|(j, bj)| mass[(*i, *j)] += m * bi * bj));
-        }
-        let heavy: Vec<usize> = (0..n).filter(|d| mass[(*d, *d)] > 0.0).collect();
-        let light: Vec<usize> = (0..n).filter(|d| mass[(*d, *d)] <= 0.0).collect();
-        let stiffness = |of: fn(Complex64) -> f64| {
-            let mut k = dense(&self.small.stiffness);
-            for ((row, z), m) in self.small.rows.iter().zip(&self.z).zip(&inertia) {
-                let z = z + omega * omega * m;
-                for (i, bi) in row {
-                    for (j, bj) in row {
-                        k[(*i, *j)] += bi * bj * of(z);
-                    }
-                }
-            }
-            k
-        };
-        // Massless degrees of freedom follow the others; where only damping holds one, its modulus does.
-        let mut k = stiffness(|z| z.re);
-        let mut inner = k.select_rows(&light).select_columns(&light).cholesky();
-        if inner.is_none() {
-            k = stiffness(|z| z.norm());
-            inner = k.select_rows(&light).select_columns(&light).cholesky();
-        }
-        let Some(inner) = inner else {
-            return Err(BlockTriError::Singular { dof: light.first().copied().unwrap_or(0), pivot: 0.0 }.into());
-        };
-        let coupling = k.select_rows(&light).select_columns(&heavy);
-        let follow = if light.is_empty() { DMatrix::zeros(0, heavy.len()) } else { -inner.solve(&coupling) };
-        let mut reduced = k.select_rows(&heavy).select_columns(&heavy) + coupling.transpose() * &follow;
-        // With the mass as L L', the shapes are L'^-1 times the eigenvectors of L^-1 K L'^-1.
-        let Some(root) = mass.select_rows(&heavy).select_columns(&heavy).cholesky() else {
-            return Err(BlockTriError::Singular { dof: heavy.first().copied().unwrap_or(0), pivot: 0.0 }.into());
-        };
-        let root = root.l();
-        let solved = |m: &DMatrix<f64>| root.solve_lower_triangular(m).unwrap_or_else(|| m.clone());
-        reduced = solved(&solved(&reduced).transpose());
-        reduced = (&reduced + reduced.transpose()) * 0.5;
-        let eigen = reduced.symmetric_eigen();
-        self.highest = eigen.eigenvalues.iter().fold(0.0f64, |m, e| m.max(*e)).sqrt();
-        let least = eigen.eigenvalues.iter().copied().enumerate().fold((0, 0.0f64), |m, (k, e)| if e < m.1 { (k, e) } else { m });
-        if -least.1 > (RIGID * self.highest).powi(2).max(1e-12 * self.highest * self.highest) {
-            let shape = eigen.eigenvectors.column(least.0);
-            return Err(EngineError::Unstable { step: 1, steps: 1, dof: self.small.name(heavy[shape.iamax()]) });
-        }
-        let shapes = root.transpose().solve_upper_triangular(&eigen.eigenvectors).unwrap_or_else(|| eigen.eigenvectors.clone());
-        let mut starts: Vec<Start> = (0..heavy.len())
-            .map(|c| {
-                let y: DVector<f64> = shapes.column(c).into_owned();
-                let inside = &follow * &y;
-                let mut shape = vec![0.0; n];
-                heavy.iter().zip(y.iter()).chain(light.iter().zip(inside.iter())).for_each(|(d, x)| shape[*d] = *x);
-                Start { omega: eigen.eigenvalues[c].max(0.0).sqrt(), shape }
-            })
-            .collect();
-        starts.sort_by(|a, b| a.omega.total_cmp(&b.omega));
-        Ok(starts)
     }
 
     /// A rigid-body mode, if nothing resists the start's shape.

@@ -7,15 +7,16 @@
 //! which stand for the tests and the covariance that it is made under. A kept fit is believed where its values give the cost that was kept with them.
 
 use std::collections::HashMap;
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::time::Duration;
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use xxhash_rust::xxh3::xxh3_64;
 
 use super::constraints::Source;
 use super::ending::Termination;
 use super::fit::{FitOptions, FitOutcome, Gait};
+use super::problem::Loss;
 
 /// Relative difference up to which numbers are the same: what was computed a moment ago may come back within a few last bits, and sums of it differ by more.
 const SAME: f64 = 1e-9;
@@ -66,21 +67,48 @@ pub(super) struct Asked {
     begins: Vec<f64>,
 }
 
+/// Hash of what a fit is asked that rounding does not change: XXH3 of bytes that are listed here one by one, so that the journal of a run is read by a program that
+/// another release of Rust has compiled.
+fn key(options: &FitOptions, residuals: usize, went_on: bool) -> u64 {
+    let (t, c) = (&options.tolerances, &options.constraints);
+    let mut bytes = Vec::new();
+    let mut counts = |list: &[usize]| list.iter().for_each(|n| bytes.extend((*n as u64).to_le_bytes()));
+    counts(&[options.names.len(), residuals, t.max_iterations as usize, t.acceleration.into(), went_on.into()]);
+    options.priors.iter().for_each(|prior| counts(&[prior.index]));
+    c.orders.iter().for_each(|order| counts(&[order.below, order.above]));
+    c.rows.iter().for_each(|row| {
+        counts(&[row.coefficients.len()]);
+        row.coefficients.iter().for_each(|(j, _)| counts(&[*j]));
+    });
+    let mut numbers = vec![t.f_tol, t.x_tol, t.g_tol, t.drop, t.lambda];
+    numbers.extend(c.orders.iter().map(|order| order.gap));
+    c.rows.iter().for_each(|row| numbers.extend(row.coefficients.iter().map(|(_, a)| *a).chain([row.limit])));
+    for block in &options.losses {
+        let (kind, width) = match block.loss {
+            Loss::Squares => (0, 0.0),
+            Loss::Huber(k) => (1, k),
+            Loss::SoftL1(k) => (2, k),
+            Loss::Cauchy(k) => (3, k),
+        };
+        counts(&[block.rows.start, block.rows.end, kind]);
+        numbers.push(width);
+    }
+    numbers.iter().for_each(|v| bytes.extend(v.to_bits().to_le_bytes()));
+    // No name holds a zero byte.
+    options.names.iter().for_each(|name| bytes.extend(name.bytes().chain([0])));
+    xxh3_64(&bytes)
+}
+
 impl Asked {
     /// `went_on`: whether it takes up the damping of an earlier fit.
     pub fn new(p: &[f64], options: &FitOptions, (r, j): (&DVector<f64>, &DMatrix<f64>), cost: f64, went_on: bool) -> Asked {
-        let (t, c) = (&options.tolerances, &options.constraints);
-        let mut key = DefaultHasher::new();
-        (&options.names, r.len(), t.max_iterations, t.acceleration, went_on).hash(&mut key);
-        [t.f_tol, t.x_tol, t.g_tol, t.drop, t.lambda].map(f64::to_bits).hash(&mut key);
-        format!("{:?} {:?} {:?}", c.orders, c.rows, options.losses).hash(&mut key);
-        options.priors.iter().for_each(|prior| prior.index.hash(&mut key));
+        let c = &options.constraints;
         let mut begins = p.to_vec();
         begins.extend(c.lower.iter().chain(&c.upper));
         begins.extend(options.priors.iter().flat_map(|prior| [prior.mean, prior.sigma]));
         begins.push(cost);
         begins.extend(j.column_iter().map(|column| column.norm()));
-        Asked { key: key.finish(), begins }
+        Asked { key: key(options, r.len(), went_on), begins }
     }
 
     /// How far a kept fit began from here, the largest relative difference; none where that is more than rounding.
@@ -210,6 +238,7 @@ impl Journal {
 mod tests {
     use std::sync::{Arc, Mutex};
 
+    use super::super::problem::{LossBlock, Prior};
     use super::super::tests::{decay, options};
     use super::super::{Monitor, fit, go_on};
     use super::*;
@@ -247,6 +276,34 @@ mod tests {
         let silent = |k: &Kept| panic!("it was fitted again: {k:?}");
         let again = both(&Monitor::default().journal(Journal::new(list, Duration::ZERO, silent)));
         assert_eq!(again.each_ref().map(bits), first.each_ref().map(bits));
+    }
+
+    /// The key is that of every release: a journal of today is read tomorrow. Every statement of a fit has its part in it.
+    #[test]
+    fn the_key_of_a_fit_is_the_same_in_every_release() {
+        let plain = options(3);
+        let others: [&dyn Fn(&mut FitOptions); 7] = [
+            &|o| o.names[1] = "b".into(),
+            &|o| o.tolerances.max_iterations += 1,
+            &|o| o.tolerances.x_tol *= 2.0,
+            &|o| o.constraints = o.constraints.clone().order(0, 1, 0.5),
+            &|o| o.constraints = o.constraints.clone().row(vec![(0, 1.0), (2, -1.0)], 3.0),
+            &|o| o.losses = vec![LossBlock { rows: 0..4, loss: Loss::Huber(1.5) }],
+            &|o| o.priors = vec![Prior { index: 1, mean: 1.0, sigma: 2.0 }],
+        ];
+        let mut keys: Vec<u64> = others
+            .iter()
+            .map(|change| {
+                let mut changed = plain.clone();
+                change(&mut changed);
+                key(&changed, 7, false)
+            })
+            .collect();
+        keys.extend([key(&plain, 7, false), key(&plain, 8, false), key(&plain, 7, true)]);
+        assert_eq!(keys[7], 37_813_187_357_207_728, "XXH3 of the bytes of a fit of three parameters to seven residuals");
+        keys.sort_unstable();
+        keys.dedup();
+        assert_eq!(keys.len(), 10);
     }
 
     #[test]

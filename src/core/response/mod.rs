@@ -26,7 +26,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DMatrixViewMut, DVector};
 
 use crate::data::{Record, Test, TestKind, Unsettled};
-use crate::engine::modal::{Range, modes as modal_modes};
+use crate::engine::modal::count as modal_count;
 use crate::model::{Bound, FreeParam, Model, System};
 use crate::units::Unit;
 
@@ -342,13 +342,13 @@ impl Plan {
         }
     }
 
-    /// Modes of the system between the first and the last line of an FRF; `None` for another kind of test, and of a system without a small-signal
+    /// Number of modes of the system between the first and the last line of an FRF; `None` for another kind of test, and of a system without a small-signal
     /// limit.
     pub fn modes_within(&self, system: &System) -> Option<usize> {
         let Work::Frf(frf) = &self.work else { return None };
         let system = &*system.shaped();
         let ((low, high), bound) = (frf.band(), self.bind(system, &[]).ok()?);
-        modal_modes(&system.model, &bound, Range::Band(low, high), false).ok().map(|modes| modes.len())
+        modal_count(&system.model, &bound, low, high).ok()
     }
 
     /// Amplitudes at every place under this test; `None` for tests that declare none.

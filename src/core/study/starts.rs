@@ -7,6 +7,7 @@ use toml::de::{DeTable, DeValue};
 
 use crate::data::Dataset;
 use crate::model::{Instance, System};
+use crate::units::{Unit, parse};
 
 use super::engineering::unit_of;
 
@@ -28,7 +29,7 @@ pub(super) fn moved(text: &str, system: &System, dataset: &Dataset, to: &[Instan
         for (p, param) in own.effect.info().params.iter().enumerate().filter(|(p, _)| changed(own.params[*p].value, new.params[*p].value)) {
             match of_block.get(k).copied().flatten().and_then(|block| start(block, param.name)) {
                 Some(span) => {
-                    let value = unit_of(system, dataset, own, p).print(new.params[p].value);
+                    let value = short(&unit_of(system, dataset, own, p), new.params[p].value, (new.params[p].min, new.params[p].max));
                     places.push((span.start + shift..span.end + shift, toml::Value::from(value).to_string()));
                 }
                 None => kept.push(format!("{}.{}.{}", own.at, own.name(), param.name)),
@@ -39,6 +40,13 @@ pub(super) fn moved(text: &str, system: &System, dataset: &Dataset, to: &[Instan
     let mut whole = text.to_string();
     places.into_iter().for_each(|(span, value)| whole.replace_range(span, &value));
     (whole, kept)
+}
+
+/// A start as it is written into the file of a reader: in few digits, unless these lie outside the bounds.
+pub(super) fn short(unit: &Unit, value: f64, (min, max): (f64, f64)) -> String {
+    let text = unit.print_short(value);
+    let within = parse(&text, unit.dimension).is_ok_and(|v| v >= min && v <= max);
+    if within { text } else { unit.print(value) }
 }
 
 /// The tables of a list of tables.

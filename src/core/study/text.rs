@@ -12,7 +12,7 @@ use crate::units::{Dimension, Quantity, Unit};
 
 use super::load::folder_of;
 use super::{ConnectorSpec, CycleQuantity, Ends, Predicted, PredictionSpec, Study};
-use super::{effects, unit_of};
+use super::{effects, starts, unit_of};
 
 /// A TOML string.
 fn quoted(text: &str) -> String {
@@ -39,7 +39,8 @@ fn relative(from: &Path, to: &Path) -> PathBuf {
 }
 
 /// The `[[effect]]` block of an instance of `system` (or of one that is about to join it).
-pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) -> String {
+/// `exact`: starts that read back to the last bit, for the record of a run; without it in few digits, for the file of a reader.
+pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance, exact: bool) -> String {
     let info = instance.effect.info();
     let entries: Vec<&str> = instance.at.split(',').map(str::trim).collect();
     let at = if entries.len() == 1 { quoted(entries[0]) } else { list(&entries) };
@@ -69,7 +70,8 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
     for (p, (param, value)) in info.params.iter().zip(&instance.params).enumerate() {
         let unit = unit_of(system, dataset, instance, p);
         let print = |si: f64| quoted(&unit.print(si));
-        let mut keys = vec![format!("start = {}", print(value.value))];
+        let start = if exact { print(value.value) } else { quoted(&starts::short(&unit, value.value, (value.min, value.max))) };
+        let mut keys = vec![format!("start = {start}")];
         for (key, bound, own) in [("min", value.min, f64::NEG_INFINITY), ("max", value.max, param.max)] {
             if bound.is_finite() && bound != own {
                 keys.push(format!("{key} = {}", print(bound)));
@@ -87,7 +89,7 @@ pub(super) fn effect(system: &System, dataset: &Dataset, instance: &Instance) ->
         }
         let implied = value.min == param.min && value.max == param.max && value.prior.is_none() && value.slack.is_none();
         let _ = match setting && !value.free && implied {
-            true => writeln!(text, "{} = {}", param.name, print(value.value)),
+            true => writeln!(text, "{} = {start}", param.name),
             false => writeln!(text, "{} = {{ {} }}", param.name, keys.join(", ")),
         };
     }
@@ -169,7 +171,7 @@ impl Study {
             };
         }
         for instance in system.instances.iter().filter(|i| !i.follower) {
-            let _ = write!(text, "\n{}", effect(system, &self.dataset, instance));
+            let _ = write!(text, "\n{}", effect(system, &self.dataset, instance, true));
         }
         let free = system.free();
         for order in &self.orders {

@@ -60,7 +60,7 @@ impl Study {
         // A coefficient may act on an effect that stands before it.
         let mut grown = self.system.clone();
         for instance in instances {
-            let block = text::effect(&grown, &self.dataset, instance);
+            let block = text::effect(&grown, &self.dataset, instance, false);
             whole.push_str(&format!("\n{block}").replace('\n', newline));
             grown.instances.push(instance.clone());
         }

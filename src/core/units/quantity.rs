@@ -65,6 +65,15 @@ impl Unit {
         self.written(number)
     }
 
+    /// `si` printed in this unit for a reader, in the fewest digits that are within 1e-9 of it: far below what any measurement tells, and `310.059827 N/mm` where all digits
+    /// are `310.0598271343528 N/mm`.
+    pub fn print_short(&self, si: f64) -> String {
+        let exact = self.from_si(si);
+        let near = |x: &f64| (self.to_si(*x) - si).abs() <= 1e-9 * si.abs();
+        let number = (0..16).filter_map(|n| format!("{exact:.n$e}").parse::<f64>().ok()).find(near).unwrap_or(exact);
+        self.written(number)
+    }
+
     /// An SI difference printed in this unit: four significant digits, e.g. `0.0213 N`.
     pub fn print_difference(&self, si: f64) -> String {
         let number: f64 = format!("{:.3e}", self.difference_from_si(si)).parse().unwrap_or(f64::NAN);

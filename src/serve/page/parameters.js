@@ -26,7 +26,7 @@ const send = () => move(state.model, state.values, shown());
 function word(p) {
   if (!p.free) return "fixed";
   if (p.at_bound) return "at its bound";
-  if (p.identifiable === true) return "identified";
+  if (p.identifiable === true) return p.interval?.[0] <= 0 && p.interval?.[1] >= 0 ? "not told from zero" : "identified";
   if (p.identifiable === false) return "not identified";
   return "not fitted yet";
 }

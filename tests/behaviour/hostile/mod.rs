@@ -4,6 +4,7 @@
 //!
 //! A sample of fixed seed runs with the tests. More, of any seed:
 //! `MISFIT_HOSTILE=10000 MISFIT_HOSTILE_SEED=7 cargo test --release --test behaviour hostile -- --nocapture`;
+//! `MISFIT_HOSTILE_ONLY="spatial diagnose"` runs of the studies only those that begin with this seed and end with this verb;
 //! `MISFIT_HOSTILE_KEEP=DIR` keeps the folders that failed, `MISFIT_HOSTILE_SEEDS=DIR` adds data files to begin with.
 
 mod cases;
@@ -181,6 +182,9 @@ fn mutated_study(seeds: &[Seed], seed: u64, folder: &Path) -> Vec<Failed> {
         "cases" => ["fit", "predict", "predict", "tolerance"][random.below(4)],
         _ => ["fit", "fit", "fit", "compare", "predict", "export", "diagnose", "simulate", "ladder"][random.below(9)],
     };
+    if std::env::var("MISFIT_HOSTILE_ONLY").is_ok_and(|only| only != format!("{} {other}", from.name)) {
+        return vec![];
+    }
     let more = if other == "export" { vec!["--to", "json,csv,parquet,adams,exudyn,study"] } else { vec![] };
     let verbs = [run(folder, from.name, "check", &time, None), run(folder, from.name, other, &[&time[..], &more].concat(), None)];
     verbs.into_iter().flatten().collect()

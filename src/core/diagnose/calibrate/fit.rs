@@ -86,7 +86,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
                 .into(),
         );
     }
-    notes.extend(as_many(&tests, fitted.free.len()));
+    notes.extend(as_many(compared(&tests), fitted.free.len()));
     notes.extend(too_quiet(&tests, fitted.free.len(), &case.search.settings.fitting));
     notes.extend(case.notes());
     let away = absurd(case, &fitted, &parameters, start);
@@ -115,8 +115,7 @@ pub fn fit(case: &Case, splits: &[SplitName], monitor: &Monitor) -> Result<(Case
 }
 
 /// Where no more values are compared than parameters are free, every model of as many parameters meets them.
-fn as_many(tests: &[TestResult], free: usize) -> Option<String> {
-    let compared: usize = tests.iter().filter(|t| t.split == SplitName::Fit).map(|t| t.n).sum();
+fn as_many(compared: usize, free: usize) -> Option<String> {
     (0 < compared && compared <= free).then(|| {
         format!(
             "parameters: {free} are free and {compared} values are compared: a model of as many meets them whatever it is, and what is left says nothing \

@@ -5,12 +5,14 @@ use serde::Serialize;
 mod candidate;
 mod energy;
 mod errors;
+mod parameter;
 mod reason;
 mod unexplained;
 
 pub use candidate::{Candidate, NextTest, SecondOpinion, Share};
 pub use energy::{EnergyShare, ModeEnergy, words};
 pub use errors::{BETWEEN, Correction, END, Instrument, OwnError, Reading, ScatterOf};
+pub use parameter::ParameterResult;
 pub use reason::{Fault, Reason};
 pub use unexplained::{Missed, Unexplained};
 
@@ -214,29 +216,9 @@ pub struct TestResult {
     pub curves: Vec<Curve>,
 }
 
-/// One parameter.
-#[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
-pub struct ParameterResult {
-    /// `at.effect.parameter`.
-    pub name: String,
-    /// Value [SI].
-    pub value: f64,
-    /// SI unit.
-    pub unit: String,
-    /// Standard deviation [SI]; none where it is not identified.
-    pub std: Option<f64>,
-    /// 95 % interval [SI], open ends none.
-    pub interval: (Option<f64>, Option<f64>),
-    /// Whether the data determine it.
-    pub identifiable: bool,
-    /// Whether it lies at a bound.
-    pub at_bound: bool,
-    /// Value as the engineer writes it, `20.3 N/mm`.
-    pub printed: String,
-    /// Interval in the same unit, `19.9 to 20.7 N/mm`.
-    pub printed_interval: String,
-    /// Why it is not identified.
-    pub note: Option<String>,
+/// Measured values that the free parameters are fitted to.
+pub fn compared(tests: &[TestResult]) -> usize {
+    tests.iter().filter(|t| t.split == SplitName::Fit).map(|t| t.n).sum()
 }
 
 /// An effect and its place.

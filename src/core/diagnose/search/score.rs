@@ -87,6 +87,11 @@ fn with_priors(
     Ok((base, extended))
 }
 
+/// Scores are those of all candidates or none: what the time was over for is not told from what says nothing.
+fn in_time() -> Result<(), DiagnoseError> {
+    if parallel::given_up() { Err(DiagnoseError::start_fails("the scoring was stopped before its end")) } else { Ok(()) }
+}
+
 /// Evaluates the model once with all trials at their null strength. `kept`: the free parameters of `system` that no bound holds.
 pub fn projected(
     plans: &[&Plan],
@@ -96,6 +101,7 @@ pub fn projected(
     priors: &[(usize, f64, f64)],
     s: &Scoring,
 ) -> Result<Projected, DiagnoseError> {
+    in_time()?;
     let mut augmented = system.clone();
     augmented.instances.extend(trials.iter().map(|t| t.instance.clone()));
     let own = system.free().len();
@@ -114,6 +120,7 @@ pub fn projected(
         (spared, first) = (false, at(plans.to_vec(), augmented));
     }
     let (p, mut r, j) = first?;
+    in_time()?;
     let mut of_own = j.columns(0, own).into_owned();
     if spared {
         (_, r, of_own) = at(plans.to_vec(), system.clone())?;
@@ -123,6 +130,9 @@ pub fn projected(
     let (base, extended) = with_priors(&of_own, &r, priors, &p)?;
     let (q, back) = decomposed(&base.select_columns(kept), s);
     let column = |t: usize| {
+        if parallel::given_up() {
+            return (None, DVector::zeros(0));
+        }
         let mut g = DVector::zeros(rows);
         g.rows_mut(0, j.nrows()).copy_from(&j.column(own + t));
         let (size, mut moved) = (g.norm(), DVector::zeros(own));
@@ -135,6 +145,7 @@ pub fn projected(
         ((left.norm() >= s.visible * size).then_some(left), moved)
     };
     let (columns, of_own) = parallel::over(trials.len(), column).into_iter().unzip();
+    in_time()?;
     Ok(Projected { columns, own: of_own, r: project(&q, extended), cost })
 }
 

@@ -117,3 +117,17 @@ proptest! {
         prop_assert!((back.value - x).abs() <= 2e-15 * x.abs(), "{q}: {} {}", back.value, x);
     }
 }
+
+/// Few digits are within 1e-9 of the value; what has few digits by itself keeps them.
+#[test]
+fn a_value_for_a_reader_has_few_digits() {
+    let unit = parse_unit("N/mm", Dimension::STIFFNESS).unwrap();
+    for (si, text) in
+        [(310_059.827_134_352_8, "310.059827 N/mm"), (20e3, "20 N/mm"), (0.0, "0 N/mm"), (1e-4 / 3.0, "0.00000003333333333 N/mm")]
+    {
+        let printed = unit.print_short(si);
+        assert_eq!(printed, text);
+        let back = parse(&printed, Dimension::STIFFNESS).unwrap();
+        assert!((back - si).abs() <= 1e-9 * si.abs(), "{printed}");
+    }
+}
