@@ -184,7 +184,7 @@ impl ConstantDamping {
 pub struct TestResult {
     /// Id of the test.
     pub id: String,
-    /// cycle, frf, transient, energy, modal.
+    /// cycle, frf, transient, energy, modal, backbone.
     pub kind: String,
     /// Its split.
     pub split: SplitName,
