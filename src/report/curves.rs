@@ -211,7 +211,11 @@ impl Units {
             _ => (None, None),
         };
         let usable = |u: &(String, f64)| u.1 > 0.0 && u.1.is_finite();
-        Units { x: x.filter(usable).unwrap_or(("SI".into(), 1.0)), y: y.filter(usable).unwrap_or(si), over: over.unwrap_or(("frequency", "Hz".into(), 1.0)) }
+        Units {
+            x: x.filter(usable).unwrap_or(("SI".into(), 1.0)),
+            y: y.filter(usable).unwrap_or(si),
+            over: over.unwrap_or(("frequency", "Hz".into(), 1.0)),
+        }
     }
 }
 

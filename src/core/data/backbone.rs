@@ -58,13 +58,22 @@ pub(super) fn backbone(table: &TableView<'_>, id: &str, source: &Source<'_>) -> 
         }
         // Both are compared as logarithms: zero and below have none.
         if let Some(v) = [&frequency, &damping].into_iter().flatten().find(|v| v.value <= 0.0) {
-            return Err(fail(format!("a frequency or damping ratio of {}", v.unit.print(v.value)), "frequencies and damping ratios above 0"));
+            return Err(fail(
+                format!("a frequency or damping ratio of {}", v.unit.print(v.value)),
+                "frequencies and damping ratios above 0",
+            ));
         }
         found.push(BackboneRow { amplitude: amplitude.value, unit: amplitude.unit, frequency, damping, place: row.place.clone() });
     }
     if let (None, Some(first)) = (mode, found.first().filter(|r| r.frequency.is_none())) {
         let accepted = "a frequency in the first row, or mode = 1, 2, ...";
-        return Err(at_row(source, id, &first.place, "nothing says which mode it is: the smallest amplitude has no frequency".into(), accepted));
+        return Err(at_row(
+            source,
+            id,
+            &first.place,
+            "nothing says which mode it is: the smallest amplitude has no frequency".into(),
+            accepted,
+        ));
     }
     Ok(BackboneTable { at, mode, rows: found })
 }

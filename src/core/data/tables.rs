@@ -226,7 +226,9 @@ pub(super) fn rows(
     }
     if let Some(noise) = noise {
         let values = rows.iter_mut().flat_map(|r| &mut r.numbers);
-        values.filter(|(role, _)| !matches!(role, Role::Mode | Role::Amplitude)).for_each(|(_, v)| v.sigma = v.sigma.or(Some(noise * v.value.abs())));
+        values
+            .filter(|(role, _)| !matches!(role, Role::Mode | Role::Amplitude))
+            .for_each(|(_, v)| v.sigma = v.sigma.or(Some(noise * v.value.abs())));
     }
     // One column is printed to one digit; a trailing zero may be left out in one row.
     for role in roles {

@@ -136,7 +136,8 @@ impl Explain for EngineError {
                     .into()
             }
             EngineError::NoNonlinearMode { .. } => {
-                "a place that moves in the mode, damping below critical at every amplitude, amplitudes at which the laws hold the structure".into()
+                "a place that moves in the mode, damping below critical at every amplitude, amplitudes at which the laws hold the structure"
+                    .into()
             }
             EngineError::NoMode { .. } => "laws whose stiffness varies slowly with frequency around the mode, or a narrower band".into(),
             EngineError::NotPeriodic { .. } => "a stable structure with damping".into(),

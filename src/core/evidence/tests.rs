@@ -132,7 +132,13 @@ fn a_model_error_is_found_and_counts_as_few() {
 }
 
 fn v_of(e: &Evidence, error: f64) -> Variances {
-    Variances { tau: error.ln(), kappa: 0.0, omega: -6.2, apart: [0.0; crate::data::TestKind::WORDS.len()], own: vec![vec![0.0]; e.records.len()] }
+    Variances {
+        tau: error.ln(),
+        kappa: 0.0,
+        omega: -6.2,
+        apart: [0.0; crate::data::TestKind::WORDS.len()],
+        own: vec![vec![0.0]; e.records.len()],
+    }
 }
 
 /// A test of one FRF in lines of equal noise and size, the residual a smooth function of the given power beside noise of exactly its size.

@@ -30,7 +30,7 @@ use super::balance::Balance;
 use super::structure::Drive;
 use super::structure::kept::Kept;
 
-pub use start::{Which, start};
+pub use start::Which;
 
 /// A nonlinear mode at one amplitude.
 #[derive(Clone, Debug)]
@@ -46,11 +46,15 @@ pub struct NonlinearMode {
 /// The nonlinear modes of one model along rising amplitudes.
 pub struct Backbone<'a> {
     balance: Balance<'a>,
-    /// `ln w` and zeta at the amplitude found last, the amplitude, and the same before.
+    model: &'a Model,
+    which: Which,
+    /// The mode found last, first the linear one at amplitude 0, and the one before.
     last: Point,
     before: Option<Point>,
     /// Stiffness that forces are measured by [N/m or N m/rad].
     scale: f64,
+    /// Whether the way to the last amplitude led to damping beyond the critical one.
+    creeps: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -62,34 +66,31 @@ struct Point {
 /// Amplitude at which the first mode is a linear one, as a fraction of the first amplitude asked for.
 const SMALL: f64 = 1e-3;
 /// Iterations of Newton's method for frequency and damping.
-const ITERATIONS: usize = 40;
+const ITERATIONS: usize = 25;
 /// Step of `ln w` and of zeta at which a mode is found.
 const FOUND: f64 = 1e-9;
 /// Largest step of `ln w` and of zeta in one iteration.
 const LARGEST: f64 = 0.2;
 /// Largest change of `ln w` from one amplitude to the next: beyond it the way is taken in smaller steps, so that no other mode is reached by a leap.
 const APART: f64 = 0.1;
+/// The same from a linear mode, where no smaller step is left: a law may have no small-signal limit (friction without presliding, a spring on one side).
+const LEAP: f64 = 0.5;
+/// Damping ratio from which a motion does not swing.
+const CRITICAL: f64 = 1.0;
 /// Smallest step of `ln X` between two amplitudes.
-const SMALLEST: f64 = 1e-3;
+const SMALLEST: f64 = 1e-2;
 /// Factor by which an iteration must bring the force down for its derivatives to serve once more.
 const FAST: f64 = 0.3;
 /// Steps of the differences with respect to `ln w` and zeta: one-sided for an iteration, central for slopes.
 const DIFFERENCE: [f64; 2] = [1e-5, 1e-4];
 
 impl<'a> Backbone<'a> {
-    /// Modes whose amplitude is that of the displacement `row` (degrees of freedom with factors), from the linear mode of circular frequency `omega` [rad/s]
-    /// and damping ratio `damping`. `bound`: taken apart ([`Bound::apart`]).
+    /// Modes whose amplitude is that of the displacement `row` (degrees of freedom with factors), from the linear mode `which`. `bound`: taken apart
+    /// ([`Bound::apart`]).
     ///
     /// # Errors
-    /// [`EngineError::Request`] for parts that turn far, and for loads that stay.
-    pub fn new(
-        model: &Model,
-        bound: &'a Bound,
-        row: &[(usize, f64)],
-        (omega, damping): (f64, f64),
-        settings: Settings,
-    ) -> Result<Self, EngineError> {
-        super::check(model, &[omega], 0, &[], &[], settings)?;
+    /// [`EngineError::Request`] for parts that turn far, and for loads that stay; [`EngineError::NoNonlinearMode`] where the model has no such mode.
+    pub fn new(model: &'a Model, bound: &'a Bound, row: &[(usize, f64)], which: Which, settings: Settings) -> Result<Self, EngineError> {
         if model.space.is_some() || !bound.loads.is_empty() {
             return Err(EngineError::Request {
                 what: "a backbone test of parts that turn far, or under loads that stay,",
@@ -97,11 +98,13 @@ impl<'a> Backbone<'a> {
                 accepted: "a model along axes without loads; modal, cycle or transient tests of this one".into(),
             });
         }
-        let kept = Kept { row: row.to_vec(), amplitude: 1.0, damping };
+        let linear = start::linear(model, bound, row, which)?;
+        super::check(model, &[linear[0].exp()], 0, &[], &[], settings)?;
+        let kept = Kept { row: row.to_vec(), amplitude: 1.0, damping: linear[1] };
         let drive = Drive { kept: Some(kept), ..Drive::default() };
         let balance = Balance::new(model, bound, drive, &[], settings)?;
-        let last = Point { amplitude: 0.0, at: Vector2::new(omega.ln(), damping) };
-        Ok(Backbone { balance, last, before: None, scale: 1.0 })
+        let last = Point { amplitude: 0.0, at: linear };
+        Ok(Backbone { balance, model, which, last, before: None, scale: 1.0, creeps: false })
     }
 
     /// The mode at an amplitude [m or rad], not below the one before. It begins where the last two amplitudes lead; where that fails, or leads far off, smaller steps
@@ -111,27 +114,35 @@ impl<'a> Backbone<'a> {
     /// [`EngineError::NoNonlinearMode`] where there is no such motion, or none that oscillates.
     pub fn at(&mut self, amplitude: f64, sensitivities: bool) -> Result<NonlinearMode, EngineError> {
         let refuse = |why: &str| EngineError::NoNonlinearMode { amplitude, why: why.into() };
-        let mut point = self.step(self.last, amplitude)?;
+        self.creeps = false;
+        let mut point = self.step(self.last, amplitude, APART)?;
         if point.is_none() {
             point = self.in_steps(amplitude)?;
         }
-        let Some(at) = point else {
-            return Err(refuse("no periodic motion of it was found from the amplitude before"));
-        };
-        if at[1].abs() >= 1.0 {
-            return Err(refuse("its motion is overdamped: it does not swing"));
+        if point.is_none() && self.last.amplitude == 0.0 {
+            point = self.without_friction(amplitude)?;
         }
+        let Some(at) = point.filter(|at| at[1].abs() < CRITICAL) else {
+            return Err(refuse(match self.creeps || point.is_some() {
+                true => "its motion is overdamped: it does not swing",
+                false => "no periodic motion of it was found from the amplitude before",
+            }));
+        };
         if self.last.amplitude > 0.0 && amplitude > self.last.amplitude {
             self.before = Some(self.last);
         }
         self.last = Point { amplitude, at };
         let omega = at[0].exp();
-        let slopes = if sensitivities { self.slopes(at, amplitude).ok_or_else(|| refuse("its derivatives are not finite"))? } else { vec![] };
+        let slopes =
+            if sensitivities { self.slopes(at, amplitude).ok_or_else(|| refuse("its derivatives are not finite"))? } else { vec![] };
         Ok(NonlinearMode { frequency_hz: omega / std::f64::consts::TAU, damping: at[1], slopes })
     }
 
-    /// Largest relative displacement, speed and force between the harmonics of two degrees of freedom, where the last mode was found: coefficients of
-    /// the displacement of every degree of freedom, harmonic by harmonic from 0, and the circular frequency.
+    /// The motion of the mode found last: its circular frequency [rad/s], and the displacements of all degrees of freedom as complex amplitudes [m or rad],
+    /// harmonic by harmonic from the mean.
+    ///
+    /// # Errors
+    /// Those of the balance.
     pub fn motion(&mut self) -> Result<(f64, Vec<Vec<Complex64>>), EngineError> {
         let Point { at, amplitude } = self.last;
         self.force(at, amplitude)?;
@@ -146,13 +157,13 @@ impl<'a> Backbone<'a> {
         let mut here = self.last;
         if here.amplitude == 0.0 {
             let small = SMALL * amplitude;
-            let Some(at) = self.step(here, small)? else { return Ok(None) };
+            let Some(at) = self.step(here, small, LEAP)? else { return Ok(None) };
             here = Point { amplitude: small, at };
         }
         let mut length = 0.5 * (amplitude / here.amplitude).ln();
         while here.amplitude < amplitude {
             let next = f64::min(here.amplitude * length.exp(), amplitude);
-            match self.step(here, next)? {
+            match self.step(here, next, APART)? {
                 Some(at) => {
                     here = Point { amplitude: next, at };
                     length *= 1.5;
@@ -164,8 +175,16 @@ impl<'a> Backbone<'a> {
         Ok(Some(here.at))
     }
 
-    /// The mode at an amplitude from another one; `None` where there is none, or where its frequency lies far off.
-    fn step(&mut self, from: Point, amplitude: f64) -> Result<Option<Vector2<f64>>, EngineError> {
+    /// The mode at an amplitude from that of the structure without its friction: what slips there may damp beyond the critical damping where it begins to slip, so
+    /// that no way leads there from small amplitudes.
+    fn without_friction(&mut self, amplitude: f64) -> Result<Option<Vector2<f64>>, EngineError> {
+        let Some(kept) = &self.balance.drive.kept else { return Ok(None) };
+        let Ok(at) = start::without_friction(self.model, self.balance.structure.bound, &kept.row, self.which) else { return Ok(None) };
+        self.step(Point { amplitude: 0.0, at }, amplitude, LEAP)
+    }
+
+    /// The mode at an amplitude from another one; `None` where there is none, or where its `ln w` is farther off than `apart`.
+    fn step(&mut self, from: Point, amplitude: f64, apart: f64) -> Result<Option<Vector2<f64>>, EngineError> {
         let mut start = from.at;
         if let Some(before) = self.before.filter(|b| b.amplitude < from.amplitude && from.amplitude == self.last.amplitude) {
             let ahead = (amplitude / from.amplitude).ln() / (from.amplitude / before.amplitude).ln();
@@ -177,7 +196,7 @@ impl<'a> Backbone<'a> {
             Err(EngineError::GivenUp) => return Err(EngineError::GivenUp),
             found => found.ok().flatten(),
         };
-        Ok(found.filter(|at| (at[0] - from.at[0]).abs() <= APART))
+        Ok(found.filter(|at| (at[0] - from.at[0]).abs() <= apart))
     }
 
     /// Newton's method for `F(ln w, zeta) = 0` at an amplitude; `None` where it does not converge.
@@ -211,6 +230,11 @@ impl<'a> Backbone<'a> {
                 }
             };
             match next {
+                // No mode that is looked for lies beyond.
+                Some((next, _)) if next[1].abs() > CRITICAL + LARGEST => {
+                    self.creeps = true;
+                    return Ok(None);
+                }
                 Some((next, f)) => {
                     // Broyden's step: the derivatives follow what the force did.
                     let moved = next - at;

@@ -29,7 +29,7 @@ mod sensitivity;
 mod shelf;
 mod structure;
 
-pub use backbone::{Backbone, NonlinearMode, Which, start};
+pub use backbone::{Backbone, NonlinearMode, Which};
 pub use cycle::balanced;
 pub use expanded::{Expanded, Standing};
 

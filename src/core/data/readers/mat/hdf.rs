@@ -48,7 +48,8 @@ pub(super) fn variables(
     };
     let root = Hdf5File::from_bytes_with_options(bytes, options).and_then(|f| f.root_group()).map_err(fail)?;
     let (groups, datasets) = root.members().map_err(fail)?;
-    let mut file = File { targets: Targets::of(&groups, &datasets).map_err(fail)?, offset_size: root.offset_size(), left: FIELDS, bytes: most };
+    let mut file =
+        File { targets: Targets::of(&groups, &datasets).map_err(fail)?, offset_size: root.offset_size(), left: FIELDS, bytes: most };
     let mut none = true;
     for dataset in &datasets {
         none = false;

@@ -2,7 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use crate::model::{Bound, Model};
+use nalgebra::Vector2;
+
+use crate::model::{Bound, Element, Model};
 
 use super::super::super::EngineError;
 use super::super::super::modal::{Mode, Modes, Range};
@@ -19,23 +21,38 @@ pub enum Which {
 /// Displacement at the place, in parts of the largest of the mode, below which the place is a node.
 const NODE: f64 = 1e-6;
 
-/// Circular frequency [rad/s] and damping ratio of the linear mode at small amplitude, friction stuck. Where a law has no small-signal limit (Coulomb's friction), or damps the
+/// `ln w` (w in rad/s) and damping ratio of the linear mode at small amplitude, friction stuck. Where a law has no small-signal limit (Coulomb's friction), or damps the
 /// mode beyond its critical damping there, the mode is that of the structure without nonlinear laws that read a velocity.
 ///
 /// # Errors
 /// [`EngineError::NoNonlinearMode`] where the model has no such mode, or the place is a node of it; those of the modes.
-pub fn start(model: &Model, bound: &Bound, row: &[(usize, f64)], which: Which) -> Result<(f64, f64), EngineError> {
+pub(super) fn linear(model: &Model, bound: &Bound, row: &[(usize, f64)], which: Which) -> Result<Vector2<f64>, EngineError> {
     match chosen(model, bound, row, which) {
         Err(EngineError::Effect(_) | EngineError::NoNonlinearMode { .. } | EngineError::NoMode { .. }) => {
-            let mut smooth = bound.apart();
-            smooth.elements.retain(|e| e.is_linear_at_every_amplitude() || !e.reads_rates().0);
-            chosen(model, &smooth, row, which)
+            let still = |e: &Element| e.is_linear_at_every_amplitude() || !e.reads_rates().0;
+            chosen(model, &only(bound, still), row, which)
         }
         found => found,
     }
 }
 
-fn chosen(model: &Model, bound: &Bound, row: &[(usize, f64)], which: Which) -> Result<(f64, f64), EngineError> {
+/// The same of the structure without nonlinear laws that read a velocity or remember.
+///
+/// # Errors
+/// As [`linear`].
+pub(super) fn without_friction(model: &Model, bound: &Bound, row: &[(usize, f64)], which: Which) -> Result<Vector2<f64>, EngineError> {
+    let free = |e: &Element| e.is_linear_at_every_amplitude() || !(e.reads_rates().0 || e.n_states() > 0);
+    chosen(model, &only(bound, free), row, which)
+}
+
+/// The elements that are wanted, of those taken apart. Candidates of the score test are left out: one in series would keep all that is at its place together.
+fn only(bound: &Bound, wanted: impl Fn(&Element) -> bool) -> Bound {
+    let mut some = bound.without_followers().0.apart();
+    some.elements.retain(wanted);
+    some
+}
+
+fn chosen(model: &Model, bound: &Bound, row: &[(usize, f64)], which: Which) -> Result<Vector2<f64>, EngineError> {
     let refuse = |why: String| EngineError::NoNonlinearMode { amplitude: 0.0, why };
     let most = model.dofs.len();
     let mut count = if let Which::Number(number) = which { number } else { 1 }.min(most);
@@ -56,7 +73,9 @@ fn chosen(model: &Model, bound: &Bound, row: &[(usize, f64)], which: Which) -> R
     let mode = match which {
         Which::Number(number) => {
             let mode = swings.get(number.saturating_sub(1));
-            mode.ok_or_else(|| refuse(format!("mode {number} was asked for, and the model has {} that swing at small amplitude", swings.len())))?
+            mode.ok_or_else(|| {
+                refuse(format!("mode {number} was asked for, and the model has {} that swing at small amplitude", swings.len()))
+            })?
         }
         Which::Nearest(frequency) => {
             let off = |m: &&Mode| (m.frequency_hz / frequency).ln().abs();
@@ -68,7 +87,7 @@ fn chosen(model: &Model, bound: &Bound, row: &[(usize, f64)], which: Which) -> R
     if !moves(mode, row) {
         return Err(refuse(format!("the place is a node of the mode at {:.6} Hz: it stands still", mode.frequency_hz)));
     }
-    Ok((mode.frequency_hz * TAU, mode.damping))
+    Ok(Vector2::new((mode.frequency_hz * TAU).ln(), mode.damping))
 }
 
 /// Whether a mode moves the place.

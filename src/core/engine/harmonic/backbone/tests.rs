@@ -12,16 +12,14 @@ use crate::model::System;
 fn along(system: &System, dof: usize, which: Which, amplitudes: &[f64], slopes: bool, settings: Settings) -> Vec<NonlinearMode> {
     let bound = bind(system);
     let (row, apart) = ([(dof, 1.0)], bound.apart());
-    let start = start(&system.model, &bound, &row, which).unwrap();
-    let mut backbone = Backbone::new(&system.model, &apart, &row, start, settings).unwrap();
+    let mut backbone = Backbone::new(&system.model, &apart, &row, which, settings).unwrap();
     amplitudes.iter().map(|x| backbone.at(*x, slopes).unwrap()).collect()
 }
 
 fn refused(system: &System, dof: usize, which: Which, amplitude: f64) -> EngineError {
     let bound = bind(system);
     let (row, apart) = ([(dof, 1.0)], bound.apart());
-    let begun = start(&system.model, &bound, &row, which);
-    let found = begun.and_then(|s| Backbone::new(&system.model, &apart, &row, s, Settings::default())?.at(amplitude, false));
+    let found = Backbone::new(&system.model, &apart, &row, which, Settings::default()).and_then(|mut b| b.at(amplitude, false));
     found.unwrap_err()
 }
 
@@ -39,13 +37,14 @@ fn a_hardening_spring_has_the_frequency_of_its_period() {
     let free = system_without_damping(m, k, k3);
     let bound = bind(&free);
     let (row, apart) = ([(0, 1.0)], bound.apart());
-    let linear = start(&free.model, &bound, &row, Which::Number(1)).unwrap();
-    let mut backbone = Backbone::new(&free.model, &apart, &row, linear, fine(15, 256)).unwrap();
+    let mut backbone = Backbone::new(&free.model, &apart, &row, Which::Number(1), fine(15, 256)).unwrap();
     for x in amplitudes {
         let mode = backbone.at(x, false).unwrap();
         let largest: f64 = backbone.motion().unwrap().1.iter().map(|q| q[0].re).sum();
         let n = 20_000;
-        let slow = |i: usize| (k / m + k3 / m * largest * largest * (1.0 + (PI * (i as f64 + 0.5) / (2 * n) as f64).sin().powi(2)) / 2.0).sqrt().recip();
+        let slow = |i: usize| {
+            (k / m + k3 / m * largest * largest * (1.0 + (PI * (i as f64 + 0.5) / (2 * n) as f64).sin().powi(2)) / 2.0).sqrt().recip()
+        };
         let period = 4.0 * PI / (2 * n) as f64 * (0..n).map(slow).sum::<f64>();
         assert!((mode.frequency_hz * period - 1.0).abs() < 1e-8, "{x}: {} {}", mode.frequency_hz, 1.0 / period);
         assert!(mode.damping.abs() < 1e-9, "{x}: {}", mode.damping);
@@ -62,11 +61,15 @@ fn friction_damps_by_its_energy_per_cycle() {
     // A force of constant size dissipates 4 f X a cycle, which leaves the frequency as it is.
     let rubs = system(&[m], &[("linear_stiffness", "c0.x", &[k]), ("coulomb", "c0.x", &[f, 1e-6])]);
     let amplitudes = [1e-3, 2e-3, 5e-3];
-    for (x, mode) in amplitudes.iter().zip(along(&rubs, 0, Which::Number(1), &amplitudes, false, fine(15, 1024))) {
-        let omega = (k / m).sqrt();
-        assert!((TAU * mode.frequency_hz / omega - 1.0).abs() < 1e-4, "{x}: {}", mode.frequency_hz);
-        let exact = 2.0 * f / (PI * m * omega * omega * x);
-        assert!((mode.damping / exact - 1.0).abs() < 2e-3, "{x}: {} {exact}", mode.damping);
+    for harmonics in [1, 15] {
+        for (x, mode) in amplitudes.iter().zip(along(&rubs, 0, Which::Number(1), &amplitudes, false, fine(harmonics, 1024))) {
+            let omega = (k / m).sqrt();
+            let exact = 2.0 * f / (PI * m * omega * omega * x);
+            // What higher harmonics change is of the second order in the damping.
+            let close = if harmonics == 1 { 1e-6 } else { exact * exact };
+            assert!((TAU * mode.frequency_hz / omega - 1.0).abs() < close, "{x}: {}", mode.frequency_hz);
+            assert!((mode.damping / exact - 1.0).abs() < 2e-3, "{x}: {} {exact}", mode.damping);
+        }
     }
     // A spring before the slider: the first harmonic of its loop (Iwan 1966).
     let (slip, d) = (0.6, 2e-4);
@@ -97,7 +100,12 @@ fn a_linear_structure_has_its_linear_modes_at_every_amplitude() {
     for (number, exact) in linear.iter().enumerate() {
         for which in [Which::Number(number + 1), Which::Nearest(exact.frequency_hz * 1.02)] {
             for mode in along(&chain, 2, which, &[1e-6, 1.0], true, fine(3, 64)) {
-                assert!((mode.frequency_hz / exact.frequency_hz - 1.0).abs() < 1e-8, "{number}: {} {}", mode.frequency_hz, exact.frequency_hz);
+                assert!(
+                    (mode.frequency_hz / exact.frequency_hz - 1.0).abs() < 1e-8,
+                    "{number}: {} {}",
+                    mode.frequency_hz,
+                    exact.frequency_hz
+                );
                 assert!((mode.damping - exact.damping).abs() < 1e-8, "{number}: {} {}", mode.damping, exact.damping);
                 for (k, slope) in mode.slopes.iter().enumerate() {
                     let [f, z] = [exact.frequency_slope(k), exact.damping_slope(k)];
@@ -184,4 +192,29 @@ fn what_is_no_mode_is_refused_with_its_reason() {
     assert!(error.to_string().contains("overdamped"), "{error}");
     assert!(!error.accepted().is_empty() && error.place().contains("amplitude"));
     assert!(along(&sticky, 0, Which::Number(1), &[0.1], false, Settings::default())[0].damping < 0.1);
+}
+
+/// A spring on one side has no small-signal limit, and a stiff friction damps beyond the critical damping where it begins to slip: no way leads past that from small
+/// amplitudes.
+#[test]
+fn laws_without_a_linear_mode_nearby_have_their_nonlinear_ones() {
+    // Half a period on either stiffness.
+    let (m, k, beside) = (1.0, 9e3, 3e4);
+    let bilinear = system(&[m], &[("linear_stiffness", "c0.x", &[k]), ("bilinear_stiffness", "c0.x", &[beside])]);
+    let (one, other) = ((k / m).sqrt(), ((k + beside) / m).sqrt());
+    for mode in along(&bilinear, 0, Which::Number(1), &[1e-4, 1e-3], false, Settings::default()) {
+        assert!((TAU * mode.frequency_hz / (2.0 * one * other / (one + other)) - 1.0).abs() < 1e-3, "{}", mode.frequency_hz);
+    }
+    // Beside a candidate in series as well.
+    let mut rubs = system(&[m], &[("linear_stiffness", "c0.x", &[k]), ("coulomb", "c0.x", &[1.0, 1e-6])]);
+    let mut candidate = instance(&rubs.model, "support_compliance", "c0.x", &[0.0]);
+    candidate.follower = true;
+    rubs.instances.push(candidate);
+    assert_eq!(along(&rubs, 0, Which::Number(1), &[1e-3], true, Settings::default())[0].slopes.len(), rubs.free().len());
+    let (f, d) = (1.0, 1e-6);
+    let stiff = system(&[m], &[("linear_stiffness", "c0.x", &[k]), ("elastic_slip", "c0.x", &[f, d])]);
+    let x = 1e-3;
+    let mode = &along(&stiff, 0, Which::Number(1), &[x], false, fine(1, 1024))[0];
+    let exact = 2.0 * f * (1.0 - d / x) / (PI * (TAU * mode.frequency_hz).powi(2) * m * x);
+    assert!((mode.damping / exact - 1.0).abs() < 1e-3 && (TAU * mode.frequency_hz / one - 1.0).abs() < 5e-3, "{mode:?} {exact}");
 }
