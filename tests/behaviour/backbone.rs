@@ -150,7 +150,7 @@ fn rows_of_no_mode_are_refused_with_their_place() {
     let rig = study(cubic, 12);
     let off = rig.read("data/small.csv").lines().take(2).collect::<Vec<_>>().join("\n");
     rig.write("data/small.csv", &format!("{off}\n{}\n", off.lines().last().unwrap()));
-    let [_, place, message, accepted] = rig.run("check", &["--json"]).error();
+    let [_, place, message, accepted] = rig.run("compare", &["--json"]).error();
     assert!(
         place.contains("small.csv") && message.contains("after one of") && accepted.contains("each larger"),
         "{place} {message} {accepted}"
