@@ -144,7 +144,7 @@ class OwnError(msgspec.Struct, kw_only=True):
     channel: str
     """`force at c1.x`."""
     kind: str
-    """cycle, frf, transient, energy, modal."""
+    """cycle, frf, transient, energy, modal, backbone."""
     relative: float | None
     """Root mean square over tests, relative to the response."""
 
@@ -191,7 +191,7 @@ class Reading(msgspec.Struct, kw_only=True):
 class ScatterOf(msgspec.Struct, kw_only=True):
     """How much a strength differs from test to test."""
     kind: str
-    """Between tests of which kind: cycle, frf, transient, energy, modal."""
+    """Between tests of which kind: cycle, frf, transient, energy, modal, backbone."""
     parameter: str
     """`at.effect.parameter`."""
     relative: float | None
@@ -214,7 +214,7 @@ class TestResult(msgspec.Struct, kw_only=True):
     id: str
     """Id of the test."""
     kind: str
-    """cycle, frf, transient, energy, modal."""
+    """cycle, frf, transient, energy, modal, backbone."""
     largest_difference: list[LargestDifference]
     """Largest difference over the range of the measured, channel by channel: the measure of the tensioner's paper."""
     modes: list[ModeEnergy] | None = None
@@ -1294,7 +1294,7 @@ class Simulated(msgspec.Struct, kw_only=True):
     id: str
     """Id."""
     kind: str
-    """cycle, frf, transient, energy, modal."""
+    """cycle, frf, transient, energy, modal, backbone."""
 
 
 class Simulate(Run, kw_only=True, dict=True):

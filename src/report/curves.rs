@@ -176,7 +176,7 @@ fn figures(input: &ReportInput, stages: &[Stage], id: &str, limit: usize, charts
             BlockKind::Loop => loops(&series, &print, charts),
             BlockKind::Frf => frf(&series, &print, charts),
             BlockKind::Record => record(&series, &print, charts),
-            BlockKind::Table => rows(&series, charts),
+            BlockKind::Table => rows(&series, &print, charts),
         };
     }
     out
@@ -188,6 +188,8 @@ pub struct Units {
     pub x: (String, f64),
     /// Of the curve.
     pub y: (String, f64),
+    /// What the rows of a table lie over: its name, symbol and SI units in one.
+    pub over: (&'static str, String, f64),
 }
 
 impl Units {
@@ -195,7 +197,12 @@ impl Units {
     pub fn of(study: &Study, id: &str, curve: &Curve) -> Units {
         let si = (curve.unit.clone(), 1.0);
         let pair = |u: &crate::units::Unit| (u.symbol.clone(), u.difference_to_si(1.0));
-        let (x, y) = match study.dataset.test(id).map(|t| &t.record) {
+        let record = study.dataset.test(id).map(|t| &t.record);
+        let over = match record {
+            Some(Record::Backbone(b)) => b.rows.first().map(|r| ("amplitude", r.unit.symbol.clone(), r.unit.difference_to_si(1.0))),
+            _ => None,
+        };
+        let (x, y) = match record {
             Some(Record::Cycle(r) | Record::Transient(r)) => {
                 let channel = r.channels.iter().find(|c| c.label() == curve.label);
                 (r.controlled().map(|c| pair(&c.unit)), channel.map(|c| pair(&c.unit)))
@@ -204,7 +211,11 @@ impl Units {
             _ => (None, None),
         };
         let usable = |u: &(String, f64)| u.1 > 0.0 && u.1.is_finite();
-        Units { x: x.filter(usable).unwrap_or(("SI".into(), 1.0)), y: y.filter(usable).unwrap_or(si) }
+        Units {
+            x: x.filter(usable).unwrap_or(("SI".into(), 1.0)),
+            y: y.filter(usable).unwrap_or(si),
+            over: over.unwrap_or(("frequency", "Hz".into(), 1.0)),
+        }
     }
 }
 
@@ -387,18 +398,22 @@ fn frf(series: &Series, unit: &Units, charts: &mut Charts) -> String {
     format!("<div class=\"figures\">{out}</div>\n")
 }
 
-/// A table of measured and computed values, and their residuals against frequency.
-fn rows(series: &Series, charts: &mut Charts) -> String {
+/// A table of measured and computed values, and their residuals against what its rows lie over: frequency or amplitude.
+fn rows(series: &Series, unit: &Units, charts: &mut Charts) -> String {
     let c = series.any();
     let n = c.measured.len();
-    let has_frequency = c.abscissa.len() == n;
-    let mut header: Vec<String> = vec![if has_frequency { "Frequency [Hz]".into() } else { "Row".into() }];
+    let has_abscissa = c.abscissa.len() == n;
+    let (name, symbol, one) = &unit.over;
+    let title = with_unit(name, symbol);
+    let abscissa: Vec<f64> = c.abscissa.iter().map(|a| a / one).collect();
+    let capital = title.chars().next().map_or(String::new(), |first| first.to_uppercase().collect::<String>() + &title[first.len_utf8()..]);
+    let mut header: Vec<String> = vec![if has_abscissa { esc(&capital) } else { "Row".into() }];
     header.extend([format!("Measured [{}]", esc(&c.unit)), "σ".into()]);
     header.extend(series.on.iter().map(|(_, name, _)| format!("Computed, {}", esc(name))));
     header.push("Computed / measured, last".into());
     let last = series.on.last().map_or(c, |l| l.2);
     let row = |i: usize| {
-        let mut row = vec![if has_frequency { plain(c.abscissa[i], 4) } else { (i + 1).to_string() }];
+        let mut row = vec![if has_abscissa { plain(abscissa[i], 4) } else { (i + 1).to_string() }];
         row.extend([digits(c.measured[i], 4), digits(c.sigma[i], 2)]);
         row.extend(series.on.iter().map(|(_, _, c)| digits(c.computed[i], 4)));
         row.push(digits(last.computed[i] / last.measured[i], 3));
@@ -409,13 +424,13 @@ fn rows(series: &Series, charts: &mut Charts) -> String {
     let right: Vec<usize> = (0..header.len()).collect();
     let more = if n > ROWS { format!("<p class=\"soft\">The first {ROWS} of {n} rows.</p>") } else { String::new() };
     let mut figures = String::new();
-    if has_frequency && n > 1 {
+    if has_abscissa && n > 1 {
         let y = with_unit(&c.label, &c.unit);
-        let wide = c.abscissa.iter().all(|f| *f > 0.0);
-        let x = if wide { frequencies("frequency [Hz]") } else { linear("frequency [Hz]") };
-        let plot = over(series, &c.abscissa, &(c.unit.clone(), 1.0), false, (&x, &linear(&y)), false);
-        figures += &charts.figure(plot, 340, &format!("{} <span>against frequency</span>", esc(&c.label)), "");
-        figures += &charts.figure(residuals(series, &c.abscissa, &x), 340, "Residual <span>against frequency</span>", "");
+        let wide = abscissa.iter().all(|f| *f > 0.0);
+        let x = if wide { frequencies(&title) } else { linear(&title) };
+        let plot = over(series, &abscissa, &(c.unit.clone(), 1.0), false, (&x, &linear(&y)), false);
+        figures += &charts.figure(plot, 340, &format!("{} <span>against {name}</span>", esc(&c.label)), "");
+        figures += &charts.figure(residuals(series, &abscissa, &x), 340, &format!("Residual <span>against {name}</span>"), "");
     }
     format!("{}{more}<div class=\"figures\">{figures}</div>\n", table(&esc(&c.label), &header, &right, &rows))
 }

@@ -82,11 +82,15 @@ fn curve(study: &Study, id: &str, c: &Curve, whole: bool) -> Value {
             BlockKind::Record => "record",
             BlockKind::Table => "table",
         };
-        let abscissa: Vec<f64> =
-            if c.kind == BlockKind::Loop { c.abscissa.iter().map(|a| a.to_degrees()).collect() } else { c.abscissa.clone() };
+        let abscissa: Vec<f64> = match c.kind {
+            BlockKind::Loop => c.abscissa.iter().map(|a| a.to_degrees()).collect(),
+            BlockKind::Table => c.abscissa.iter().map(|a| a / units.over.2).collect(),
+            _ => c.abscissa.clone(),
+        };
         value["kind"] = kind.into();
         value["unit"] = if table { c.unit.clone() } else { units.y.0 }.into();
         value["x_unit"] = units.x.0.into();
+        value["over"] = format!("{} [{}]", units.over.0, units.over.1).into();
         value["driven"] = driven(study, id).into();
         value["abscissa"] = of(&abscissa, &at, 1.0).into();
         value["x"] = of(&c.x, &at, units.x.1).into();

@@ -1,5 +1,6 @@
 //! Behaviour of the program as its users meet it: the command line on studies in temporary folders, and the rules of the house.
 
+mod backbone;
 mod bad_input;
 mod called;
 mod campaign;

@@ -102,7 +102,7 @@ pub struct Simulate {
 pub struct Simulated {
     /// Id.
     id: String,
-    /// cycle, frf, transient, energy, modal.
+    /// cycle, frf, transient, energy, modal, backbone.
     kind: String,
 }
 

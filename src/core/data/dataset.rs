@@ -1,5 +1,6 @@
 //! The dataset: `dataset.toml` and the files it names, read and checked.
 
+use super::backbone::BackboneTable;
 use super::bench::{self, Instruments, Rig};
 use super::condition::{Conditions, conditions};
 use super::frf::Frf;
@@ -49,16 +50,18 @@ pub enum TestKind {
     Transient,
     Modal,
     Energy,
+    Backbone,
 }
 
 impl TestKind {
     /// Every kind by its word in dataset.toml.
-    pub const WORDS: [(&'static str, TestKind); 5] = [
+    pub const WORDS: [(&'static str, TestKind); 6] = [
         ("cycle", TestKind::Cycle),
         ("frf", TestKind::Frf),
         ("transient", TestKind::Transient),
         ("modal", TestKind::Modal),
         ("energy", TestKind::Energy),
+        ("backbone", TestKind::Backbone),
     ];
 
     /// The word in dataset.toml and in the JSON output.
@@ -78,6 +81,7 @@ pub enum Record {
     Transient(TimeRecord),
     Modal(ModalTable),
     Energy(EnergyTable),
+    Backbone(BackboneTable),
 }
 
 impl Test {
@@ -88,6 +92,7 @@ impl Test {
             Record::Transient(_) => TestKind::Transient,
             Record::Modal(_) => TestKind::Modal,
             Record::Energy(_) => TestKind::Energy,
+            Record::Backbone(_) => TestKind::Backbone,
         }
     }
 }
@@ -190,7 +195,7 @@ pub(super) fn only(table: &TableView<'_>, keys: &[&str]) -> Result<(), TomlError
 }
 
 fn test(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<Test, DataError> {
-    let kind = table.require("kind", "one of cycle, frf, transient, modal, energy")?.word("kind", &TestKind::WORDS)?;
+    let kind = table.require("kind", "one of cycle, frf, transient, modal, energy, backbone")?.word("kind", &TestKind::WORDS)?;
     let conditions = conditions(table)?;
     let record = match kind {
         TestKind::Cycle => Record::Cycle(super::record::cycle(table, id, &conditions, source)?),
@@ -198,6 +203,7 @@ fn test(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<Test, Da
         TestKind::Frf => Record::Frf(Box::new(super::frf::read(table, id, source)?)),
         TestKind::Modal => Record::Modal(super::tables::modal(table, id, source)?),
         TestKind::Energy => Record::Energy(super::tables::energy(table, id, &conditions, source)?),
+        TestKind::Backbone => Record::Backbone(super::backbone::backbone(table, id, source)?),
     };
     let description = table.optional("description", |v| v.string())?.map(str::to_string);
     let named = |v: ValueView<'_>| v.strings().map(|list| list.into_iter().map(str::to_string).collect());

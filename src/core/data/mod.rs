@@ -1,10 +1,11 @@
 //! Measurements: `dataset.toml` beside its files, read strictly, in SI.
 //!
 //! [`Dataset::load`] reads a dataset with every file it names; [`TimeRecord::settled`] turns a recorded history into a loop with its
-//! scatter, [`History::motion`] into displacement, velocity and acceleration; [`Frf`] carries the noise of each line; [`ModalTable`] and
-//! [`EnergyTable`] are tables. Noise comes from cycles, coherence or stated deviations, never from the misfit of a model.
+//! scatter, [`History::motion`] into displacement, velocity and acceleration; [`Frf`] carries the noise of each line; [`ModalTable`],
+//! [`EnergyTable`] and [`BackboneTable`] are tables. Noise comes from cycles, coherence or stated deviations, never from the misfit of a model.
 
 mod arrays;
+mod backbone;
 mod bench;
 mod channel;
 mod condition;
@@ -30,6 +31,7 @@ pub mod toml_strict;
 pub mod uff;
 pub mod written;
 
+pub use backbone::{BackboneRow, BackboneTable};
 pub use bench::{Instruments, Rig};
 pub use channel::{ChannelSpec, Role, Sigma};
 pub use condition::{Condition, Conditions};

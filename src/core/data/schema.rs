@@ -247,6 +247,34 @@ enum Test {
         /// Noise of values without a sigma, a part of the value.
         noise: Option<Quantity>,
     },
+    /// Natural frequency and damping ratio of a mode over its amplitude.
+    Backbone {
+        /// Name of the test.
+        id: String,
+        /// In words.
+        description: Option<String>,
+        /// Conditions.
+        conditions: Option<Conditions>,
+        /// Connectors to the ground that hold the structure in this test; all of them where it is left out, none of them in a free test: [].
+        supports: Option<Vec<String>>,
+        /// A function of a universal file.
+        record: Option<String>,
+        /// Whether units in the file are held against those declared.
+        header_units: Option<HeaderUnits>,
+        /// File of the table; `rows` in its place.
+        file: Option<String>,
+        /// Columns of the file.
+        channels: Option<Vec<Channel>>,
+        /// The rows themselves.
+        rows: Option<Vec<BackboneRow>>,
+        /// Noise of values without a sigma, a part of the value.
+        noise: Option<Quantity>,
+        /// Place of the amplitude.
+        at: String,
+        /// Number of the mode at small amplitude; the one nearest to the first row's frequency where it is left out.
+        #[schemars(range(min = 1))]
+        mode: Option<u32>,
+    },
     /// Energies per cycle.
     Energy {
         /// Name of the test.
@@ -374,6 +402,21 @@ struct ModalRow {
     family: Option<String>,
     /// In words.
     description: Option<String>,
+}
+
+#[derive(JsonSchema)]
+#[schemars(deny_unknown_fields)]
+struct BackboneRow {
+    /// First harmonic (peak) of the displacement at the place.
+    amplitude: Quantity,
+    /// Natural frequency.
+    frequency: Option<Quantity>,
+    /// Its standard deviation.
+    sigma_frequency: Option<Quantity>,
+    /// Damping ratio.
+    damping: Option<Quantity>,
+    /// Its standard deviation.
+    sigma_damping: Option<Quantity>,
 }
 
 #[derive(JsonSchema)]

@@ -90,8 +90,8 @@ const ENERGY_ROLES: [Role; 5] = [Role::Case, Role::Frequency, Role::DissipatedEn
 
 /// A row before it is given its meaning.
 #[derive(Default)]
-struct Row {
-    place: String,
+pub(super) struct Row {
+    pub place: String,
     texts: Vec<(Role, String)>,
     numbers: Vec<(Role, TableValue)>,
     conditions: Option<Conditions>,
@@ -102,14 +102,14 @@ impl Row {
         self.texts.iter().find(|t| t.0 == role).map(|t| t.1.clone()).filter(|t| !t.is_empty())
     }
 
-    fn number(&self, role: Role) -> Option<TableValue> {
+    pub fn number(&self, role: Role) -> Option<TableValue> {
         self.numbers.iter().find(|n| n.0 == role).map(|n| n.1.clone())
     }
 }
 
 pub(super) fn modal(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<ModalTable, DataError> {
     only(table, &["file", "channels", "rows", "noise"])?;
-    let rows = rows(table, id, source, &MODAL_ROLES, false)?;
+    let rows = rows(table, id, source, &MODAL_ROLES, &[], false)?;
     let (mut modes, mut seen) = (Vec::new(), Vec::new());
     for row in rows {
         let fail = |message: String, accepted: &str| at_row(source, id, &row.place, message, accepted);
@@ -150,7 +150,7 @@ pub(super) fn energy(table: &TableView<'_>, id: &str, common: &Conditions, sourc
     let readings = [("slope", StoredEnergy::Slope), ("product", StoredEnergy::Product)];
     let stored = table.optional("W_s_reading", |v| v.word("reading of W_s", &readings))?;
     let mut cycles = Vec::new();
-    for row in rows(table, id, source, &ENERGY_ROLES, true)? {
+    for row in rows(table, id, source, &ENERGY_ROLES, &[], true)? {
         let fail = |message: String, accepted: &str| at_row(source, id, &row.place, message, accepted);
         let mut conditions = common.clone();
         conditions.extend(row.conditions.clone().unwrap_or_default());
@@ -199,7 +199,15 @@ fn limits(table: &TableView<'_>, control: Control, at: &str) -> Result<Option<(f
     }
 }
 
-fn rows(table: &TableView<'_>, id: &str, source: &Source<'_>, roles: &[Role], own_conditions: bool) -> Result<Vec<Row>, DataError> {
+/// The rows of a table of these roles. `amplitudes`: dimensions that a column of amplitudes may have; `own_conditions`: whether a row may state conditions.
+pub(super) fn rows(
+    table: &TableView<'_>,
+    id: &str,
+    source: &Source<'_>,
+    roles: &[Role],
+    amplitudes: &[Dimension],
+    own_conditions: bool,
+) -> Result<Vec<Row>, DataError> {
     let noise = table.optional("noise", |v| v.deviation(&Unit::si(Dimension::DIMENSIONLESS), 1.0))?;
     let mut rows = match (table.has("rows"), table.has("file")) {
         (true, false) => {
@@ -208,9 +216,9 @@ fn rows(table: &TableView<'_>, id: &str, source: &Source<'_>, roles: &[Role], ow
                     .refuse("channels belong to a file, and the rows stand here", "rows without channels, or file and channels")
                     .into());
             }
-            inline(table, roles, own_conditions)?
+            inline(table, roles, amplitudes, own_conditions)?
         }
-        (false, true) => from_file(table, id, source, roles)?,
+        (false, true) => from_file(table, id, source, roles, amplitudes)?,
         _ => return Err(table.refuse("the table is not there, or twice", "rows = [{ ... }], or file and channels").into()),
     };
     if rows.is_empty() {
@@ -218,7 +226,9 @@ fn rows(table: &TableView<'_>, id: &str, source: &Source<'_>, roles: &[Role], ow
     }
     if let Some(noise) = noise {
         let values = rows.iter_mut().flat_map(|r| &mut r.numbers);
-        values.filter(|(role, _)| *role != Role::Mode).for_each(|(_, v)| v.sigma = v.sigma.or(Some(noise * v.value.abs())));
+        values
+            .filter(|(role, _)| !matches!(role, Role::Mode | Role::Amplitude))
+            .for_each(|(_, v)| v.sigma = v.sigma.or(Some(noise * v.value.abs())));
     }
     // One column is printed to one digit; a trailing zero may be left out in one row.
     for role in roles {
@@ -228,9 +238,9 @@ fn rows(table: &TableView<'_>, id: &str, source: &Source<'_>, roles: &[Role], ow
     Ok(rows)
 }
 
-fn inline(table: &TableView<'_>, roles: &[Role], own_conditions: bool) -> Result<Vec<Row>, TomlError> {
+fn inline(table: &TableView<'_>, roles: &[Role], amplitudes: &[Dimension], own_conditions: bool) -> Result<Vec<Row>, TomlError> {
     let mut keys: Vec<String> = roles.iter().map(|r| r.word().to_string()).collect();
-    let measured = |r: &&Role| !r.is_text() && **r != Role::Mode;
+    let measured = |r: &&Role| !r.is_text() && !matches!(r, Role::Mode | Role::Amplitude);
     keys.extend(roles.iter().filter(measured).map(|r| format!("sigma_{}", r.word())));
     if own_conditions {
         keys.push("conditions".to_string());
@@ -255,7 +265,8 @@ fn inline(table: &TableView<'_>, roles: &[Role], own_conditions: bool) -> Result
                 out.texts.push((*role, value.string()?.to_string()));
                 continue;
             }
-            let mut number = self::number(&value, role.dimensions()[0])?;
+            let dimension = role.dimensions().first().or(amplitudes.first()).copied().unwrap_or(Dimension::DIMENSIONLESS);
+            let mut number = self::number(&value, dimension)?;
             if let Some(sigma) = row.get(&format!("sigma_{word}")) {
                 if number.sigma.is_some() {
                     return Err(sigma.refuse("the standard deviation is given twice", "sigma once"));
@@ -288,8 +299,14 @@ fn rounding(shown: &str, unit: &Unit) -> f64 {
     unit.difference_to_si(10f64.powi(exponent.saturating_sub(decimals.min(300) as i32))) / 12f64.sqrt()
 }
 
-fn from_file(table: &TableView<'_>, id: &str, source: &Source<'_>, roles: &[Role]) -> Result<Vec<Row>, DataError> {
-    let specs = channels(table, roles, &[])?;
+fn from_file(
+    table: &TableView<'_>,
+    id: &str,
+    source: &Source<'_>,
+    roles: &[Role],
+    amplitudes: &[Dimension],
+) -> Result<Vec<Row>, DataError> {
+    let specs = channels(table, roles, amplitudes)?;
     let file = source.file(table, id)?;
     // Columns of sigma are read as further columns.
     let sigma_specs: Vec<(usize, ChannelSpec)> = specs
@@ -337,7 +354,7 @@ fn stated(file: &Path, rows: &Columns, i: usize, id: &str, spec: &ChannelSpec, s
     Err(content(file, Some(rows.place(i)), id, spec, &message, &accepted))
 }
 
-fn at_row(source: &Source<'_>, id: &str, place: &str, message: String, accepted: &str) -> DataError {
+pub(super) fn at_row(source: &Source<'_>, id: &str, place: &str, message: String, accepted: &str) -> DataError {
     let (file, row): (PathBuf, String) = match place.rsplit_once(", ") {
         Some((file, row)) => (PathBuf::from(file), row.to_string()),
         None => (source.toml().to_path_buf(), place.to_string()),

@@ -85,6 +85,14 @@ pub enum EngineError {
         /// Relative residual reached.
         residual: f64,
     },
+    /// A nonlinear mode was not found.
+    #[error("no nonlinear mode at an amplitude of {amplitude} (SI): {why}")]
+    NoNonlinearMode {
+        /// First harmonic of the displacement at the place of the amplitude [m or rad].
+        amplitude: f64,
+        /// What failed.
+        why: String,
+    },
     /// An eigenvalue was not found.
     #[error("no mode of the damped structure was found near {frequency} Hz: the iteration stays at {residual:.2e}")]
     NoMode {
@@ -108,6 +116,7 @@ impl Explain for EngineError {
             EngineError::NotPeriodic { .. } | EngineError::Work { .. } => "cycle".into(),
             EngineError::GivenUp => "time".into(),
             EngineError::Request { what, .. } => (*what).into(),
+            EngineError::NoNonlinearMode { amplitude, .. } => format!("amplitude {amplitude}"),
             EngineError::NoHarmonicBalance { frequency, .. } | EngineError::NoMode { frequency, .. } => format!("{frequency} Hz"),
         }
     }
@@ -124,6 +133,10 @@ impl Explain for EngineError {
             EngineError::Request { accepted, .. } => accepted.clone(),
             EngineError::NoHarmonicBalance { .. } => {
                 "a structure with damping, an excitation at which it has a steady response, more harmonics or samples for stiff friction"
+                    .into()
+            }
+            EngineError::NoNonlinearMode { .. } => {
+                "a place that moves in the mode, damping below critical at every amplitude, amplitudes at which the laws hold the structure"
                     .into()
             }
             EngineError::NoMode { .. } => "laws whose stiffness varies slowly with frequency around the mode, or a narrower band".into(),

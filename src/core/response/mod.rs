@@ -4,7 +4,9 @@
 //! the engine for the present parameters.
 
 mod amplitude;
+mod backbone;
 mod beginning;
+mod block;
 mod channel;
 mod covariance;
 mod cycle;
@@ -31,6 +33,8 @@ use crate::model::{Bound, FreeParam, Model, System};
 use crate::units::Unit;
 
 pub use amplitude::Amplitude;
+pub use backbone::BackbonePlan;
+pub use block::{Block, BlockKind};
 pub use covariance::{Coefficients, Covariance, Instruments, Misreading, Scatter, Tolerances};
 pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
@@ -56,40 +60,6 @@ const UNSEEN: f64 = 1e8;
 /// Whether a row of a table is compared: one that is left out has a deviation beyond all measure.
 pub fn is_compared(sigma: f64, measured: f64) -> bool {
     sigma < UNSEEN.sqrt() * measured.abs()
-}
-
-/// What the points of a block are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BlockKind {
-    /// One settled cycle against phase.
-    Loop,
-    /// Complex lines, real and imaginary part in turn.
-    Frf,
-    /// A record against time.
-    Record,
-    /// Rows of a table, as natural logarithms of energies in J.
-    Table,
-}
-
-/// One channel of a test within the test's vector of points.
-#[derive(Clone, Debug)]
-pub struct Block {
-    /// `force at c1.x`.
-    pub label: String,
-    /// Role of the channel in one word, as in `test.role`.
-    pub role: String,
-    /// SI unit.
-    pub unit: String,
-    /// Kind of points.
-    pub kind: BlockKind,
-    /// Rows of the test's vector.
-    pub range: std::ops::Range<usize>,
-    /// Phase [rad], frequency [Hz], time [s] or row number; one per point (FRF: one per line).
-    pub abscissa: Vec<f64>,
-    /// Driven displacement at the points of a displacement-controlled test [m or rad], for loop plots; else empty.
-    pub x: Vec<f64>,
-    /// Driven velocity at the same.
-    pub v: Vec<f64>,
 }
 
 /// How one test is computed and what it is held against.
@@ -139,6 +109,7 @@ enum Work {
     Transient(TransientPlan),
     Energy(EnergyPlan),
     Modal(ModalPlan),
+    Backbone(BackbonePlan),
 }
 
 /// How the rows of a table are computed.
@@ -189,6 +160,7 @@ impl Plan {
             Record::Transient(record) => Work::Transient(TransientPlan::new(record, model, &mut plan)?),
             Record::Energy(table) => Work::Energy(EnergyPlan::new(table, model, &mut plan)?),
             Record::Modal(table) => Work::Modal(ModalPlan::new(table, &mut plan)?),
+            Record::Backbone(table) => Work::Backbone(BackbonePlan::new(table, model, &mut plan)?),
         };
         if plan.is_empty() {
             let accepted = "a channel that answers the drive: a force of what is driven, or a motion of what is not";
@@ -320,6 +292,7 @@ impl Plan {
             Work::Transient(w) => w.evaluate(system, free, self, sensitivities),
             Work::Energy(w) => w.evaluate(system, free, self, sensitivities, TableForm::Logarithms),
             Work::Modal(w) => w.evaluate(system, free, self, sensitivities, TableForm::Logarithms),
+            Work::Backbone(w) => w.evaluate(system, free, self, sensitivities, TableForm::Logarithms),
         }
     }
 
@@ -329,6 +302,7 @@ impl Plan {
         geometry::through(system, free, true, |system, free, sensitivities| match &self.work {
             Work::Energy(w) => w.evaluate(system, free, self, sensitivities, TableForm::Plain),
             Work::Modal(w) => w.evaluate(system, free, self, sensitivities, TableForm::Plain),
+            Work::Backbone(w) => w.evaluate(system, free, self, sensitivities, TableForm::Plain),
             _ => self.run(system, free, sensitivities),
         })
     }
@@ -361,6 +335,7 @@ impl Plan {
             Work::Transient(w) => w.amplitudes(system, self).map(Some),
             Work::Energy(w) => w.amplitudes(system, self).map(Some),
             Work::Frf(w) => w.amplitudes(&system.model, &bound).map_err(named),
+            Work::Backbone(w) => w.amplitudes(system, self).map(Some),
             Work::Modal(_) => Ok(None),
         }
     }
@@ -386,6 +361,7 @@ impl Plan {
                 Work::Transient(record) => record.finer().map(Work::Transient),
                 Work::Energy(table) => table.finer().map(Work::Energy),
                 Work::Frf(frf) => frf.finer().map(Work::Frf),
+                Work::Backbone(table) => table.finer().map(Work::Backbone),
                 Work::Modal(_) => None,
             };
             let Some(finer) = finer else { return best };
@@ -424,6 +400,7 @@ impl Plan {
             Work::Transient(record) => record.coarser().map(Work::Transient),
             Work::Energy(table) => table.coarser(4).map(Work::Energy),
             Work::Frf(frf) => frf.coarser().map(Work::Frf),
+            Work::Backbone(table) => table.coarser().map(Work::Backbone),
             Work::Modal(_) => None,
         };
         work.map(|work| Plan { work, ..self.clone() })
@@ -494,6 +471,7 @@ impl Plan {
             Work::Transient(w) => (w.dt() * 10.0, w.duration()),
             Work::Energy(w) => w.periods(),
             Work::Modal(w) => w.periods(),
+            Work::Backbone(w) => w.periods(),
         }
     }
 }

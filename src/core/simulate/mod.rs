@@ -148,6 +148,10 @@ impl Rig {
                 tables::energy(toml, e, plan, &computed, noise);
                 None
             }
+            Record::Backbone(b) => {
+                tables::backbone(toml, b, plan, &computed, noise);
+                None
+            }
             Record::Modal(m) => {
                 tables::modal(toml, m, plan, &computed, noise);
                 None

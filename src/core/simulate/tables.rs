@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::data::{Control, EnergyTable, ModalTable, ModeRow, StoredEnergy};
+use crate::data::{BackboneTable, Control, EnergyTable, ModalTable, ModeRow, StoredEnergy};
 use crate::model::Axis;
 use crate::response::Plan;
 
@@ -46,6 +46,27 @@ pub(super) fn modal(toml: &mut String, table: &ModalTable, plan: &Plan, computed
         }
         for (key, text) in [("family", &row.family), ("description", &row.description)] {
             cells.extend(text.as_ref().map(|t| format!("{key} = {}", quoted(t))));
+        }
+        let _ = writeln!(toml, "  {{ {} }},", cells.join(", "));
+    }
+    toml.push_str("]\n");
+}
+
+/// Frequencies and damping ratios over the amplitudes of the rows, which are written as the rig sets them: without noise.
+pub(super) fn backbone(toml: &mut String, table: &BackboneTable, plan: &Plan, computed: &[f64], noise: &mut Noise) {
+    let _ = writeln!(toml, "at = \"{}\"", table.at);
+    if let Some(mode) = table.mode {
+        let _ = writeln!(toml, "mode = {mode}");
+    }
+    let (mut frequencies, mut dampings) = (block(plan, "backbone_frequency", computed), block(plan, "backbone_damping", computed));
+    toml.push_str("rows = [\n");
+    for row in &table.rows {
+        let mut cells = vec![format!("amplitude = \"{}\"", row.unit.print(row.amplitude))];
+        if let Some(f) = row.frequency.as_ref().and_then(|_| frequencies.next()) {
+            entry(&mut cells, "frequency", f, "Hz", noise);
+        }
+        if let Some(d) = row.damping.as_ref().and_then(|_| dampings.next()) {
+            entry(&mut cells, "damping", d, "", noise);
         }
         let _ = writeln!(toml, "  {{ {} }},", cells.join(", "));
     }

@@ -35,6 +35,7 @@ pub(super) fn check(dataset: &Dataset, model: &Model) -> Result<(), StudyError> 
                 there(test, "respond".into(), &f.respond, true)?;
             }
             Record::Energy(e) => there(test, "at".into(), &e.at, true)?,
+            Record::Backbone(b) => there(test, "at".into(), &b.at, true)?,
             Record::Modal(_) => {}
         }
     }

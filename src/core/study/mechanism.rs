@@ -48,7 +48,7 @@ pub(super) fn against(model: &Model, dataset: &Dataset) -> Result<(), ModelError
     if let Some(pattern) = model.absent.iter().flat_map(|a| &a.1).find(|p| !stands(p)) {
         return Err(ModelError::no_such("test", pattern, dataset.tests.iter().map(|t| t.id.clone())));
     }
-    let dynamic = |t: &&Test| matches!(t.record, Record::Modal(_) | Record::Frf(_) | Record::Transient(_));
+    let dynamic = |t: &&Test| matches!(t.record, Record::Modal(_) | Record::Frf(_) | Record::Transient(_) | Record::Backbone(_));
     let Some(test) = dataset.tests.iter().find(dynamic) else { return Ok(()) };
     let Some(dof) = model.dofs.iter().position(|d| d.mass <= 0.0) else { return Ok(()) };
     let (name, body) = (model.dof_name(dof), &model.bodies[model.dofs[dof].body].name);

@@ -29,7 +29,7 @@ pub(super) fn channels(test: &Test) -> Vec<TestChannel> {
                 TestChannel { role: "force", at: f.excite.clone(), dimension: along(Role::Force, &f.excite) },
             ]
         }
-        Record::Modal(_) | Record::Energy(_) => vec![],
+        Record::Modal(_) | Record::Energy(_) | Record::Backbone(_) => vec![],
     }
 }
 

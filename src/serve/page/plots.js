@@ -130,7 +130,7 @@ export function large(curve, computed, before) {
   const loop = curve.kind === "loop" && curve.x.length > 0;
   const x = loop ? curve.x : (curve.abscissa.length ? curve.abscissa : curve.measured.map((_, k) => k + 1));
   const low = curve.measured.map((m, k) => m - 2 * curve.sigma[k]), high = curve.measured.map((m, k) => m + 2 * curve.sigma[k]);
-  const over = { loop: loop ? titled(curve.driven, curve.x_unit) : "phase in the cycle [deg]", record: "time [s]", table: "frequency [Hz], or row" }[curve.kind];
+  const over = { loop: loop ? titled(curve.driven, curve.x_unit) : "phase in the cycle [deg]", record: "time [s]", table: curve.over?.startsWith("amplitude") ? curve.over : "frequency [Hz], or row" }[curve.kind];
   add(loop ? "over the drive: the loop" : `against ${over}`, 420, [
     band(closed(x, loop), closed(low, loop), closed(high, loop)),
     curve.kind === "record" ? line(x, curve.measured, "measured", ink) : points(x, curve.measured, "measured", ink),

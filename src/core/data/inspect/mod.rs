@@ -286,6 +286,10 @@ fn tabular(path: &Path, Table { mut columns, unread }: Table, rate: Option<f64>)
         return Ok(history(columns));
     }
     let names: Vec<&str> = columns.iter().map(|c| c.column.as_str()).collect();
+    let tabled = match has(Role::Frequency) {
+        Some(_) => "; natural frequency and damping over amplitude are a test of kind = \"backbone\", which is written by hand",
+        None => "",
+    };
     Err(super::error::FileError {
         file: path.to_path_buf(),
         place: String::new(),
@@ -294,9 +298,10 @@ fn tabular(path: &Path, Table { mut columns, unread }: Table, rate: Option<f64>)
             names.join(", "),
             unread.iter().map(|(name, e)| format!("; `{name}` is not read, {}", why(e))).collect::<String>()
         ),
-        accepted: "columns whose names or units say what they are, such as `time [s]`, `displacement [mm]`, `force [N]`; `misfit new --rate 610.35` for a file \
-                   without a column of time; what no name tells is written into dataset.toml by hand, with the columns as they are named here"
-            .into(),
+        accepted: format!(
+            "columns whose names or units say what they are, such as `time [s]`, `displacement [mm]`, `force [N]`; `misfit new --rate 610.35` for a file \
+                   without a column of time; what no name tells is written into dataset.toml by hand, with the columns as they are named here{tabled}"
+        ),
     }
     .into())
 }

@@ -119,7 +119,7 @@ impl Plan {
             TestKind::Cycle | TestKind::Transient => {
                 !self.blocks.is_empty() && self.blocks.iter().all(|b| moves(&b.role) && b.x.is_empty())
             }
-            TestKind::Modal | TestKind::Energy => false,
+            TestKind::Modal | TestKind::Energy | TestKind::Backbone => false,
         }
     }
 }

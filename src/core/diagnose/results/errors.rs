@@ -60,7 +60,7 @@ impl Correction {
 /// The model's own error in a channel.
 #[derive(Clone, Debug, Serialize, schemars::JsonSchema)]
 pub struct OwnError {
-    /// cycle, frf, transient, energy, modal.
+    /// cycle, frf, transient, energy, modal, backbone.
     pub kind: String,
     /// `force at c1.x`.
     pub channel: String,
@@ -73,7 +73,7 @@ pub struct OwnError {
 pub struct ScatterOf {
     /// `at.effect.parameter`.
     pub parameter: String,
-    /// Between tests of which kind: cycle, frf, transient, energy, modal.
+    /// Between tests of which kind: cycle, frf, transient, energy, modal, backbone.
     pub kind: String,
     /// Standard deviation, relative.
     pub relative: f64,

@@ -57,7 +57,7 @@ pub struct Curve {
     pub unit: String,
     /// What the points are.
     pub kind: crate::response::BlockKind,
-    /// Phase [rad], frequency [Hz], time [s], row.
+    /// Phase [rad], frequency [Hz], time [s], amplitude [m or rad], row.
     pub abscissa: Vec<f64>,
     /// Driven displacement and velocity at the points; empty where not driven.
     pub x: Vec<f64>,
@@ -186,7 +186,7 @@ impl ConstantDamping {
 pub struct TestResult {
     /// Id of the test.
     pub id: String,
-    /// cycle, frf, transient, energy, modal.
+    /// cycle, frf, transient, energy, modal, backbone.
     pub kind: String,
     /// Its split.
     pub split: SplitName,

@@ -53,7 +53,7 @@ pub(super) struct Balance<'a> {
     /// Whether the derivatives of the laws have been taken, at whatever motion.
     derived: bool,
     /// Where Newton's method has ended nearest to a balance under the whole force: frequency, residual, displacements.
-    nearest: Option<(f64, f64, DVector<f64>)>,
+    pub(super) nearest: Option<(f64, f64, DVector<f64>)>,
 }
 
 impl<'a> Balance<'a> {
@@ -156,7 +156,7 @@ impl<'a> Balance<'a> {
     }
 
     /// Goes to where Newton's method has ended nearest to a balance at this frequency; whether that is near enough to be one.
-    fn on_a_kink(&mut self) -> bool {
+    pub(super) fn on_a_kink(&mut self) -> bool {
         let Some((_, _, x)) = self.nearest.take().filter(|(omega, norm, _)| *omega == self.omega && *norm <= ON_A_KINK) else {
             return false;
         };

@@ -18,6 +18,7 @@
 //! sample of the cycle, as in [`super::periodic`]. The accuracy is that of the series and of the sampled law; see [`Settings`].
 
 mod aft;
+mod backbone;
 mod balance;
 mod basis;
 mod continuation;
@@ -28,6 +29,7 @@ mod sensitivity;
 mod shelf;
 mod structure;
 
+pub use backbone::{Backbone, NonlinearMode, Which};
 pub use cycle::balanced;
 pub use expanded::{Expanded, Standing};
 

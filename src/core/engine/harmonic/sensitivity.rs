@@ -15,7 +15,7 @@ impl Balance<'_> {
         let (bound, omega, w) = (self.structure.bound, self.omega, self.basis.width);
         let harmonics = self.moving();
         let motion: Vec<Vec<Complex64>> = harmonics.iter().map(|k| self.motion(*k)).collect();
-        let (mut dp, mut sources) = (Vec::new(), Vec::new());
+        let (mut dp, mut inertial, mut sources) = (Vec::new(), Vec::new(), Vec::new());
         let mut marched = [(); 2].map(|()| Aft::default());
         for (e, element) in bound.elements.iter().enumerate().filter(|(_, e)| e.chains.iter().any(|c| !c.is_empty())) {
             let (said, candidates) = &self.structure.candidates[e];
@@ -37,7 +37,13 @@ impl Balance<'_> {
                 let by_param = match self.structure.parts[e] {
                     Part::Nonlinear(a) => Some(&self.aft[a].by_param),
                     _ => {
-                        element.stiffness(Complex64::new(0.0, *k as f64 * omega), &mut dp)?;
+                        let s = Complex64::new(0.0, *k as f64 * omega);
+                        element.stiffness(s, &mut dp)?;
+                        let fed = s * s * (self.structure.feed(*k) - 1.0);
+                        if fed != Complex64::ZERO {
+                            element.inertia_slopes(&mut inertial);
+                            dp.iter_mut().zip(&inertial).for_each(|(d, m)| *d += fed * m);
+                        }
                         None
                     }
                 };

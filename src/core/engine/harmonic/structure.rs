@@ -14,6 +14,9 @@ use crate::model::{Bound, Depth, Element, ElementScratch, Model, Sensed};
 use super::super::EngineError;
 use super::super::blocktri::{BlockTri, BlockTriError, Layout, Levels};
 use super::super::small::Small;
+use kept::Kept;
+
+pub(super) mod kept;
 
 /// How an element enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,12 +55,14 @@ pub(super) struct Drive {
     pub forces: Vec<Vec<(usize, Complex64)>>,
     /// Degrees of freedom that are moved, with their displacement at every harmonic.
     pub held: Vec<(usize, Vec<Complex64>)>,
+    /// The motion of a nonlinear mode in place of forces; `None` where there is a drive.
+    pub kept: Option<Kept>,
 }
 
 impl Drive {
     /// A harmonic force.
     pub fn force(dof: usize, amplitude: f64) -> Drive {
-        Drive { forces: vec![vec![], vec![(dof, Complex64::new(amplitude, 0.0))]], held: vec![] }
+        Drive { forces: vec![vec![], vec![(dof, Complex64::new(amplitude, 0.0))]], held: vec![], kept: None }
     }
 
     /// Highest harmonic in it.
@@ -70,6 +75,7 @@ impl Drive {
     pub fn acts(&self, k: usize) -> bool {
         self.forces.get(k).is_some_and(|f| !f.is_empty())
             || self.held.iter().any(|(_, series)| series.get(k).is_some_and(|u| u.norm() > 0.0))
+            || (k == 1 && self.kept.is_some())
     }
 }
 
@@ -84,6 +90,8 @@ pub(super) struct Flexibility {
     pub outputs: Vec<Complex64>,
     /// Complex stiffness that stands in the structure for each nonlinear element.
     pub stand_in: Vec<Complex64>,
+    /// Under a unit force at the place whose first harmonic is kept (fundamental only).
+    pub place: Vec<Complex64>,
 }
 
 /// Assembly and solution at the harmonics of a line.
@@ -115,6 +123,13 @@ pub(super) struct Structure<'a> {
     rest_slope: Vec<f64>,
     /// Which degrees of freedom are moved: their rows say so instead of the equilibrium.
     held: Vec<bool>,
+    /// Harmonic of the last [`Structure::factor`].
+    harmonic: usize,
+    /// Damping ratio of a nonlinear mode whose inertia feeds what its laws dissipate; 0 of a driven motion.
+    damping: f64,
+    /// Where the spring at the place of [`Drive::kept`] enters the matrix, and its stiffness at the last [`Structure::factor`].
+    spring: Vec<(usize, f64)>,
+    spring_stiffness: f64,
 }
 
 /// Ground stiffness against the largest entry of the matrix for a structure whose mean position nothing holds.
@@ -130,13 +145,17 @@ impl<'a> Structure<'a> {
             Some(about) => about.small(model, bound),
             None => Small::about(model, bound, &vec![0.0; n], &vec![0.0; bound.elements.len()]),
         };
-        let layout = Arc::new(Layout::new(Levels::new(n, &small.pairs())?));
+        let kept = drive.kept.as_ref().map_or(&[][..], |kept| &kept.row);
+        let mut pairs = small.pairs();
+        pairs.extend(kept.iter().flat_map(|(i, _)| kept.iter().map(move |(j, _)| (*i, *j))));
+        let layout = Arc::new(Layout::new(Levels::new(n, &pairs)?));
         let free = |entries: &mut dyn Iterator<Item = (usize, usize, f64)>| -> Result<Vec<(usize, f64)>, EngineError> {
             let free = entries.filter(|(i, j, _)| !held[*i] && !held[*j]);
             free.map(|(i, j, value)| Ok((layout.slot(i, j)?, value))).collect()
         };
         let of_row = |row: &Vec<(usize, f64)>| free(&mut row.iter().flat_map(|(i, a)| row.iter().map(move |(j, b)| (*i, *j, a * b))));
         let slots = small.rows.iter().map(of_row).collect::<Result<_, _>>()?;
+        let spring = of_row(&kept.to_vec())?;
         let (inertia, geometric) = (free(&mut small.mass.iter().copied())?, free(&mut small.stiffness.iter().copied())?);
         let (mut parts, mut nonlinear) = (Vec::new(), Vec::new());
         for (i, e) in bound.elements.iter().enumerate() {
@@ -182,6 +201,10 @@ impl<'a> Structure<'a> {
             s: Complex64::ZERO,
             held,
             small,
+            harmonic: 0,
+            damping: 0.0,
+            spring,
+            spring_stiffness: 0.0,
         })
     }
 
@@ -213,6 +236,7 @@ impl<'a> Structure<'a> {
     /// Solves at harmonic `k` of `omega`: nonlinear elements stand in with a linear stiffness of their own, which the caller takes out
     /// of their force again.
     pub fn solve(&mut self, k: usize, omega: f64, drive: &Drive, outputs: &[usize], out: &mut Flexibility) -> Result<(), EngineError> {
+        self.damping = drive.kept.as_ref().map_or(0.0, |kept| kept.damping);
         self.factor(k, omega)?;
         out.stand_in.clear();
         out.stand_in.extend(self.nonlinear.iter().map(|&e| self.z[e]));
@@ -235,14 +259,20 @@ impl<'a> Structure<'a> {
             outputs.iter().enumerate().for_each(|(o, d)| out.outputs[o * n + d] = Complex64::ONE);
             self.matrix.solve(&mut out.outputs)?;
         }
-        Ok(())
+        match &drive.kept {
+            Some(kept) if k == 1 => self.keep(kept, out),
+            _ => Ok(()),
+        }
     }
 
     /// Factors the structure at harmonic `k`.
     pub fn factor(&mut self, k: usize, omega: f64) -> Result<(), EngineError> {
         let s = Complex64::new(0.0, k as f64 * omega);
-        self.s = s;
+        (self.s, self.harmonic) = (s, k);
         self.stiffnesses(s, omega)?;
+        if k == 1 {
+            self.spring_stiffness = self.spring_for(s);
+        }
         self.assemble(s, 0.0);
         let line = |e: BlockTriError| match e {
             BlockTriError::Singular { dof, pivot } => BlockTriError::SingularLine { dof, frequency: s.im / std::f64::consts::TAU, pivot },
@@ -325,7 +355,7 @@ impl<'a> Structure<'a> {
                 let z = at(s).or_else(|| at(Complex64::new(0.0, omega)));
                 z.map_or(Complex64::new(self.rest_slope[a], 0.0), |z| if s.im == 0.0 { Complex64::new(z.norm(), 0.0) } else { z })
             } else {
-                element.stiffness_at(s, 0.0, 0.0)?
+                element.stiffness_at(s, 0.0, 0.0)? + s * s * (self.feed(self.harmonic) - 1.0) * element.inertia()
             };
             self.z.push(z);
         }
@@ -337,7 +367,10 @@ impl<'a> Structure<'a> {
         for (d, slot) in self.diagonal.iter().enumerate() {
             self.matrix.add_at(*slot, if self.held[d] { Complex64::ONE } else { Complex64::new(ground, 0.0) });
         }
-        self.inertia.iter().for_each(|(slot, m)| self.matrix.add_at(*slot, s * s * *m));
+        let spring = if self.harmonic == 1 { self.spring_stiffness } else { 0.0 };
+        let squared = s * s * self.feed(self.harmonic);
+        self.inertia.iter().for_each(|(slot, m)| self.matrix.add_at(*slot, squared * *m));
+        self.spring.iter().for_each(|(slot, b)| self.matrix.add_at(*slot, Complex64::from(spring * b)));
         self.geometric.iter().for_each(|(slot, k)| self.matrix.add_at(*slot, Complex64::new(*k, 0.0)));
         for (slots, z) in self.slots.iter().zip(&self.z) {
             slots.iter().for_each(|(slot, b)| self.matrix.add_at(*slot, z * *b));

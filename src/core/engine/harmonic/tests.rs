@@ -25,24 +25,24 @@ fn chain(masses: &[f64]) -> Model {
     Model::new(bodies, connectors).unwrap()
 }
 
-fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
+pub(super) fn instance(model: &Model, name: &str, at: &str, values: &[f64]) -> Instance {
     let effect = find(name).unwrap();
     let values = effect.info().params.iter().enumerate().map(|(k, p)| (values.get(k).copied().unwrap_or(p.default), p.sign));
     let params = values.map(|(v, sign)| ParamValue::free(v, sign)).collect();
     Instance::new(effect, at, Site::Places(model.places_at(at).unwrap()), params)
 }
 
-fn system(masses: &[f64], effects: &[(&str, &str, &[f64])]) -> System {
+pub(super) fn system(masses: &[f64], effects: &[(&str, &str, &[f64])]) -> System {
     let model = chain(masses);
     let instances = effects.iter().map(|(name, at, values)| instance(&model, name, at, values)).collect();
     System { model, instances }
 }
 
-fn bind(system: &System) -> Bound {
+pub(super) fn bind(system: &System) -> Bound {
     Bound::new(system, &system.free(), "t", &BTreeMap::new()).unwrap()
 }
 
-fn fine(harmonics: usize, samples: usize) -> Settings {
+pub(super) fn fine(harmonics: usize, samples: usize) -> Settings {
     Settings { harmonics, samples, ..Settings::default() }
 }
 
@@ -51,7 +51,7 @@ fn run(system: &System, omega: &[f64], input: usize, force: f64, outputs: &[usiz
 }
 
 /// Three bodies on springs and dampers, with one more effect.
-fn with(effects: &[(&str, &str, &[f64])]) -> System {
+pub(super) fn with(effects: &[(&str, &str, &[f64])]) -> System {
     let mut all: Vec<(&str, &str, &[f64])> = vec![
         ("linear_stiffness", "c0.x", &[3000.0]),
         ("linear_stiffness", "c1.x", &[2000.0]),

@@ -2,7 +2,8 @@
 
 use num_complex::Complex64;
 
-use crate::effect::EffectError;
+use crate::effect::dispatch::Wanted;
+use crate::effect::{EffectError, Inputs, Tangent};
 
 use super::Element;
 
@@ -69,6 +70,21 @@ impl Element {
             z += if x == 0.0 && f == 0.0 { piece.law.stiffness(s, p) } else { piece.law.stiffness_at(s, x - open, p) }?;
         }
         Ok(if self.series.is_empty() { z } else { z / (z * slope + 1.0) })
+    }
+
+    /// Derivative of [`Element::inertia`] with respect to every parameter (`slopes`, sized here), linear candidates of the score test included.
+    pub fn inertia_slopes(&self, slopes: &mut Vec<f64>) {
+        slopes.clear();
+        slopes.resize(self.p.len(), 0.0);
+        if self.opening {
+            return;
+        }
+        let (accelerated, mut t) = (Inputs { a: 1.0, ..Inputs::default() }, Tangent::default());
+        for piece in self.linear.iter().chain(self.followers.iter().filter(|f| f.law.linear())) {
+            let (p, active) = (&self.p[piece.p.clone()], &self.active[piece.p.clone()]);
+            piece.law.tangent(&accelerated, 1.0, &mut [], p, Wanted::Params(active), &mut t);
+            slopes[piece.p.clone()].copy_from_slice(&t.params(0)[..p.len()]);
+        }
     }
 
     /// Opening under the force `f` and its slope.

@@ -106,6 +106,14 @@ channels = [
  { role = "mode", column = "n" },
  { role = "frequency", column = "f", unit = "Hz" },
  { role = "family", column = "family" }]
+[[test]]
+id = "backbone"
+kind = "backbone"
+at = "c1.x"
+mode = 1
+noise = "1 %"
+conditions = { i = "0.5 mm" }
+rows = [{ amplitude = "0.1 mm", frequency = "290 Hz", sigma_frequency = "1 Hz", damping = "5.3 %", sigma_damping = "0.2 %" }]
 "#;
 
 pub const STUDY: &str = r#"
@@ -319,6 +327,8 @@ pub const OPTIONAL: &[&str] = &[
     "test.control",
     // Without limits the table can be read, though not computed.
     "test.amplitude",
+    // The frequency of the first row says which mode it is.
+    "test.mode",
     // study.toml
     "split",
     "split.select",

@@ -129,8 +129,7 @@ pub(super) fn names(path: &Path, bytes: &[u8]) -> Result<Vec<String>, DataError>
     if names.is_empty() {
         let one = |l: &Listed| format!("`{}`: {} of {} x {}", l.name, l.class, l.rows, l.columns);
         let inside = all.iter().take(8).map(one).collect::<Vec<_>>().join(", ");
-        let accepted = "vectors of numbers, alone, in structures or in cells; of version 7.3 alone or in a structure of one element: in MATLAB, \
-                        run = c{1}; save(\"file.mat\", \"run\")";
+        let accepted = "vectors of numbers, alone, in structures or in cells";
         return Err(broken(path, format!("no vector of numbers: {inside}"), accepted));
     }
     Ok(names)

@@ -86,7 +86,7 @@ fn version_7_3() {
     let numeric = |name| (name, "numeric array", true);
     let expected = [
         numeric("M"),
-        ("c", "cell array", false),
+        ("c{1}", "numeric array", true),
         ("label", "text", false),
         ("none", "numeric array", false),
         numeric("run.deep.x"),
@@ -222,6 +222,29 @@ fn cells_and_arrays_of_structures_are_read_by_matlabs_names() {
     }
 }
 
+/// Written by the same script: cells in cells, a structure in a cell, an array of structures, a cell that holds itself, a reference to nothing.
+const V73_CELLS: &[u8] = include_bytes!("v73-cells.mat");
+
+#[test]
+fn cells_and_arrays_of_structures_of_version_7_3_are_read_by_matlabs_names() {
+    let mut named = names(Path::new("a.mat"), V73_CELLS).unwrap();
+    named.sort();
+    let expected =
+        ["c{1}", "c{2}{1}", "c{3}", "one.parts{1}", "one.parts{2}.x", "runs(1).force", "runs(1).time", "runs(2).force", "runs(2).time"];
+    assert_eq!(named, expected);
+    let found = get(V73_CELLS, &["c{1}", "c{2}{1}", "c{3}", "runs(1).force", "runs(2).force", "one.parts{2}.x"]).unwrap();
+    let all: Vec<Vec<f64>> = (0..6).map(|k| numbers(&found, k)).collect();
+    assert_eq!(all, [[1.0, 2.0], [5.0, 6.0], [3.0, 4.0], [3.0, 4.0], [5.0, 6.0], [7.0, 8.0]]);
+    let e = |name: &str| get(V73_CELLS, &[name]).unwrap_err().to_string();
+    assert!(e("c").contains("`c` is a cell array") && e("runs").contains("`runs` is an array of structures"), "{} {}", e("c"), e("runs"));
+    assert!(e("c{4}").contains("`c{4}` is a text"), "{}", e("c{4}"));
+    assert!(e("void{1}").contains("`void{1}` is an object"), "{}", e("void{1}"));
+    assert!(e("runs(3).force").contains("no column `runs(3).force`"), "{}", e("runs(3).force"));
+    for n in (0..V73_CELLS.len()).step_by(11) {
+        assert!(get(&V73_CELLS[..n], &["c{1}", "runs(2).force"]).is_err(), "{n}");
+    }
+}
+
 fn version_4(big: bool) -> Vec<u8> {
     let word = |n: u32| if big { n.to_be_bytes() } else { n.to_le_bytes() };
     let order = if big { 1000 } else { 0 };
@@ -268,12 +291,17 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(crate::data::tests::cases(2000)))]
     #[test]
     fn damage_does_not_panic(flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8), compressed: bool, big: bool, newer: bool) {
-        let mut bytes = if newer { V73.to_vec() } else { file(big, compressed) };
+        let mut bytes = match (newer, big) {
+            (true, true) => V73_CELLS.to_vec(),
+            (true, false) => V73.to_vec(),
+            _ => file(big, compressed),
+        };
         for (at, byte) in &flips {
             let i = at.index(bytes.len());
             bytes[i] = *byte;
         }
         let _ = get(&bytes, &["t", "run.force", "M(:,2)"]);
+        let _ = get(&bytes, &["c{2}{1}", "runs(2).force"]);
         let _ = list(Path::new("a.mat"), &bytes);
     }
 }
