@@ -107,7 +107,7 @@ class LargestDifference(msgspec.Struct, kw_only=True):
     """What it is over: `range`, `range of magnitude` or `value`."""
 
 
-Misreading = Literal["gain", "offset", "delay", "bend", "jump"]
+Misreading = Literal["gain", "offset", "delay", "bend", "jump", "drift"]
 """How an instrument may misread."""
 
 class ModeEnergy(msgspec.Struct, kw_only=True):
@@ -868,6 +868,9 @@ class Settings(msgspec.Struct, kw_only=True):
     decisive: float | None
     """Nats that stand by themselves (e^8 in odds): a test that separates two laws by so much breaks their tie; effects that are to take the
     place of slack are exchanged while they are within so much of it."""
+    errs_from: float | None
+    """Model error, in parts of the least, from which a model is seen to err: pairs and slack are tried, and what is missing has the odds of a
+    model that is searched, whatever was added to it."""
     estimates: int
     """Estimates of variances and counts in turn at the plain fit of the study's own model, from which that is weighed."""
     evaluations: int
@@ -881,7 +884,7 @@ class Settings(msgspec.Struct, kw_only=True):
     facts_record: float | None
     """Facts that a channel of a record holds: its stretches that are independent."""
     fault_gain: float | None
-    """Part of a channel's rms that a gain of one test must move: less is scatter between tests."""
+    """Part of a channel's rms that a gain of one test must move, or a drift over a record: less is scatter between tests."""
     fault_least: float | None
     """The same of other faults of a channel."""
     fault_odds: float | None
@@ -919,7 +922,8 @@ class Settings(msgspec.Struct, kw_only=True):
     """Effects added at most."""
     missing_odds: float | None
     """Odds, before any test is read, that a model lacks anything: of studies that are searched nine in ten miss something, or they would not
-    be. They stand against the first thing that is found; what stands beside another one has even odds."""
+    be. They stand against the first thing that is found, and against what is found next where the model with it still errs. Beside one that
+    errs no more there are even odds."""
     model_error_least: float | None
     """Relative error of a model below which no model of a device is claimed: sampling, integration and geometry are not better known."""
     model_error_most: float | None
@@ -948,8 +952,6 @@ class Settings(msgspec.Struct, kw_only=True):
     """Candidates that stood best alone and are tried in pairs where none alone gains."""
     pair_part: float | None
     """Part of the strength that each had alone with which the two begin."""
-    pairs_from: float | None
-    """Model error, in parts of the least, from which pairs are tried."""
     parts_of_a_fit: list[float | None]
     """Parts of the way to where such a fit ends that are tried, in turn, where the likelihood is less there."""
     promise: float | None
@@ -1020,8 +1022,6 @@ class Settings(msgspec.Struct, kw_only=True):
     tie: float | None
     """Nats within which two laws cannot be told apart, and within which nothing is decided by a gain alone; what stands is taken out only below
     minus this."""
-    ties: int
-    """Ties named at most."""
     turned_gives: float | None
     """Sine of the loss angle below which a loop gives energy beyond any delay of a channel: its force is turned round..."""
     turned_phase: float | None
