@@ -33,7 +33,7 @@ pub(crate) mod testing {
     pub(crate) use super::search::climb::{Added, Climb};
     pub(crate) use super::search::next::within;
     pub use super::search::refit::{Bench, cost, whitened};
-    pub use super::search::righted::{phased, unclipped};
+    pub use super::search::righted::{drifting, phased, unclipped};
     pub use super::search::score::{Score, score};
     pub use super::settings::Settings;
 }

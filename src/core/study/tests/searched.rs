@@ -2,7 +2,7 @@
 
 use super::{CHAIN, FRF, Folder, ONE};
 use crate::diagnose::Case;
-use crate::diagnose::testing::{Name, Scene, candidates, given, phased, unclipped};
+use crate::diagnose::testing::{Name, Scene, candidates, drifting, given, phased, unclipped};
 use crate::evidence::Evidence;
 use crate::identify::Monitor;
 use crate::response::Plan;
@@ -93,6 +93,31 @@ fn a_clipped_channel_is_an_instrument_at_fault() {
     assert_eq!((faults[0].effect.as_str(), faults[0].at.as_str(), faults.len()), ("clipping", "loop-2Hz.force", 1));
     clip(5.0);
     assert!(found(&folder).1.is_empty());
+}
+
+/// A force that goes by 0.2 N from cycle to cycle is told, and its mean is granted what it has gone by: the constant is a reading, no force of the device.
+#[test]
+fn a_channel_that_drifts_is_told_and_its_mean_is_granted_that() {
+    let folder = Folder::one(ONE);
+    let told = |folder: &Folder| {
+        let case = Case::from_study(&folder.load().unwrap(), 1).unwrap();
+        let found: Vec<(String, String)> = drifting(&case).into_iter().map(|i| (i.effect, i.at)).collect();
+        let crept: Vec<f64> = case.plans.iter().map(|(p, _)| p.scatter[0].crept).collect();
+        (found, crept)
+    };
+    assert_eq!(told(&folder), (vec![], vec![0.0; 3]));
+    let file = folder.path().join("data/loop-2.csv");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let cycles = |line: &str| line.split(',').next().and_then(|t| t.parse::<f64>().ok()).map(|t| 2.0 * t);
+    let crept = |line: &str| match (cycles(line), line.rsplit_once(',')) {
+        (Some(cycles), Some((rest, f))) => format!("{rest},{}\n", f.parse::<f64>().unwrap() + 0.2 * cycles),
+        _ => format!("{line}\n"),
+    };
+    std::fs::write(&file, text.lines().map(crept).collect::<String>()).unwrap();
+    let whole = text.lines().filter_map(cycles).fold(0.0, f64::max);
+    let (found, crept) = told(&folder);
+    assert_eq!(found, [("drift".to_string(), "loop-2Hz.force".to_string())]);
+    assert!((crept[1] / (0.2 * whole) - 1.0).abs() < 0.1, "{crept:?} over {whole} cycles");
 }
 
 /// One FRF of three with its sign turned is told and turned back, where springs of the study begin a fifth off; as they are measured none is.
