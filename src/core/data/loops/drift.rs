@@ -10,9 +10,9 @@
 //!
 //! is Student's t with the sum of both degrees of freedom: the conjugate prior of a variance (Gelman et al., Bayesian Data Analysis, 2013, ch. 2.6).
 
-use std::f64::consts::TAU;
-
 use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use super::spectrum::{harmonic_of, harmonics};
 
 /// A drift is believed when chance would give it less often than this.
 const SIGNIFICANCE: f64 = 1e-3;
@@ -61,18 +61,18 @@ pub fn drift(folded: &[f64], n: usize, cycles: usize, floor: f64) -> Option<Drif
     (p < SIGNIFICANCE).then_some(Drift { slope, t, p })
 }
 
-/// Variance from cycle to cycle of a coefficient of the second to fourth harmonic whose square is, of white noise, that of the mean of a cycle.
+/// Variance from cycle to cycle of a coefficient of the second to fourth harmonic ([`harmonics`]) in terms of the mean of a cycle, which is its coefficient over
+/// the root of `n`.
 fn neighbours(folded: &[f64], n: usize, cycles: usize) -> f64 {
-    let of = |h: usize, quarter: f64| {
-        let coefficient = |c: usize| -> f64 {
-            let wave = |j: usize| (TAU * ((h * j) as f64 / n as f64 + quarter)).cos();
-            std::f64::consts::SQRT_2 / n as f64 * (0..n).map(|j| wave(j) * folded[c * n + j]).sum::<f64>()
-        };
+    let basis = harmonics(n);
+    let of = |row: usize| {
+        let coefficient = |c: usize| -> f64 { basis.row(row).iter().zip(&folded[c * n..(c + 1) * n]).map(|(b, v)| b * v).sum() };
         let all: Vec<f64> = (0..cycles).map(coefficient).collect();
         let mean = all.iter().sum::<f64>() / cycles as f64;
-        all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (cycles - 1) as f64
+        all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / ((cycles - 1) * n) as f64
     };
-    let all: Vec<f64> = HARMONICS.filter(|h| 2 * h < n).flat_map(|h| [of(h, 0.0), of(h, 0.25)]).collect();
+    let rows = harmonic_of(n).into_iter().enumerate().filter(|(_, h)| HARMONICS.contains(h));
+    let all: Vec<f64> = rows.map(|(row, _)| of(row)).collect();
     all.iter().sum::<f64>() / all.len().max(1) as f64
 }
 

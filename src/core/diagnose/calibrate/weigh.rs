@@ -398,7 +398,7 @@ impl Scale {
         if added == 0 || self.errs(of) { self.settings.missing_odds } else { 1.0 }
     }
 
-    /// Whether a model errs by more than no model is free of.
+    /// Whether a model's own error is larger than what every model is granted, by the factor `errs_from`.
     pub fn errs(&self, of: &Weighed) -> bool {
         let (s, e) = (&self.settings, &self.settings.evidence);
         of.v.model_error(&self.evidence) >= s.errs_from * e.model_error_least
