@@ -133,6 +133,20 @@ fn described(item: &FoundItem) -> String {
             let (first, last) = (m.modes.first().map_or(0.0, |m| m.0), m.modes.last().map_or(0.0, |m| m.0));
             format!("  table of modes: {} from {} to {} Hz\n", m.modes.len(), significant(first, 6), significant(last, 6))
         }
+        FoundItem::Backbone(b) => {
+            let mut text = format!("  table of a backbone: {} rows\n", b.rows);
+            for c in &b.columns {
+                let guessed = c.guess.map_or(String::new(), |g| format!(" (by {g})"));
+                let (low, high) = (significant(c.range.0, 5), significant(c.range.1, 5));
+                text += &format!(
+                    "    {}: {}{guessed}, {low} to {high}, unit {}\n",
+                    c.column,
+                    c.role.word(),
+                    c.unit.as_deref().unwrap_or("not given")
+                );
+            }
+            text
+        }
         FoundItem::Other(what) => format!("  {what}\n"),
     }
 }

@@ -53,7 +53,7 @@ fn with_plot(name: &str, item: &FoundItem) -> Value {
     value["plot"] = match item {
         FoundItem::History(h) => history(h),
         FoundItem::Frf(f) => frf(f),
-        FoundItem::Modes(_) | FoundItem::Other(_) => Value::Null,
+        FoundItem::Modes(_) | FoundItem::Backbone(_) | FoundItem::Other(_) => Value::Null,
     };
     value
 }

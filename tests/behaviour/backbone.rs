@@ -160,4 +160,63 @@ fn rows_of_no_mode_are_refused_with_their_place() {
     rig.write("data/dataset.toml", &dataset.replacen("mode = 1", "mode = 2", 1));
     let [_, _, message, accepted] = rig.run("compare", &["--json"]).error();
     assert!(message.contains("mode 2 was asked for, and the model has 1") && !accepted.is_empty(), "{message} {accepted}");
+    assert!(message.contains(" mm there is no nonlinear mode") && !message.contains("(SI)"), "{message}");
+}
+
+/// Files of a backbone as laboratories leave them: with units, with letters alone, without a damping ratio; what is no backbone is none.
+#[test]
+fn new_recognises_a_table_of_a_backbone_and_marks_what_it_guesses() {
+    let dir = tempfile::tempdir().unwrap();
+    let rows = |head: &str, row: &dyn Fn(f64) -> String| (1..9).fold(format!("{head}\n"), |text, k| text + &row(f64::from(k)) + "\n");
+    let write = |name: &str, text: &str| {
+        let path = dir.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    let all = |k: f64| format!("{},{},{}", 0.1 * k, 16.0 - 0.02 * k, 0.8 + 0.1 * k);
+    let stated = write("stated.csv", &rows("amplitude [mm],frequency [Hz],damping ratio [%]", &all));
+    let letters = write("letters.csv", &rows("X,f,zeta", &all));
+    let ratio = write("ratio.csv", &rows("amplitude [mm],f,zeta", &|k| format!("{},{},{}", 0.1 * k, 16.0 - 0.02 * k, 0.008 + 0.001 * k)));
+    let bare = write("bare.csv", &rows("amplitude [mm],frequency [Hz]", &|k| format!("{},{}", 0.1 * k, 16.0 - 0.02 * k)));
+    let study = dir.path().join("study").display().to_string();
+    let ran = misfit(&["new", &study, "--json", "--from", &stated, &letters, &ratio, &bare]);
+    assert_eq!(ran.code, 0, "{} {}", ran.stdout, ran.stderr);
+    let json = ran.json();
+    let told = |k: usize| {
+        let channels = json["found"][k]["channels"].as_array().unwrap_or_else(|| panic!("{json}"));
+        channels
+            .iter()
+            .map(|c| format!("{}{} {}", c["role"].as_str().unwrap(), if c["guessed"] == true { "?" } else { "" }, c["unit"]))
+            .collect::<Vec<_>>()
+    };
+    assert!((0..4).all(|k| json["found"][k]["what"] == "backbone" && json["found"][k]["rows"] == 8), "{json}");
+    assert_eq!(told(0), ["amplitude \"mm\"", "frequency \"Hz\"", "damping \"%\""]);
+    assert_eq!(told(1), ["amplitude? null", "frequency? null", "damping? \"%\""]);
+    assert_eq!(told(2), ["amplitude \"mm\"", "frequency? null", "damping? null"]);
+    assert_eq!(told(3), ["amplitude \"mm\"", "frequency \"Hz\""]);
+    let dataset = std::fs::read_to_string(dir.path().join("study/data/dataset.toml")).unwrap();
+    let marked = |what: &str| dataset.lines().any(|l| l.contains(what) && l.contains("confirm it"));
+    assert!(
+        marked("column = \"X\"") && marked("values of 1 and more, read as %") && marked("values below 1, read as a ratio"),
+        "{dataset}"
+    );
+    assert!(marked("at = \"n1.x\"") && !marked("column = \"damping ratio [%]\""), "{dataset}");
+    let confirm = json["to_confirm"].to_string();
+    assert!(confirm.contains("letters: that `f` is the frequency, by its letter alone") && confirm.contains("no rms"), "{confirm}");
+    assert!(confirm.contains("letters: the unit of `X` is not in the file"), "{confirm}");
+
+    // With all units in the file the study is whole, and a compare answers in the unit of the table.
+    let study = dir.path().join("whole").display().to_string();
+    let ran = misfit(&["new", &study, "--from", &stated]);
+    assert!(ran.code == 0 && ran.stdout.contains("table of a backbone: 8 rows"), "{} {}", ran.stdout, ran.stderr);
+    let compared = misfit(&["compare", &study, "--json"]);
+    let place = compared.json()["tests"][0]["worst"]["where"].as_str().unwrap().to_string();
+    assert!(place.ends_with(" mm") && place.contains("at an amplitude of 0."), "{place}");
+
+    // Lines of a spectrum rise and fall, and a loop has a force: neither is a backbone.
+    let spectrum =
+        write("spectrum.csv", &rows("frequency [Hz],amplitude [mm]", &|k| format!("{},{}", 15.0 + k, 1.0 / (1.0 + (k - 4.0).powi(2)))));
+    let ran = misfit(&["new", &dir.path().join("none").display().to_string(), "--json", "--from", &spectrum]);
+    let [_, _, message, accepted] = ran.error();
+    assert!(message.contains("neither a history") && accepted.contains("`damping [%]`"), "{message} {accepted}");
 }

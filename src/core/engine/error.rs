@@ -75,7 +75,7 @@ pub enum EngineError {
     },
     /// Harmonic balance found no steady response.
     #[error(
-        "no steady response found at {frequency} Hz under a force of {amplitude} (peak): the balance stays at {residual:.2e} of the displacements"
+        "no steady response found at {frequency} Hz under a force of {amplitude} N (N m about an axis), peak: the balance stays at {residual:.2e} of the displacements"
     )]
     NoHarmonicBalance {
         /// Frequency [Hz].
@@ -86,10 +86,8 @@ pub enum EngineError {
         residual: f64,
     },
     /// A nonlinear mode was not found.
-    #[error("no nonlinear mode at an amplitude of {amplitude} (SI): {why}")]
+    #[error("no nonlinear mode: {why}")]
     NoNonlinearMode {
-        /// First harmonic of the displacement at the place of the amplitude [m or rad].
-        amplitude: f64,
         /// What failed.
         why: String,
     },
@@ -116,7 +114,7 @@ impl Explain for EngineError {
             EngineError::NotPeriodic { .. } | EngineError::Work { .. } => "cycle".into(),
             EngineError::GivenUp => "time".into(),
             EngineError::Request { what, .. } => (*what).into(),
-            EngineError::NoNonlinearMode { amplitude, .. } => format!("amplitude {amplitude}"),
+            EngineError::NoNonlinearMode { .. } => "nonlinear mode".into(),
             EngineError::NoHarmonicBalance { frequency, .. } | EngineError::NoMode { frequency, .. } => format!("{frequency} Hz"),
         }
     }

@@ -9,6 +9,7 @@ use crate::data::BackboneTable;
 use crate::engine::EngineError;
 use crate::engine::harmonic::{self, Backbone, Which};
 use crate::model::{Bound, FreeParam, Model, System};
+use crate::units::{Dimension, Unit};
 
 use super::amplitude::amplitude;
 use super::site::{Seat, seat};
@@ -46,6 +47,8 @@ pub struct BackbonePlan {
 struct Row {
     /// First harmonic at the place [m or rad].
     amplitude: f64,
+    /// Unit that the table states it in.
+    unit: Unit,
     /// As measured [Hz], where it was.
     frequency: Option<f64>,
     /// Whether damping was measured.
@@ -87,6 +90,8 @@ impl BackbonePlan {
                 label: format!("{name} over amplitude at {}", table.at),
                 role: (*role).into(),
                 unit: ["Hz", "-"][k].into(),
+                stated: Unit::si([Dimension::FREQUENCY, Dimension::DIMENSIONLESS][k]),
+                amplitude_unit: table.rows.first().map(|r| r.unit.clone()),
                 kind: BlockKind::Table,
                 range: start..start + stated.len(),
                 abscissa: stated.iter().map(|s| s.0).collect(),
@@ -101,6 +106,7 @@ impl BackbonePlan {
         }
         let rows = table.rows.iter().map(|r| Row {
             amplitude: r.amplitude,
+            unit: r.unit.clone(),
             frequency: r.frequency.as_ref().map(|f| f.value),
             damping: r.damping.is_some(),
             place: r.place.clone(),
@@ -134,7 +140,9 @@ impl BackbonePlan {
     ) -> Result<Vec<T>, ResponseError> {
         let failed = |row: Option<&Row>, source: EngineError| match (row, &source) {
             (Some(row), EngineError::NoNonlinearMode { .. }) => {
-                ResponseError::invalid(id, format!("{}: {source}", row.place), crate::explain::Explain::accepted(&source))
+                let amplitude = row.unit.print_short(row.amplitude);
+                let accepted = crate::explain::Explain::accepted(&source);
+                ResponseError::invalid(id, format!("{}: at an amplitude of {amplitude} there is {source}", row.place), accepted)
             }
             _ => ResponseError::Engine { test: id.into(), source },
         };

@@ -1,5 +1,7 @@
 //! The channels of a test within the vector of its points.
 
+use crate::units::Unit;
+
 /// What the points of a block are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockKind {
@@ -22,6 +24,10 @@ pub struct Block {
     pub role: String,
     /// SI unit.
     pub unit: String,
+    /// Unit that the file states the values in; texts about single values use it.
+    pub stated: Unit,
+    /// Unit that the file states an amplitude in, where the abscissa is one.
+    pub amplitude_unit: Option<Unit>,
     /// Kind of points.
     pub kind: BlockKind,
     /// Rows of the test's vector.

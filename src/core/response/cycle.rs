@@ -100,6 +100,8 @@ impl CyclePlan {
                 label: format!("{} at {}", c.role.word(), c.at),
                 role: c.role.word().into(),
                 unit: c.unit.dimension.si_unit(),
+                stated: c.unit.clone(),
+                amplitude_unit: None,
                 kind: BlockKind::Loop,
                 range: start..start + n,
                 abscissa: settled.phase.clone(),

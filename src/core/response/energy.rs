@@ -13,6 +13,7 @@ use crate::engine::harmonic::Expanded;
 use crate::engine::march::{Loads, Probe};
 use crate::engine::periodic::Cycle;
 use crate::model::{Bound, FreeParam, Model, System};
+use crate::units::{Dimension, Unit};
 
 use super::amplitude::place_amplitudes;
 use super::cycle::computed;
@@ -183,6 +184,8 @@ impl EnergyPlan {
                 label: format!("{name} per cycle at {}", table.at),
                 role: if which == 0 { "dissipated" } else { "stored" }.into(),
                 unit: "J".into(),
+                stated: Unit::si(Dimension::ENERGY),
+                amplitude_unit: None,
                 kind: BlockKind::Table,
                 range: start..start + picked.len(),
                 abscissa: table

@@ -60,6 +60,8 @@ impl FrfPlan {
             label: format!("{} {}/{}", frf.quantity.word(), frf.respond, frf.excite),
             role: "response".into(),
             unit: frf.unit.dimension.si_unit(),
+            stated: frf.unit.clone(),
+            amplitude_unit: None,
             kind: BlockKind::Frf,
             range: start..start + 2 * omega.len(),
             abscissa: frf.frequency.clone(),

@@ -13,6 +13,7 @@ use crate::data::{ModalTable, ModeRow};
 use crate::engine::EngineError;
 use crate::engine::modal::{Mode, Modes, Range, Shares, shares};
 use crate::model::{Bound, FreeParam, Model, System};
+use crate::units::{Dimension, Unit};
 
 use super::family::Family;
 use super::{Block, BlockKind, Computed, Plan, ResponseError, TableForm, Work};
@@ -116,6 +117,8 @@ impl ModalPlan {
                 label: name.into(),
                 role: name.replace(' ', "_"),
                 unit: unit.into(),
+                stated: Unit::si([Dimension::FREQUENCY, Dimension::DIMENSIONLESS][k]),
+                amplitude_unit: None,
                 kind: BlockKind::Table,
                 range: start..start + values[k].len(),
                 abscissa: std::mem::take(&mut numbers[k]),

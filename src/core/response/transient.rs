@@ -86,6 +86,8 @@ impl TransientPlan {
                 label: c.label(),
                 role: c.role.word().into(),
                 unit: c.unit.dimension.si_unit(),
+                stated: c.unit.clone(),
+                amplitude_unit: None,
                 kind: BlockKind::Record,
                 range: start..start + n,
                 abscissa: record.time.clone(),

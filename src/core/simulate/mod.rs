@@ -112,7 +112,12 @@ impl Rig {
     fn head(&self, settings: &Settings) -> String {
         let truth = self.study.system.instances.iter().flat_map(|i| {
             let params = i.effect.info().params.iter().zip(&i.params);
-            params.map(move |(p, v)| format!("{} at {}: {} = {:e} (SI)", i.name(), i.at, p.name, v.value))
+            let place = self.study.system.model.places_at(&i.at).ok().and_then(|p| p.first().copied());
+            let rotational = place.is_some_and(|p| self.study.system.model.places[p].axis.rotational());
+            params.map(move |(p, v)| {
+                let (unit, factor) = if v.unit.0.is_empty() { p.dim.practical(rotational) } else { v.unit.clone() };
+                format!("{} at {}: {} = {:e} {unit}", i.name(), i.at, p.name, v.value / factor)
+            })
         });
         let assumptions: Vec<String> = truth.map(|t| quoted(&t)).collect();
         format!(

@@ -133,6 +133,7 @@ function thing(file, k, item, id) {
   if (item.what === "cycle" || item.what === "transient") return history(file, k, item, id);
   if (item.what === "frf") return el("div", {}, item.record ? el("h3", {}, item.record) : null, frf(file, k, item, id));
   if (item.what === "modal") return el("p", {}, `Modes: ${item.modes.map(m => `${digits(m.frequency_hz, 5)} Hz`).join(", ")}`);
+  if (item.what === "backbone") return el("p", {}, `Backbone, ${item.rows} rows: ${item.channels.map(c => `${c.column} is the ${c.role}${c.guessed ? " (a guess)" : ""}, ${digits(c.min, 4)} to ${digits(c.max, 4)} ${c.unit || "(unit not given)"}`).join("; ")}`);
   return el("p", { class: "soft" }, item.text);
 }
 

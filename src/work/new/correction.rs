@@ -70,7 +70,9 @@ impl Correction {
         match item {
             FoundItem::History(h) => **h = self.of_history(h)?,
             FoundItem::Frf(f) => self.of_frf(f)?,
-            FoundItem::Modes(_) | FoundItem::Other(_) => return Err(self.refused("nothing of it can be corrected", "a history or an FRF")),
+            FoundItem::Modes(_) | FoundItem::Backbone(_) | FoundItem::Other(_) => {
+                return Err(self.refused("nothing of it can be corrected", "a history or an FRF"));
+            }
         }
         Ok(())
     }

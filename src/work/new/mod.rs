@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::data::inspect::{Cyclic, FoundFile, FoundItem, inspect};
+use crate::data::inspect::{BackboneColumn, Cyclic, FoundFile, FoundItem, inspect};
 use crate::data::modal_fit::{self, FrfSet, ModalFit};
 use crate::data::{Dataset, Estimate, Record, Role};
 
@@ -211,6 +211,10 @@ pub fn item(path: &str, item: &FoundItem) -> Value {
         FoundItem::Modes(m) => {
             let mode = |(f, z): &(f64, Option<f64>)| json!({ "frequency_hz": f, "damping": z });
             json!({ "file": path, "what": "modal", "modes": m.modes.iter().map(mode).collect::<Vec<_>>() })
+        }
+        FoundItem::Backbone(b) => {
+            let channel = |c: &BackboneColumn| json!({ "column": c.column, "role": c.role.word(), "guessed": c.guess.is_some(), "unit": c.unit, "min": c.range.0, "max": c.range.1 });
+            json!({ "file": path, "what": "backbone", "channels": b.columns.iter().map(channel).collect::<Vec<_>>(), "rows": b.rows })
         }
         FoundItem::Other(text) => json!({ "file": path, "what": "other", "text": text }),
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::data::inspect::{FoundFile, FoundFrf, FoundHistory, FoundItem, FoundModes};
+use crate::data::inspect::{FoundBackbone, FoundFile, FoundFrf, FoundHistory, FoundItem, FoundModes};
 use crate::data::{Control, Role};
 use crate::units::{Dimension, parse_unit};
 
@@ -46,6 +46,7 @@ pub fn write(found: &[FoundFile]) -> Option<Scaffold> {
                 FoundItem::History(h) => w.history(&file.path, h),
                 FoundItem::Frf(f) => w.frf(&file.path, f),
                 FoundItem::Modes(m) => w.modes(&file.path, m),
+                FoundItem::Backbone(b) => w.backbone(&file.path, b),
                 FoundItem::Other(_) => {}
             }
         }
@@ -263,6 +264,35 @@ impl Writer {
                 self.node(*node, axis);
             }
         }
+    }
+
+    /// A table of natural frequency and damping ratio over amplitude. Its place is no matter of the file.
+    fn backbone(&mut self, path: &Path, b: &FoundBackbone) {
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let id = self.id(path, "");
+        let at = self.node(1, if b.turning { "psi" } else { "x" });
+        let mut text = format!(
+            "\n[[test]]\nid = {}\nkind = \"backbone\"\nat = \"{at}\"   # assumed: confirm it\nfile = {}\nchannels = [\n",
+            quoted(&id),
+            quoted(&name)
+        );
+        for c in &b.columns {
+            let line = self.channel(&id, c.role, None, &c.column, c.unit.as_deref(), "");
+            if let Some(guess) = c.guess {
+                self.to_confirm.push(format!("{id}: that `{}` is the {}, by {guess}", c.column, c.role.word()));
+                text += &format!("{}   # by {guess}: confirm it\n", line.trim_end());
+            } else {
+                text += &line;
+            }
+        }
+        self.to_confirm
+            .push(format!("{id}: the place of the amplitude, and that it is the peak of the displacement's first harmonic, no rms"));
+        let which = match b.columns.iter().any(|c| c.role == Role::Frequency) {
+            true => "that the mode nearest to the frequency of the first row is the one that was measured; else write `mode = 1, 2, ...`",
+            false => "the number of the mode: write `mode = 1, 2, ...`",
+        };
+        self.to_confirm.push(format!("{id}: {which}"));
+        self.tests += &(text + "]\n");
     }
 
     fn study(&mut self) -> String {

@@ -5,7 +5,7 @@ use crate::data::{FrfQuantity, Role};
 use crate::units::{Dimension, parse_unit};
 
 /// Words by which columns are named, of English and German rigs.
-const WORDS: [(Role, &[&str]); 10] = [
+const WORDS: [(Role, &[&str]); 11] = [
     (Role::Time, &["t", "time", "zeit", "sec", "seconds", "timestamp", "datetime", "uhrzeit", "zeitstempel"]),
     (
         Role::Displacement,
@@ -19,6 +19,7 @@ const WORDS: [(Role, &[&str]); 10] = [
     (Role::Imag, &["im", "imag", "imaginary"]),
     (Role::Phase, &["phase", "phi", "arg"]),
     (Role::Coherence, &["coh", "coherence", "gamma2", "kohaerenz"]),
+    (Role::Damping, &["zeta", "damping", "daempfung", "dämpfung", "daempfungsgrad", "dämpfungsgrad"]),
 ];
 
 /// The role a column seems to have: its unit decides where it can, else its name.
@@ -57,7 +58,8 @@ pub fn guess_role(name: &str, unit: Option<&str>) -> Option<Role> {
         return Some(if called(Role::Phase) { Role::Phase } else { Role::Displacement });
     }
     let found = by_unit.iter().find(|(_, d)| d.iter().any(|d| is(*d))).map(|f| f.0);
-    found.or((is(Dimension::DIMENSIONLESS) && called(Role::Coherence)).then_some(Role::Coherence))
+    let named = || [Role::Coherence, Role::Damping].into_iter().find(|r| called(*r));
+    found.or_else(|| named().filter(|_| is(Dimension::DIMENSIONLESS)))
 }
 
 /// Whether a column, alone or in a structure, is named by one letter and has no unit that says what it is: its role is a guess.

@@ -2,10 +2,12 @@
 //!
 //! Nothing is decided for the engineer: a unit the file does not give stays empty, and what a column is has to be confirmed.
 
+mod backbone;
 mod guess;
 mod history;
 mod universal;
 
+pub use backbone::{BackboneColumn, FoundBackbone};
 pub use guess::guess_role;
 pub use history::{Corrected, Cyclic, FoundHistory, found as history};
 
@@ -68,6 +70,7 @@ pub enum FoundItem {
     History(Box<FoundHistory>),
     Frf(FoundFrf),
     Modes(FoundModes),
+    Backbone(FoundBackbone),
     /// Something that is no measurement, or none this version makes a test of.
     Other(String),
 }
@@ -105,7 +108,7 @@ pub struct FoundModes {
 /// Looks into a file. `rate` [Hz] is that of histories in tables without a column of time.
 ///
 /// # Errors
-/// A file that cannot be read, or holds neither a history nor an FRF.
+/// A file that cannot be read, or holds no history, FRF or backbone.
 pub fn inspect(path: &Path, rate: Option<f64>) -> Result<FoundFile, DataError> {
     let items = match FileKind::of(path)? {
         FileKind::Universal => universal::items(&UffFile::from_bytes(path, readers::bytes(path)?)?)?,
@@ -279,6 +282,9 @@ fn tabular(path: &Path, Table { mut columns, unread }: Table, rate: Option<f64>)
         };
         return Ok(vec![FoundItem::Frf(frf)]);
     }
+    if let Some(backbone) = FoundBackbone::of(&columns) {
+        return Ok(vec![FoundItem::Backbone(backbone)]);
+    }
     // Nothing but the rate says when the samples of such a table were taken.
     let longest = columns.iter().filter(|c| c.role.is_none_or(|r| MOVES.contains(&r))).map(|c| c.values.len()).max();
     if let (Some(rate), Some(samples)) = (rate, longest) {
@@ -287,7 +293,7 @@ fn tabular(path: &Path, Table { mut columns, unread }: Table, rate: Option<f64>)
     }
     let names: Vec<&str> = columns.iter().map(|c| c.column.as_str()).collect();
     let tabled = match has(Role::Frequency) {
-        Some(_) => "; natural frequency and damping over amplitude are a test of kind = \"backbone\", which is written by hand",
+        Some(_) => "; natural frequency and damping ratio over amplitude as `amplitude [mm]`, `frequency [Hz]`, `damping [%]`",
         None => "",
     };
     Err(super::error::FileError {

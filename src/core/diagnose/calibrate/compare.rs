@@ -46,8 +46,10 @@ fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult
         BlockKind::Loop => format!("{:.0} deg of the cycle", block.abscissa[within].to_degrees()),
         BlockKind::Record => format!("{:.4} s", block.abscissa[within]),
         BlockKind::Table if plan.kind == TestKind::Modal => format!("mode {}", block.abscissa[within]),
-        BlockKind::Table if plan.kind == TestKind::Backbone => format!("an amplitude of {:.4e} (SI)", block.abscissa[within]),
-        BlockKind::Table => format!("{} Hz", block.abscissa[within]),
+        BlockKind::Table => match &block.amplitude_unit {
+            Some(unit) => format!("an amplitude of {}", unit.print_difference(block.abscissa[within])),
+            None => format!("{} Hz", block.abscissa[within]),
+        },
     };
     let curves: Vec<Curve> = plan
         .blocks

@@ -86,11 +86,11 @@ pub(in crate::diagnose) fn strength_unit(case: &Case, system: &System, name: &Na
     let channel = || {
         let (test, role) = name.at.rsplit_once('.')?;
         let mut blocks = case.plans.iter().filter(|(p, _)| test == "*" || p.id == test).flat_map(|(p, _)| &p.blocks);
-        blocks.find(|b| b.role == role).map(|b| b.unit.clone())
+        blocks.find(|b| b.role == role).map(|b| (b.stated.symbol.clone(), b.stated.factor))
     };
     match dim {
-        Some(Dim::Channel) => (channel().unwrap_or_default(), 1.0),
-        Some(Dim::ChannelPerTime) => (format!("{}/s", channel().unwrap_or_default()), 1.0),
+        Some(Dim::Channel) => channel().unwrap_or((String::new(), 1.0)),
+        Some(Dim::ChannelPerTime) => channel().map_or(("1/s".into(), 1.0), |(unit, factor)| (format!("{unit}/s"), factor)),
         Some(dim) => dim.practical(rotational),
         None => (String::new(), 1.0),
     }

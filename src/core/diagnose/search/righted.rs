@@ -136,8 +136,10 @@ pub fn drifting(case: &Case) -> Vec<Instrument> {
         });
         let told = |(b, s): (&crate::response::Block, &crate::response::Scatter)| {
             let (id, role) = (&plan.id, &b.role);
-            let why =
-                format!("the {role} of {id} goes by {:.3e} {} over its record, from cycle to cycle, which was taken out", s.crept, b.unit);
+            let why = format!(
+                "the {role} of {id} goes by {} over its record, from cycle to cycle, which was taken out",
+                b.stated.print_difference(s.crept)
+            );
             Instrument { effect: "drift".into(), at: format!("{id}.{role}"), why, tied_with: vec![] }
         };
         blocks.map(told).collect()

@@ -30,7 +30,9 @@ pub enum FormulaError {
         motion: String,
     },
     /// It gives energy back.
-    #[error("`{text}` gives energy back: {given:.3e} J in a closed cycle of amplitude {amplitude:.3e} at {frequency:.3e} Hz")]
+    #[error(
+        "`{text}` gives energy back: {given:.3e} J in a closed cycle of amplitude {amplitude:.3e} m (rad about an axis) at {frequency:.3e} Hz"
+    )]
     Energy {
         /// The formula.
         text: String,
@@ -43,7 +45,7 @@ pub enum FormulaError {
     },
     /// Its states grow without end.
     #[error(
-        "`{text}` is unstable: a state grows from {before:.3e} to {after:.3e} over equal cycles of amplitude {amplitude:.3e} at {frequency:.3e} Hz"
+        "`{text}` is unstable: a state grows from {before:.3e} to {after:.3e} over equal cycles of amplitude {amplitude:.3e} m (rad about an axis) at {frequency:.3e} Hz"
     )]
     Unstable {
         /// The formula.

@@ -113,7 +113,7 @@ impl<'a> Backbone<'a> {
     /// # Errors
     /// [`EngineError::NoNonlinearMode`] where there is no such motion, or none that oscillates.
     pub fn at(&mut self, amplitude: f64, sensitivities: bool) -> Result<NonlinearMode, EngineError> {
-        let refuse = |why: &str| EngineError::NoNonlinearMode { amplitude, why: why.into() };
+        let refuse = |why: &str| EngineError::NoNonlinearMode { why: why.into() };
         self.creeps = false;
         let mut point = self.step(self.last, amplitude, APART)?;
         if point.is_none() {

@@ -53,7 +53,7 @@ fn only(bound: &Bound, wanted: impl Fn(&Element) -> bool) -> Bound {
 }
 
 fn chosen(model: &Model, bound: &Bound, row: &[(usize, f64)], which: Which) -> Result<Vector2<f64>, EngineError> {
-    let refuse = |why: String| EngineError::NoNonlinearMode { amplitude: 0.0, why };
+    let refuse = |why: String| EngineError::NoNonlinearMode { why };
     let most = model.dofs.len();
     let mut count = if let Which::Number(number) = which { number } else { 1 }.min(most);
     let mut modes = Modes::new(model, bound, Range::Lowest(count), false)?;
