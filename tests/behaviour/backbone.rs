@@ -46,11 +46,11 @@ fn cycles(x0: f64, hidden: impl Fn(f64, f64) -> f64, count: usize) -> Vec<Cycle>
     found
 }
 
-/// Rows `X,f,zeta` in mm, Hz, % in rising amplitude, one in three cycles, with noise.
+/// Rows `X,f,zeta` in mm, Hz, % in rising amplitude, ten of a decay or one in three cycles, with noise.
 fn table(cycles: &[Cycle], seed: u64) -> String {
     let (mut text, mut state) = ("X,f,zeta\n".to_string(), seed);
     let mut noisy = |value: f64, sigma: f64| value * (1.0 + sigma * noise(&mut state));
-    for k in (1..cycles.len() - 1).rev().step_by(3) {
+    for k in (1..cycles.len() - 1).rev().step_by((cycles.len() / 10).max(3)) {
         let decrement = 0.5 * (cycles[k - 1].0 / cycles[k + 1].0).ln();
         let damping = decrement / (TAU * TAU + decrement * decrement).sqrt();
         let frequency = cycles[k].1 / (1.0 - damping * damping).sqrt();

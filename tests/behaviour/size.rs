@@ -78,6 +78,9 @@ fn a_verb_on_2000_bodies_ends_in_time() {
         assert!(matches!(ran.status.code(), Some(0 | 130)), "{verb}: {:?} {}", ran.status, String::from_utf8_lossy(&ran.stderr));
         assert!(serde_json::from_slice::<serde_json::Value>(&ran.stdout).is_ok(), "{verb}");
     }
+    // Out of time after the fit, the 36,014 candidates are not listed any more.
+    let ran = rig.run("diagnose", &["--json", "--max-seconds", "1e-9", "--threads", "1"]);
+    assert!(ran.code == 130 && !ran.stderr.contains("scoring") && ran.json()["verdict"] == "unexplained", "{} {}", ran.stdout, ran.stderr);
 }
 
 /// Asked of the release profile: at most 1 s and 10 s. `cargo test --release --test behaviour size -- --ignored --nocapture`.

@@ -57,10 +57,11 @@ fn a_law_of_the_energies_predicts_the_case_left_out() {
     assert_eq!(two.verdict, Verdict::SomeLaw);
 }
 
-/// The whole way on the paper's tables: the law acts on the strengths that carry the loss of the calibrated model.
+/// The last rung of study 05 on the paper's tables: the law acts on the strengths that carry the loss of the calibrated model. (The rungs before it answer nothing that
+/// is asked here; that rungs are climbed and told is a matter of study 11 below.)
 #[test]
 fn the_calibrated_model_predicts_the_ratios_left_out() {
-    let result = predict("05-tensioner-tables");
+    let result = predict("05-tensioner-tables/shifts");
     let laws = &result["tolerance"]["laws"];
     let number = |v: &serde_json::Value| v.as_f64().unwrap();
     assert!(number(&laws["left_out_rms"]) < 0.08, "{laws}");

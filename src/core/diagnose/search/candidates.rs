@@ -2,6 +2,7 @@
 
 use crate::effect::{Channel, Effect, Grid, Kind, LIBRARY, Moves, Over, Role, SPLINE, Scales, Sign, find, own};
 use crate::model::{ChannelSite, Instance, Model, ParamValue, Site, System, Target};
+use crate::parallel;
 use crate::response::{BlockKind, Plan};
 use crate::units::{Dimension, Unit};
 
@@ -66,7 +67,7 @@ impl Name {
     }
 }
 
-/// All candidates and their trials.
+/// All candidates and their trials. A list that is stopped before its end ([`parallel::given_up`]) is not whole.
 pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) -> (Vec<Name>, Vec<Trial>) {
     let mut list = List { case, system, names: vec![], trials: vec![] };
     let wanted = |effect: &str| case.search.effects.as_ref().is_none_or(|list| list.iter().any(|e| e == effect));
@@ -77,6 +78,9 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
             && !crate::diagnose::calibrate::slack::deviates(e)
     };
     for effect in LIBRARY.iter().chain(own::searched()).filter(tried) {
+        if parallel::given_up() {
+            break;
+        }
         match effect {
             Effect::Coefficient(law) => list.coefficients(effect, &conditions(plans, law.over())),
             Effect::Geometry(law) => list.outlines(effect, law.moves()),
@@ -108,6 +112,9 @@ impl List<'_> {
         let own = if inertial { parts(system) } else { vec![] };
         let at_bodies = bodies(self.case, system, inertial || LINKS.contains(&info.name));
         for (at, places) in sites(self.case, system).into_iter().chain(at_bodies).chain(own) {
+            if parallel::given_up() {
+                return;
+            }
             if info.role == Role::Series && !forced(system, &places) {
                 continue;
             }
@@ -174,7 +181,7 @@ impl List<'_> {
 
     /// One candidate, a trial for each of its shapes; none where it has none.
     fn push(&mut self, effect: &'static Effect, name: Name, site: Site, target: Option<Target>, shapes: Vec<Vec<(usize, f64)>>) {
-        if shapes.is_empty() {
+        if shapes.is_empty() || parallel::given_up() {
             return;
         }
         let candidate = self.names.len();

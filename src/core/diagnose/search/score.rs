@@ -88,7 +88,7 @@ fn with_priors(
 }
 
 /// Scores are those of all candidates or none: what the time was over for is not told from what says nothing.
-fn in_time() -> Result<(), DiagnoseError> {
+pub(super) fn in_time() -> Result<(), DiagnoseError> {
     if parallel::given_up() { Err(DiagnoseError::start_fails("the scoring was stopped before its end")) } else { Ok(()) }
 }
 

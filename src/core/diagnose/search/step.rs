@@ -11,7 +11,7 @@ use super::listed::{Listed, Raced, visible};
 use super::pairs::in_pairs;
 use super::picks;
 use super::refit::{Bench, Leader, Refit, best_per_candidate};
-use super::score::{Score, Scores, score};
+use super::score::{Score, Scores, in_time, score};
 use super::states::{self, Wanted};
 use super::survivors::{Held, Survivors};
 use crate::diagnose::calibrate::case::Case;
@@ -217,6 +217,7 @@ pub(in crate::diagnose) struct Survey {
 /// Scores every candidate.
 pub(in crate::diagnose) fn survey(a: &Against) -> Result<Survey, DiagnoseError> {
     let (scale, base) = (a.scale, a.base);
+    in_time()?;
     // Refits race under the variances of the model without them where strengths do not scatter, every coefficient a datum.
     let loose = scale.evidence.estimate_without_scatter(&base.seen, &scale.counts, &base.v);
     let squares = scale.evidence.squares(&base.seen, &scale.counts, &loose);
@@ -227,6 +228,7 @@ pub(in crate::diagnose) fn survey(a: &Against) -> Result<Survey, DiagnoseError> 
     let plans = race.plans_of(SplitName::Fit);
     let system = &base.fitted.system;
     let all = candidates(&race, system, &plans, &Scene::new(&plans, system));
+    in_time()?;
     let (names, trials) = once(all, &a.added);
     (a.watch)(&format!("scoring {} effects at places, {} shapes", names.len(), trials.len()));
     let started = std::time::Instant::now();
