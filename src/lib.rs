@@ -19,6 +19,16 @@
 //!
 //! `diagnose` says where the model fails and which effects may explain it, `ladder` adds them until none earns its place.
 //!
+//! Quantities are written with their units and turned into SI where they are read:
+//!
+//! ```
+//! use misfit::units::{self, Dimension};
+//! assert_eq!(units::parse("20 N/mm", Dimension::STIFFNESS).unwrap(), 20e3);
+//! let k = units::parse("1490 N mm/deg", Dimension::ROTATIONAL_STIFFNESS).unwrap();
+//! assert!((k - 1.49_f64.to_degrees()).abs() < 1e-12);
+//! assert!(units::parse("20 mm", Dimension::FORCE).is_err());
+//! ```
+//!
 //! The modules stand in the order of the flow; a file imports only from modules above its own (`tests` checks it).
 
 pub use misfit_core::{
