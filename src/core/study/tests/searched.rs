@@ -118,6 +118,12 @@ fn a_channel_that_drifts_is_told_and_its_mean_is_granted_that() {
     let (found, crept) = told(&folder);
     assert_eq!(found, [("drift".to_string(), "loop-2Hz.force".to_string())]);
     assert!((crept[1] / (0.2 * whole) - 1.0).abs() < 0.1, "{crept:?} over {whole} cycles");
+    // How far it goes by is told in the unit of the file.
+    let dataset = folder.path().join("data/dataset.toml");
+    let text = std::fs::read_to_string(&dataset).unwrap();
+    std::fs::write(&dataset, text.replace("unit=\"N\"", "unit=\"kN\"")).unwrap();
+    let why = drifting(&Case::from_study(&folder.load().unwrap(), 1).unwrap()).remove(0).why;
+    assert!(why.contains(" kN over its record"), "{why}");
 }
 
 /// One FRF of three with its sign turned is told and turned back, where springs of the study begin a fifth off; as they are measured none is.
