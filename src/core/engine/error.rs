@@ -114,7 +114,7 @@ impl Explain for EngineError {
             EngineError::NotPeriodic { .. } | EngineError::Work { .. } => "cycle".into(),
             EngineError::GivenUp => "time".into(),
             EngineError::Request { what, .. } => (*what).into(),
-            EngineError::NoNonlinearMode { .. } => "nonlinear mode".into(),
+            EngineError::NoNonlinearMode { .. } => "amplitude of the nonlinear mode".into(),
             EngineError::NoHarmonicBalance { frequency, .. } | EngineError::NoMode { frequency, .. } => format!("{frequency} Hz"),
         }
     }

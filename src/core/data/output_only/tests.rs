@@ -111,24 +111,25 @@ channels = [
  { role = "time", column = "t", unit = "s" },
  { role = "displacement", at = "m1.x", column = "x1", unit = "mm" },
  { role = "velocity", at = "m3.x", column = "v3", unit = "mm/s" },
+ { role = "acceleration", at = "m2.x", column = "a2", unit = "m/s2" },
 ]
 "#;
 
 /// The record of a chain as a file.
 fn file(samples: usize) -> String {
     let responses = responses(samples, 0.0, 5);
-    let row = |n: usize| format!("{:.4},{:.6},{:.6}\n", n as f64 * STEP, responses[0][n], responses[1][n]);
-    format!("t,x1,v3\n{}", (0..samples).map(row).collect::<String>())
+    let row = |n: usize| format!("{:.3},{:.6},{:.6},{:.6}\n", n as f64 * STEP, responses[0][n], responses[1][n], responses[2][n]);
+    format!("t,x1,v3,a2\n{}", (0..samples).map(row).collect::<String>())
 }
 
 #[test]
 fn a_record_without_its_excitation_is_a_modal_table() {
-    let record = file(40_000);
+    let record = file(120_000);
     let dataset = Folder::new(TEST).with("road.csv", &record).load().unwrap();
     let crate::data::Record::Modal(table) = &dataset.tests[0].record else { panic!("{:?}", dataset.tests[0].record) };
     assert_eq!(table.rows.iter().map(|r| r.mode).collect::<Vec<_>>(), [1, 2, 3]);
     assert!(
-        table.notes[0].contains("3 mode(s) at") && table.notes[0].contains("displacement at m1.x, velocity at m3.x"),
+        table.notes[0].contains("3 mode(s) at") && table.notes[0].contains("displacement at m1.x, velocity at m3.x, acceleration at m2.x"),
         "{:?}",
         table.notes
     );
@@ -147,8 +148,11 @@ fn a_record_without_its_excitation_is_a_modal_table() {
 fn what_cannot_be_identified_is_refused_where_it_stands() {
     let short = Folder::new(TEST).with("road.csv", &file(900)).load().unwrap_err();
     assert!(short.to_string().contains("900 samples") && short.place().contains("road.csv"), "{short}: {}", short.place());
-    let still =
-        file(2000).lines().map(|l| format!("{},0,0\n", l.split(',').next().unwrap())).collect::<String>().replace("t,0,0", "t,x1,v3");
+    let still = file(2000)
+        .lines()
+        .map(|l| format!("{},0,0,0\n", l.split(',').next().unwrap()))
+        .collect::<String>()
+        .replace("t,0,0,0", "t,x1,v3,a2");
     let still = Folder::new(TEST).with("road.csv", &still).load().unwrap_err();
     assert!(still.to_string().contains("displacement at m1.x does not vary"), "{still}");
     error(&TEST.replace("[\"2 Hz\", \"80 Hz\"]", "[\"80 Hz\", \"2 Hz\"]"), &[("road.csv", "")], "no band", 7);
