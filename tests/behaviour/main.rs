@@ -20,6 +20,7 @@ mod hostile;
 mod house;
 mod missing;
 mod new;
+mod output_only;
 mod population;
 mod resumed;
 mod rig;

@@ -21,6 +21,7 @@ pub mod inspect;
 mod loops;
 mod modal_families;
 pub mod modal_fit;
+mod output_only;
 pub mod readers;
 mod reading;
 mod record;

@@ -105,6 +105,12 @@ impl TimeRecord {
         }
     }
 
+    /// Takes the mean of the whole record off each of these channels.
+    fn centre_whole(&mut self, channels: &[usize]) {
+        let means: Vec<f64> = self.channels.iter().map(|c| c.values.iter().sum::<f64>() / c.values.len().max(1) as f64).collect();
+        self.centre(channels, |k| means[k]);
+    }
+
     /// Whether a channel is one that the test answers with. Velocity and acceleration of a driven displacement are the drive itself.
     pub fn answers(&self, channel: &Channel) -> bool {
         let of_the_drive = |d: &Channel| {
@@ -197,8 +203,7 @@ pub(super) fn transient(table: &TableView<'_>, id: &str, source: &Source<'_>) ->
         None => Drive::Marked,
     };
     let (mut record, centred) = record(table, id, drive, source)?;
-    let means: Vec<f64> = record.channels.iter().map(|c| c.values.iter().sum::<f64>() / c.values.len().max(1) as f64).collect();
-    record.centre(&centred, |k| means[k]);
+    record.centre_whole(&centred);
     if record.channels.iter().all(|c| c.input) {
         return Err(no_channel(table, "that answers (without input = true)").into());
     }
@@ -217,6 +222,18 @@ enum Drive {
     Marked,
     /// Nothing: the structure was released before its first sample.
     Free,
+    /// Something that was not measured.
+    Unmeasured,
+}
+
+/// Responses to an excitation that was not measured.
+pub(super) fn unmeasured(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<TimeRecord, DataError> {
+    let (mut record, centred) = record(table, id, Drive::Unmeasured, source)?;
+    if record.channels.is_empty() {
+        return Err(no_channel(table, "of a motion: a displacement, velocity or acceleration").into());
+    }
+    record.centre_whole(&centred);
+    Ok(record)
 }
 
 /// A record that nothing drives is one under a force of zero, where its first motion is measured.
@@ -234,7 +251,8 @@ fn released(table: &TableView<'_>, record: &mut TimeRecord) -> Result<(), DataEr
 
 /// The record, and which of its channels are to be centred.
 fn record(table: &TableView<'_>, id: &str, drive: Drive, source: &Source<'_>) -> Result<(TimeRecord, Vec<usize>), DataError> {
-    let mut specs = channels(table, &ROLES, &[])?;
+    let roles = if drive == Drive::Unmeasured { &super::output_only::ROLES[..] } else { &ROLES };
+    let mut specs = channels(table, roles, &[])?;
     let control = if let Drive::Controlled(control) = drive { Some(control) } else { None };
     mark_inputs(table, drive, &mut specs)?;
     let noise = table.optional("noise", |v| super::channel::sigma(&v, &crate::units::Unit::si(crate::units::Dimension::DIMENSIONLESS)))?;
@@ -345,10 +363,11 @@ fn mark_inputs(table: &TableView<'_>, drive: Drive, specs: &mut [ChannelSpec]) -
                 "control = \"displacement\" or \"force\", input = true in the channels that drive it, or control = \"free\" for a decay";
             return Err(table.refuse("nothing drives this test: it has no key `control`, and no channel is marked", accepted).into());
         }
-        Drive::Free => {
+        Drive::Free | Drive::Unmeasured => {
             if let Some(driven) = specs.iter().find(|s| s.input) {
-                let message = format!("the {} is marked as input, and control is free", driven.label());
-                return Err(table.refuse(message, "no input = true in a record that nothing drives").into());
+                let drive = if drive == Drive::Free { "control is free" } else { "output_only is true" };
+                let message = format!("the {} is marked as input, and {drive}", driven.label());
+                return Err(table.refuse(message, "no input = true in a record that nothing measured drives").into());
             }
             return Ok(());
         }

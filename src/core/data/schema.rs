@@ -246,6 +246,12 @@ enum Test {
         rows: Option<Vec<ModalRow>>,
         /// Noise of values without a sigma, a part of the value.
         noise: Option<Quantity>,
+        /// The file holds responses to a broad excitation that was not measured; the modes are identified from them.
+        output_only: Option<bool>,
+        /// Lower and upper end of the band in which modes are identified.
+        band: Option<[Quantity; 2]>,
+        /// Number of each mode identified, in the order of their frequencies; 1, 2, ... where it is left out.
+        modes: Option<Vec<u32>>,
     },
     /// Natural frequency and damping ratio of a mode over its amplitude.
     Backbone {

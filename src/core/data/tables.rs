@@ -26,6 +26,8 @@ pub struct TableValue {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModalTable {
     pub rows: Vec<ModeRow>,
+    /// How the modes were identified, where they were.
+    pub notes: Vec<String>,
 }
 
 /// One mode.
@@ -108,7 +110,10 @@ impl Row {
 }
 
 pub(super) fn modal(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Result<ModalTable, DataError> {
-    only(table, &["file", "channels", "rows", "noise"])?;
+    if table.optional("output_only", |v| v.bool())?.unwrap_or(false) {
+        return super::output_only::modal(table, id, source);
+    }
+    only(table, &["file", "channels", "rows", "noise", "output_only"])?;
     let rows = rows(table, id, source, &MODAL_ROLES, &[], false)?;
     let (mut modes, mut seen) = (Vec::new(), Vec::new());
     for row in rows {
@@ -138,7 +143,7 @@ pub(super) fn modal(table: &TableView<'_>, id: &str, source: &Source<'_>) -> Res
             place: row.place.clone(),
         });
     }
-    Ok(ModalTable { rows: modes })
+    Ok(ModalTable { rows: modes, notes: vec![] })
 }
 
 pub(super) fn energy(table: &TableView<'_>, id: &str, common: &Conditions, source: &Source<'_>) -> Result<EnergyTable, DataError> {

@@ -139,7 +139,7 @@ fn table(modes: &[u32], damping: bool, place: &str) -> Record {
         description: None,
         place: place.into(),
     };
-    Record::Modal(ModalTable { rows: modes.iter().map(row).collect() })
+    Record::Modal(ModalTable { rows: modes.iter().map(row).collect(), notes: vec![] })
 }
 
 /// Natural frequencies [Hz] of these modes, from 1, in small motion at the given conditions.

@@ -72,6 +72,7 @@ impl ModalPlan {
         let id = plan.id.clone();
         let mut rows: Vec<Row> = Vec::new();
         let mut table = table.clone();
+        plan.notes.append(&mut table.notes);
         if table.rows.iter().any(|r| r.family.is_some()) {
             let known = |r: &ModeRow| r.family.as_deref().and_then(Family::parse);
             for row in table.rows.iter().filter(|r| known(r).is_none()) {

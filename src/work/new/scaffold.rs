@@ -94,7 +94,8 @@ impl Writer {
             let name = path.display();
             self.to_confirm.push(format!(
                 "{name}: a history left out, it has no channel that drives (displacement or force) and one that answers; a decay, which \
-                                 nothing drives, is a test of kind = \"transient\" with control = \"free\""
+                                 nothing drives, is a test of kind = \"transient\" with control = \"free\", responses to a broad excitation that \
+                                 was not measured are one of kind = \"modal\" with output_only = true"
             ));
             return;
         }

@@ -1,11 +1,7 @@
 use super::*;
+use crate::data::modal_fit::tests::normal;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let (u, v): (f64, f64) = (rng.random::<f64>().max(1e-300), rng.random());
-    (-2.0 * u.ln()).sqrt() * (TAU * v).cos()
-}
 
 /// A resonator as an exact discrete filter (impulse-invariant), and its frequency response.
 struct Resonator {

@@ -183,14 +183,29 @@ const NEEDED: usize = 24;
 
 /// Fits the modes of a set of FRFs.
 pub fn fit(set: &FrfSet, settings: &Settings) -> Result<ModalFit, ModalFitError> {
+    fit_with_parts(set, &[], settings).map(|(fit, _)| fit)
+}
+
+/// The fit, and frequency (Hz) and damping ratio of each of its modes refined anew on each of `parts`, sets over the same lines.
+pub(super) fn fit_with_parts(
+    set: &FrfSet,
+    parts: &[FrfSet],
+    settings: &Settings,
+) -> Result<(ModalFit, Vec<Vec<(f64, f64)>>), ModalFitError> {
     let set = set.band(settings.band)?;
     let order = settings.max_order.min(set.frequency.len() / 3).max(4);
     let mut diagram = lscf::diagram(&set, order);
     let candidates = pick::pick(&mut diagram, order);
     let refined = refine::refine(&set, &candidates);
-    let mut modes: Vec<Mode> = refined.poles.iter().filter(|p| p.reported).map(|p| shape::mode(&set, p)).collect();
-    modes.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
-    Ok(ModalFit { modes, diagram, chi_squared: refined.chi_squared, error: refined.error })
+    let mut reported: Vec<usize> = (0..refined.poles.len()).filter(|k| refined.poles[*k].reported).collect();
+    reported.sort_by(|a, b| refined.poles[*a].pole.norm().total_cmp(&refined.poles[*b].pole.norm()));
+    let modes: Vec<Mode> = reported.iter().map(|k| shape::mode(&set, &refined.poles[*k])).collect();
+    let mut again = Vec::with_capacity(parts.len());
+    for part in parts {
+        let poles = refine::again(&part.band(settings.band)?, &refined.poles);
+        again.push(reported.iter().map(|k| of_pole(poles[*k])).collect());
+    }
+    Ok((ModalFit { modes, diagram, chi_squared: refined.chi_squared, error: refined.error }, again))
 }
 
 /// Undamped frequency (Hz) and damping ratio of a pole.
@@ -200,4 +215,4 @@ pub(super) fn of_pole(s: Complex64) -> (f64, f64) {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

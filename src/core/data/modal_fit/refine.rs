@@ -19,6 +19,8 @@ pub(super) struct Pole {
     pub orders: usize,
     /// Inside the band: a mode. Others stand in for what lies beyond it.
     pub reported: bool,
+    /// Its residues are imaginary.
+    pub normal: bool,
     pub frequency_sigma: f64,
     pub damping_sigma: f64,
     /// Residue in each FRF.
@@ -86,9 +88,15 @@ struct Problem<'a> {
     scale: f64,
 }
 
+/// The poles of a fit, refined on another set over the same lines, in their order.
+pub(super) fn again(set: &FrfSet, poles: &[Pole]) -> Vec<Complex64> {
+    let mut working: Vec<Working> = poles.iter().map(|p| Working { pole: p.pole, orders: p.orders, normal: p.normal }).collect();
+    Problem::of(set).descend(&mut working);
+    working.iter().map(|w| w.pole).collect()
+}
+
 pub(super) fn refine(set: &FrfSet, candidates: &[Candidate]) -> Refined {
-    let omega: Vec<f64> = set.frequency.iter().map(|f| TAU * f).collect();
-    let problem = Problem { set, scale: omega[omega.len() - 1], omega };
+    let problem = Problem::of(set);
     let (f1, f2) = problem.band();
     let mut poles: Vec<Working> = candidates.iter().map(|c| Working { pole: c.pole, orders: c.orders, normal: false }).collect();
     let mut state = problem.descend(&mut poles);
@@ -124,6 +132,11 @@ fn f_beyond(f: f64, more: f64, left: f64) -> f64 {
 }
 
 impl Problem<'_> {
+    fn of(set: &FrfSet) -> Problem<'_> {
+        let omega: Vec<f64> = set.frequency.iter().map(|f| TAU * f).collect();
+        Problem { set, scale: omega[omega.len() - 1], omega }
+    }
+
     fn columns(&self) -> usize {
         self.set.h.len()
     }
@@ -313,7 +326,7 @@ impl Problem<'_> {
         let free: Vec<Working> = poles.iter().map(|p| Working { normal: false, ..*p }).collect();
         let covariance = self.evaluate(&free).normal.try_inverse().map(|c| c * chi_squared.max(1.0));
         let places = places(&poles);
-        let all = poles.iter().enumerate().map(|(m, Working { pole: s, orders, .. })| {
+        let all = poles.iter().enumerate().map(|(m, Working { pole: s, orders, normal })| {
             let (frequency, damping) = of_pole(*s);
             let w = s.norm();
             // f = |s| / 2 pi, zeta = -Re s / |s|.
@@ -329,7 +342,7 @@ impl Problem<'_> {
             let determined = frequency_sigma < 0.5 * damping * frequency && damping_sigma < 0.5 * damping;
             let reported = (f1..=f2).contains(&frequency) && damping < 0.4 && determined;
             let residues = state.linear.iter().map(|c| residue(&poles, &places, c, m) * w).collect();
-            Pole { pole: *s, orders: *orders, reported, frequency_sigma, damping_sigma, residues }
+            Pole { pole: *s, orders: *orders, reported, normal: *normal, frequency_sigma, damping_sigma, residues }
         });
         let all: Vec<Pole> = all.collect();
         Refined { error: self.error(&poles, &state), poles: all, chi_squared }
