@@ -120,6 +120,38 @@ fn slopes_of_linear_laws_are_of_fourth_order() {
     }
 }
 
+/// The last step of Newton's method is not looked at again, and states follow it all the same: with sensitivities, where they are computed with these, and
+/// without. Laws that superpose take one such step.
+#[test]
+fn states_follow_the_motion_with_and_without_sensitivities() {
+    let mut superposed = mixed(false);
+    superposed.instances.retain(|i| ["linear_stiffness", "viscous", "maxwell", "structural_damping"].contains(&i.name()));
+    superposed.instances.push(instance(&superposed.model, "inertia_deviation", "c0.x", &[0.4, 0.3, 2000.0, 4.0]));
+    for system in [mixed(false), superposed] {
+        let of = |sensitivities| run(&system, &by_force(600, 1e-3), &[Probe::Dof(0), Probe::Force(1)], true, 1, sensitivities);
+        let (with, without) = (of(true), of(false));
+        for (with, without) in with.iter().zip(&without) {
+            assert!(apart(&with.values, &without.values) < 1e-7, "{}", apart(&with.values, &without.values));
+        }
+    }
+}
+
+/// What is read of displacements alone needs no sensitivities of accelerations.
+#[test]
+fn slopes_of_displacements_are_the_same_without_those_of_accelerations() {
+    let mut system = mixed(false);
+    system.instances.push(instance(&system.model, "inertia_deviation", "c0.x", &[0.4, 0.3, 2000.0, 4.0]));
+    let (bound, loads) = (bind(&system), by_force(300, 1e-3));
+    let of = |reads: bool| {
+        let mut march = March::exact(&system.model, &bound, &loads, 0.6).unwrap();
+        march.reads_beyond_state = reads;
+        let mut state = march.rest(bound.n_free);
+        (1..=300).for_each(|k| march.step(k, &mut state, bound.n_free).unwrap());
+        (state.dq, state.dv)
+    };
+    assert_eq!(of(true), of(false));
+}
+
 /// A system of every kind of law, under a force and under a motion: both methods come to the same.
 #[test]
 fn exact_steps_come_to_what_the_march_for_any_model_does() {

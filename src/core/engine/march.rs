@@ -91,6 +91,8 @@ pub struct March<'a> {
     n_follower_states: usize,
     /// Whether the first columns are the free parameters; otherwise all are perturbations of the start.
     pub(super) by_parameter: bool,
+    /// Whether sensitivities of more than displacements and velocities are read; exact steps leave the others out where not.
+    pub reads_beyond_state: bool,
     // Working vectors.
     old: State,
     new_s: Vec<f64>,
@@ -198,6 +200,7 @@ impl<'a> March<'a> {
             n_states: s0,
             n_follower_states: fs0,
             by_parameter: true,
+            reads_beyond_state: true,
             old: State::default(),
             new_s: vec![0.0; s0],
             external: vec![0.0; n],

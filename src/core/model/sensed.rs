@@ -67,10 +67,9 @@ impl Sensed {
         }
         self.spans = spans;
     }
-    /// The old states that a row depends on, by their place, with its derivatives; after [`Sensed::find_spans`].
-    #[inline]
-    pub fn states_at(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let (first, end) = self.spans[row];
-        (first..end).zip(self.states(row)[first..end].iter().copied())
+    /// The old states from the first to the last that a row depends on; after [`Sensed::find_spans`].
+    #[inline(always)]
+    pub fn span(&self, row: usize) -> std::ops::Range<usize> {
+        self.spans[row].0..self.spans[row].1
     }
 }

@@ -290,6 +290,7 @@ impl TransientPlan {
         mut each: impl FnMut(usize, bool, &March, &State),
     ) -> Result<(), EngineError> {
         let mut march = March::exact(model, bound, loads, RADIUS)?;
+        march.reads_beyond_state = self.probes.iter().any(|(probe, _)| !probe.of_state());
         let held: Vec<(usize, f64)> = loads.prescribed.iter().map(|(dof, path)| (*dof, path[0][0])).collect();
         let mut state = march.start(equilibrium(model, bound, &held, columns)?, columns);
         start.apply(&mut state, columns);

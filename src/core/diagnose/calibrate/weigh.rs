@@ -12,7 +12,7 @@ use crate::residual::{Common, Memo, Problem};
 use crate::response::Plan;
 
 use super::case::{Case, Fitted};
-use super::nearby::Nearby;
+use super::nearby::{Looked, Nearby};
 use crate::diagnose::results::SplitName;
 use crate::diagnose::settings::Settings;
 
@@ -162,24 +162,30 @@ impl Scale {
     /// The same, computed unless it is known.
     fn see_again(&self, system: &System, memo: &Memo) -> Result<Vec<Seen>, String> {
         let (plans, free) = (self.case.plans_of(SplitName::Fit), system.free());
-        let computed = match memo.find(system, &free) {
-            Some(known) => known,
-            None => {
-                let one = |p: &&Plan| p.evaluate(system, &free, true).map_err(|e| e.to_string());
-                let computed = Arc::new(parallel::map(&plans, one).into_iter().collect::<Result<Vec<_>, _>>()?);
-                memo.keep(system, &free, computed.clone());
-                computed
-            }
+        let compute = || {
+            let computed = match memo.find(system, &free) {
+                Some(known) => known,
+                None => {
+                    let one = |p: &&Plan| p.evaluate(system, &free, true).map_err(|e| e.to_string());
+                    Arc::new(parallel::map(&plans, one).into_iter().collect::<Result<Vec<_>, _>>()?)
+                }
+            };
+            let of = |t: usize| {
+                let finite = computed[t].values.iter().chain(&computed[t].slopes).all(|v| v.is_finite());
+                if finite {
+                    Ok(self.evidence.records[t].see(plans[t], &computed[t], system, &free))
+                } else {
+                    Err("its response is not finite".into())
+                }
+            };
+            let seen = parallel::over(plans.len(), of).into_iter().collect::<Result<Vec<_>, String>>()?;
+            Ok(Looked { computed, seen: Arc::new(seen) })
         };
-        let of = |t: usize| {
-            let finite = computed[t].values.iter().chain(&computed[t].slopes).all(|v| v.is_finite());
-            if finite {
-                Ok(self.evidence.records[t].see(plans[t], &computed[t], system, &free))
-            } else {
-                Err("its response is not finite".into())
-            }
-        };
-        parallel::over(plans.len(), of).into_iter().collect()
+        let Looked { computed, seen } = self.nearby.look((&self.case.plans, system, &free), compute)?;
+        if memo.find(system, &free).is_none() {
+            memo.keep(system, &free, computed);
+        }
+        Ok(seen.as_ref().clone())
     }
 
     /// Fits the system and estimates its variances in turn, from these variances on, until they move the likelihood by no more than fits leave

@@ -178,6 +178,7 @@ impl<'a> Climb<'a> {
                 scale: &self.scale,
                 base: &self.now,
                 need: None,
+                beyond: 0.0,
                 stands: None,
                 rival,
                 elsewhere: &elsewhere,

@@ -182,7 +182,7 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             }
             break if step.cut || trace::stopped(monitor) { End::Stopped } else { End::NothingGains };
         };
-        if climb.exchange_first(taken, &mut rungs)? {
+        if climb.exchange_first(taken, &step, &mut rungs)? {
             continue;
         }
         // Whether what stands should be another is not known where the time ended before it was held against what could stand in its place, or before all
@@ -226,9 +226,9 @@ impl Climb<'_> {
 
     /// Exchanges an addition before anything is added beside it, where that comes to no less: a law that does nearly what is missing leaves a rest that
     /// another one, elsewhere, can take up. Whether one was exchanged.
-    fn exchange_first(&mut self, taken: &super::step::Move, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
+    fn exchange_first(&mut self, taken: &super::step::Move, step: &Step, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
         let watch = self.monitor.watch();
-        let exchanged = if self.added.is_empty() { None } else { parallel::watched(&watch, || self.replace(Some(&taken.weighed))) };
+        let exchanged = if self.added.is_empty() { None } else { parallel::watched(&watch, || self.replace(Some((&taken.weighed, step)))) };
         let Some((added, removed)) = exchanged else { return Ok(false) };
         rungs.push(self.rung(Some(added), vec![removed])?);
         Ok(true)

@@ -43,8 +43,18 @@ pub fn map(case: &Case, fitted: &Fitted, monitor: &Monitor, watch: &(dyn Fn(&str
         return Err(DiagnoseError::start_fails(reason));
     };
     scale.counts = scale.evidence.counts(&base.seen, &base.v);
-    let against =
-        Against { scale: &scale, base: &base, need: None, stands: None, rival: None, elsewhere: &[], added: vec![], monitor, watch };
+    let against = Against {
+        scale: &scale,
+        base: &base,
+        need: None,
+        beyond: 0.0,
+        stands: None,
+        rival: None,
+        elsewhere: &[],
+        added: vec![],
+        monitor,
+        watch,
+    };
     let found = survey(&against)?;
     let price = Price::new(&against, &found.names, found.squares, &found.scores);
     let mark = |score: &super::score::Score| {

@@ -8,7 +8,7 @@ use super::candidates::Name;
 use super::climb::{Added, Climb};
 use super::fault::{of_all, of_channel};
 use super::held_out::HeldOutTests;
-use super::step::{Against, Step, Stood, step};
+use super::step::{Against, Step, Stood, role, step};
 use crate::diagnose::DiagnoseError;
 use crate::diagnose::calibrate::weigh::{Scale, Tied, Weighed};
 use crate::diagnose::results::{EffectAt, Rung, SplitName};
@@ -24,6 +24,14 @@ struct Alternatives {
     better: Option<(f64, Name, Weighed)>,
     /// The model without it; none where laws act on it.
     without: Option<Weighed>,
+}
+
+/// One effect more, which an exchange has to come up with.
+struct Rival<'a> {
+    /// Nats by which the model with it is worth more than the present one.
+    ahead: f64,
+    /// Nats that each candidate may add to the present model at most.
+    promises: &'a [(Name, f64)],
 }
 
 impl Climb<'_> {
@@ -80,21 +88,27 @@ impl Climb<'_> {
     pub fn list_ties(&mut self) {
         let law = |k: usize| self.now.fitted.system.instances.get(self.base + k).is_some_and(|i| !of_channel(i));
         if self.added.iter().enumerate().any(|(k, a)| !a.held && law(k)) {
-            let found = self.alternatives();
+            let found = self.alternatives(None);
             self.tie(found);
         }
     }
 
-    /// The exchange alone, if it comes to no less than a `rival`; where nothing is better, ties are listed on the way.
-    pub fn replace(&mut self, rival: Option<&Weighed>) -> Option<(EffectAt, EffectAt)> {
-        let mut found = self.alternatives();
+    /// The exchange alone, if it comes to no less than one effect more, which a `step` has taken; where there is none and nothing is better, ties are listed on
+    /// the way.
+    pub fn replace(&mut self, rival: Option<(&Weighed, &Step)>) -> Option<(EffectAt, EffectAt)> {
+        let ahead = |r: &Weighed| self.scale.worth(r) - self.scale.worth(&self.now);
+        let beside = rival.map(|(r, step)| Rival { ahead: ahead(r), promises: &step.promises });
+        let mut found = self.alternatives(beside.as_ref());
         let best = found.iter_mut().filter_map(|a| Some((a.of, a.better.take()?))).max_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let Some((k, (nats, name, weighed))) = best else {
-            self.tie(found);
+            // Beside what is added next they are others, and what is behind that was not looked for.
+            if rival.is_none() {
+                self.tie(found);
+            }
             return None;
         };
         let weighed = self.scale.weigh(&weighed.fitted.system, &weighed.v, self.monitor).unwrap_or(weighed);
-        if rival.is_some_and(|r| self.scale.worth(&weighed) < self.scale.worth(r)) {
+        if rival.is_some_and(|(r, _)| self.scale.worth(&weighed) < self.scale.worth(r)) {
             return None;
         }
         let acted_on = self.acted_on(k);
@@ -208,8 +222,16 @@ impl Climb<'_> {
         Alternatives { of: k, tied, better, without: None }
     }
 
-    /// For every law that was added, what else could stand in its place.
-    fn alternatives(&self) -> Vec<Alternatives> {
+    /// Whether something in the place of an addition may come to no less than one effect more beside it.
+    fn may_come_up(&self, k: usize, rival: &Rival) -> bool {
+        let added = &self.added[k];
+        let free = self.now.fitted.free.iter().filter(|f| f.instance == self.base + k).count();
+        let saved = 0.5 * free.saturating_sub(1) as f64 * self.scale.counts.n.ln();
+        promised_in_place(&added.name, &added.rivals, rival.promises) + saved + self.settings.tie >= rival.ahead
+    }
+
+    /// For every law that was added, what else could stand in its place: all that is better or tied, or what may come up with a rival.
+    fn alternatives(&self, rival: Option<&Rival>) -> Vec<Alternatives> {
         (self.watch)("holding what was added against what could stand in its place");
         let of = |k: usize| -> Option<Alternatives> {
             let instance = self.now.fitted.system.instances.get(self.base + k)?;
@@ -218,6 +240,9 @@ impl Climb<'_> {
             }
             if self.acted_on(k) {
                 return Some(self.with_its_laws(k));
+            }
+            if rival.is_some_and(|r| !self.may_come_up(k, r)) {
+                return None;
             }
             let (mut scale, small, whole) = self.beside_smaller(k)?;
             let stands = scale.worth(&whole);
@@ -238,6 +263,7 @@ impl Climb<'_> {
                 scale: &scale,
                 base: &small,
                 need: Some(need),
+                beyond: rival.map_or(0.0, |r| r.ahead.max(0.0)),
                 stands: Some((own, &stands_there)),
                 rival: None,
                 elsewhere: &elsewhere,
@@ -256,8 +282,38 @@ impl Climb<'_> {
     }
 }
 
+/// Nats by which the model with something else in the place of an addition may be likelier than the present one, at most. It is a part of the model with both: no
+/// likelier than that, which is above the present one by what the score of the other law promises beside it. Without bound where the scores do not tell: of
+/// frictions with memory one alone is scored at a place, and a law over a condition is held against laws everywhere.
+fn promised_in_place(own: &Name, rivals: &[(Name, Instance)], promises: &[(Name, f64)]) -> f64 {
+    if own.params_with_memory().is_some() || role(own) == Some(Role::Coefficient) {
+        return f64::INFINITY;
+    }
+    let could = |n: &Name| n.at == own.at || n.at.starts_with("*.") || rivals.iter().any(|(r, _)| r == n);
+    promises.iter().filter(|(n, _)| could(n)).map(|(_, nats)| *nats).fold(0.0, f64::max)
+}
+
 /// Whether the same effects act at the same places of two systems.
 fn same_effects(a: &System, b: &System) -> bool {
     let same = |(a, b): (&Instance, &Instance)| std::ptr::eq(a.effect, b.effect) && (&a.site, &a.target) == (&b.site, &b.target);
     a.instances.len() == b.instances.len() && a.instances.iter().zip(&b.instances).all(same)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::find;
+    use crate::model::Site;
+
+    #[test]
+    fn what_could_stand_in_a_place_promises_no_more_than_beside_what_stands_there() {
+        let name = |effect: &'static str, at: &str| Name { effect, at: at.into(), of: None };
+        let promises = [(name("coulomb", "c2.x"), 30.0), (name("backlash", "c1.x"), 4.0), (name("gain", "*.force"), 5.0)];
+        let own = name("cubic_stiffness", "c1.x");
+        assert_eq!(promised_in_place(&own, &[], &promises), 5.0, "at its place, and what an instrument reads in all tests");
+        let rival = Instance::new(find("coulomb").unwrap(), "c2.x", Site::Places(vec![1]), vec![]);
+        assert_eq!(promised_in_place(&own, &[(promises[0].0.clone(), rival)], &promises), 30.0, "what came close elsewhere as well");
+        assert_eq!(promised_in_place(&own, &[], &promises[..1]), 0.0);
+        assert_eq!(promised_in_place(&name("elastic_slip", "c1.x"), &[], &promises), f64::INFINITY);
+    }
 }

@@ -60,6 +60,7 @@ impl Climb<'_> {
             scale: &scale,
             base: &small,
             need: Some(tie),
+            beyond: 0.0,
             stands: None,
             rival: None,
             elsewhere: &[],

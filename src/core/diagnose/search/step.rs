@@ -58,6 +58,8 @@ pub struct Step {
     pub effort: Effort,
     /// Name and visible strength of each candidate.
     pub visible: Vec<(Name, f64)>,
+    /// Nats that each candidate may add at most, by its score.
+    pub promises: Vec<(Name, f64)>,
     /// Independent candidates that it tried.
     pub tried: f64,
     /// Whether the time for refits ended before they did: what was not found says nothing then.
@@ -72,6 +74,8 @@ pub struct Against<'a> {
     pub base: &'a Weighed,
     /// Nats that a candidate must gain on that to be of interest, where that is not its price: what stands in its place gains so much.
     pub need: Option<f64>,
+    /// Nats beyond that which it must gain to come up with what else there is.
+    pub beyond: f64,
     /// What stands in its place, and the model with it, its effect the last.
     pub stands: Option<(&'a Name, &'a System)>,
     /// Nats that something else than a candidate gains here: where the simplest candidates gain less by a tie, no others are refitted.
@@ -150,7 +154,9 @@ pub fn step(a: &Against) -> Result<Step, DiagnoseError> {
     let raced = Raced { refits: &refits, reasons: &reasons, stood: &stood, taken: taken.as_ref() };
     let (candidates, second_opinion) = listed.all(&raced, &best, scale, &price);
     let visible = visible(&scores.list, &names, &trials);
-    Ok(Step { candidates, second_opinion, stood, taken, effort, visible, tried: price.all, cut })
+    let promise = |s: &Score| (names[trials[s.trial].candidate].clone(), price.bound(trials[s.trial].candidate, s.drop));
+    let promises = best.iter().map(promise).collect();
+    Ok(Step { candidates, second_opinion, stood, taken, effort, visible, promises, tried: price.all, cut })
 }
 
 /// Of the best scores of candidates those that may come to their price, what states of the conditions want of laws over them, and which of both are refitted first.
@@ -287,7 +293,7 @@ impl<'a> Price<'a> {
     }
 
     pub fn price(&self, candidate: usize) -> f64 {
-        self.against.need.unwrap_or(0.5 * self.against.scale.counts.n.ln() + self.tried(candidate).ln())
+        self.against.need.map_or(0.5 * self.against.scale.counts.n.ln() + self.tried(candidate).ln(), |need| need + self.against.beyond)
     }
 
     /// A bound on the gain of what takes this part of the cost away: with the variances as they are, or with a model error that falls with the
@@ -317,7 +323,7 @@ impl<'a> Price<'a> {
     fn slopes_are_off(&self, best: &[Score], trials: &[Trial]) -> f64 {
         let stands = |s: &&Score| self.against.stands.is_some_and(|(name, _)| *name == self.names[trials[s.trial].candidate]);
         let bound = best.iter().find(stands).map(|s| (trials[s.trial].candidate, self.bound(trials[s.trial].candidate, s.drop)));
-        bound.map_or(1.0, |(own, bound)| off(self.price(own), bound))
+        bound.map_or(1.0, |(own, bound)| off(self.price(own) - self.against.beyond, bound))
     }
 
     pub fn left_out(&self, candidate: usize, drop: f64) -> Reason {

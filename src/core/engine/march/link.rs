@@ -15,9 +15,15 @@ pub(super) struct Link {
 }
 
 impl Link {
+    /// Both ends, each with the sign with which it strains the element.
+    #[inline(always)]
+    pub fn both(&self) -> [(Option<usize>, f64); 2] {
+        [(self.to, 1.0), (self.from, -1.0)]
+    }
+
     /// Degrees of freedom at its ends with the sign with which they strain it.
     pub fn ends(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
-        [(self.to, 1.0), (self.from, -1.0)].into_iter().filter_map(|(d, sign)| Some((d?, sign)))
+        self.both().into_iter().filter_map(|(d, sign)| Some((d?, sign)))
     }
 }
 

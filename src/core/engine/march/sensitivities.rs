@@ -45,10 +45,13 @@ impl Motion {
         for r in 0..sensed.states(0).len() {
             let out = &mut new[(s0 + r) * columns..(s0 + r + 1) * columns];
             out.fill(0.0);
-            for (d, row) in sensed.inputs(1 + r).iter().zip(&self.0) {
-                add_row(out, *d, row, 0);
+            let (inputs, states) = (sensed.inputs(1 + r), sensed.states(1 + r));
+            for k in 0..self.0.len() {
+                add_row(out, inputs[k], &self.0[k], 0);
             }
-            sensed.states_at(1 + r).for_each(|(k, by)| add_row(out, by, old, s0 + k));
+            for k in sensed.span(1 + r) {
+                add_row(out, states[k], old, s0 + k);
+            }
         }
     }
 }
@@ -99,7 +102,9 @@ impl March<'_> {
                     add_row(h, sign * d[2], &state.da, dof);
                     add_row(h, -sign * d[3], &self.old.dq, dof);
                 }
-                sensed.states_at(0).for_each(|(k, by)| add_row(h, by, &self.old.ds, link.s0 + k));
+                for k in sensed.span(0) {
+                    add_row(h, sensed.states(0)[k], &self.old.ds, link.s0 + k);
+                }
             }
             for (p, chain) in element.chains.iter().enumerate().filter(|_| self.by_parameter) {
                 for (theta, slope) in chain {
@@ -174,7 +179,8 @@ impl March<'_> {
             return;
         }
         self.motion.clear(columns);
-        for (dof, sign) in link.ends() {
+        for (end, sign) in link.both() {
+            let Some(dof) = end else { continue };
             self.motion.add(0, sign, &state.dq, dof);
             self.motion.add(1, sign, &state.dv, dof);
             self.motion.add(2, sign, &state.da, dof);
@@ -188,8 +194,11 @@ impl March<'_> {
     #[inline(always)]
     fn follow_parameters(&self, e: usize, state: &mut State, columns: usize) {
         let (element, s0, sensed) = (&self.bound.elements[e], self.links[e].s0, &self.sensed[e]);
-        for (p, chain) in element.chains.iter().enumerate().filter(|_| element.n_states() > 0 && self.by_parameter) {
-            for (theta, slope) in chain {
+        if element.n_states() == 0 || !self.by_parameter {
+            return;
+        }
+        for p in 0..element.chains.len() {
+            for (theta, slope) in &element.chains[p] {
                 for r in 0..element.n_states() {
                     state.ds[(s0 + r) * columns + theta] += sensed.params(1 + r)[p] * slope;
                 }

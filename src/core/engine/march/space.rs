@@ -256,7 +256,9 @@ impl March<'_> {
                     add_row(h, d[2] * b[k], &state.da, dof);
                     add_row(h, -d[3] * before[k], &self.old.dq, dof);
                 }
-                sensed.states_at(0).for_each(|(k, by)| add_row(h, by, &self.old.ds, s0 + k));
+                for k in sensed.span(0) {
+                    add_row(h, sensed.states(0)[k], &self.old.ds, s0 + k);
+                }
                 // A spring without parameters changes with the coordinates alone.
                 if h.iter().all(|h| *h == 0.0) {
                     continue;

@@ -30,6 +30,11 @@ impl Element {
         self.opening || !self.forces.is_empty()
     }
 
+    /// Whether all that acts beyond it follows the motion by a fixed recurrence: force and new states are linear in the motion and in the old states.
+    pub fn superposes(&self) -> bool {
+        !self.opening && self.forces.iter().all(|f| f.recurs)
+    }
+
     /// Whether both have the same laws with the same numbers and the same free parameters behind them.
     pub fn same_law(&self, other: &Element) -> bool {
         // Formulas share a name; their equations tell them apart.

@@ -9,14 +9,15 @@ use super::super::{ACCEPTED, HOVERS, March, SHORTEST, State};
 use super::{Exact, Level, along, beyond, dot};
 
 /// Residual over the forces present below which a step has converged, below which one that no longer falls has, and below which one step of Newton's method
-/// more leaves nothing: where no state has to follow it, that one is not looked at again.
+/// more leaves nothing: that one is not looked at again, and states follow it where they are computed anyway.
 const CONVERGED: f64 = 1e-12;
 const ROUNDED: f64 = 1e-10;
 const SQUARED: f64 = 1e-7;
 
 impl Exact {
-    /// The forces of the acting elements by Newton's method, and the motion under them; the residual over the forces present where none are found.
-    pub(super) fn balance(&mut self, march: &mut March, level: &Level, state: &mut State) -> Result<(), f64> {
+    /// The forces of the acting elements by Newton's method, and the motion under them; the residual over the forces present where none are found. `follows`: their
+    /// states at the end of the step are computed by whoever asks.
+    pub(super) fn balance(&mut self, march: &mut March, level: &Level, state: &mut State, follows: bool) -> Result<(), f64> {
         self.z.copy_from_slice(&self.motion);
         self.accelerate(march, state);
         if self.z.iter().any(|z| !z.is_finite()) {
@@ -30,7 +31,8 @@ impl Exact {
             *phi = 2.0 * old - before;
         }
         let (mut least, mut factor, mut last) = (f64::INFINITY, 1.0, 0.0);
-        let mut converged = self.local == 0;
+        // Whether the last step of Newton's method was not looked at.
+        let (mut converged, mut unseen) = (self.local == 0, false);
         for iteration in 0.. {
             if converged || !march.effort.goes_on(iteration) {
                 break;
@@ -51,7 +53,8 @@ impl Exact {
                 self.newton.copy_from_slice(&self.miss);
                 self.tangent(march, level).map_err(|_| last)?;
                 self.matrix.solve(&mut self.newton).map_err(|_| last)?;
-                converged = self.stateless && last <= SQUARED;
+                converged = self.superpose || last <= SQUARED;
+                unseen = converged;
             } else {
                 // Laws that are not smooth make full steps jump between branches.
                 factor *= 0.5;
@@ -68,6 +71,12 @@ impl Exact {
         }
         self.pull_back(march);
         self.accelerate(march, state);
+        if unseen && !self.stateless && !follows {
+            for row in 0..self.local {
+                let u = march.inputs(self.acting[row], state);
+                march.follow(self.acting[row], &u);
+            }
+        }
         Ok(())
     }
 
@@ -93,13 +102,23 @@ impl Exact {
         (norm, march.scale)
     }
 
-    /// `I - D G` of the acting elements, factored: `D` what their forces feel of the motion, `G` what the motion feels of their forces.
+    /// `I - D G` of the acting elements, factored: `D` what their forces feel of the motion, `G` what the motion feels of their forces. Factors serve as long as
+    /// neither changes by more than rounding: of laws that superpose, in all steps of one length.
     pub(super) fn tangent(&mut self, march: &March, level: &Level) -> Result<(), EngineError> {
         let local = self.local;
+        let feels = |row: usize| beyond(&march.bound.elements[self.acting[row]], &march.sensed[self.acting[row]]);
+        let (dt, felt) = (&mut self.factored.0, &mut self.factored.1);
+        let same = |(a, b): (&f64, f64)| (a - b).abs() <= f64::EPSILON * b.abs();
+        if *dt == level.hold.dt && (0..local).all(|row| felt[row].iter().zip(feels(row)).all(same)) {
+            return Ok(());
+        }
+        felt.clear();
+        felt.extend((0..local).map(feels));
+        // Factors that fail serve no step.
+        *dt = f64::NAN;
         self.matrix.clear();
         for row in 0..local {
-            let e = self.acting[row];
-            let [x, v, a] = beyond(&march.bound.elements[e], &march.sensed[e]);
+            let [x, v, a] = felt[row];
             for column in 0..local {
                 let at = row * local + column;
                 let feels = x * level.seen[0][at] + v * level.seen[1][at] + a * level.seen[2][at];
@@ -107,6 +126,7 @@ impl Exact {
             }
         }
         self.matrix.factor()?;
+        *dt = level.hold.dt;
         Ok(())
     }
 }

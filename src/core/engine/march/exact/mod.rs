@@ -66,8 +66,11 @@ pub(super) struct Exact {
     phi: Vec<f64>,
     dphi: Vec<f64>,
     begun: bool,
-    /// Whether no acting element has states.
+    /// Whether no acting element has states, and whether all of them superpose: one step of Newton's method finds their forces then.
     stateless: bool,
+    superpose: bool,
+    /// Length of the step that `matrix` is factored for, and what the forces feel of the motion there, row by row.
+    factored: (f64, Vec<[f64; 3]>),
     // Working vectors: what stood at the start of the step, and before it; displacements and velocities; forces on the free degrees of freedom.
     old_phi: Vec<f64>,
     before: Vec<f64>,
@@ -167,6 +170,8 @@ impl Exact {
             old_phi: vec![],
             before: vec![],
             stateless: acting[..local].iter().all(|e| bound.elements[*e].n_states() == 0),
+            superpose: acting[..local].iter().all(|e| bound.elements[*e].superposes()),
+            factored: (f64::NAN, vec![]),
             base: vec![0.0; local],
             miss: vec![0.0; local],
             newton: vec![0.0; local],
@@ -236,14 +241,15 @@ impl Exact {
         self.old_phi.clone_from(&self.phi);
         march.load(k, part.1, state);
         self.fly(march, level, k, part);
-        if let Err(residual) = self.balance(march, level, state) {
+        let follows = columns > 0 || march.n_follower_states > 0;
+        if let Err(residual) = self.balance(march, level, state, follows) {
             self.phi.clone_from(&self.old_phi);
             return Err(match residual.is_finite() {
                 true => EngineError::NoEquilibrium { step: k, steps: march.loads.steps(), residual },
                 false => EngineError::NotFinite { step: k },
             });
         }
-        if columns > 0 || march.n_follower_states > 0 {
+        if follows {
             self.evaluate(march, state);
         }
         for (e, element) in march.bound.elements.iter().enumerate() {
@@ -358,6 +364,16 @@ impl March<'_> {
         self.new_s[states.clone()].copy_from_slice(&self.old.s[states.clone()]);
         let fs = &mut fs[link.fs0..link.fs0 + element.n_follower_states()];
         element.tangent(u, self.dt, &mut self.new_s[states], fs, depth, &mut self.sensed[e], &mut self.scratch);
+    }
+}
+
+impl March<'_> {
+    /// The states of an element after this motion, from those at the start of the step.
+    fn follow(&mut self, e: usize, u: &Inputs<f64>) {
+        let (element, s0) = (&self.bound.elements[e], self.links[e].s0);
+        let states = s0..s0 + element.n_states();
+        self.new_s[states.clone()].copy_from_slice(&self.old.s[states.clone()]);
+        element.value(u, self.dt, &mut self.new_s[states], &mut self.scratch);
     }
 }
 

@@ -8,7 +8,7 @@ use super::super::super::blocktri::widest;
 use super::super::sensitivities::add_row;
 use super::super::{March, State};
 use super::hold::{Hold, ORDERS};
-use super::{Exact, Level, along, beyond};
+use super::{Exact, Level, beyond};
 
 /// The linear laws of an element with free parameters: each of these changes the force by `k x + c v + m a`.
 pub(super) struct Source {
@@ -50,7 +50,8 @@ impl Source {
     fn add<const N: usize>(&self, by: [&[f64]; N], u: &[Inputs<f64>; N], rows: &mut [f64], columns: usize) {
         for (c, law) in &self.columns {
             for n in 0..N {
-                let (force, by) = (along(law, &u[n]), &by[n][..rows.len() / columns]);
+                let (u, by) = (&u[n], &by[n][..rows.len() / columns]);
+                let force = law[0] * u.x + law[1] * u.v + law[2] * u.a;
                 for i in 0..by.len() {
                     rows[i * columns + c] += by[i] * force;
                 }
@@ -72,8 +73,9 @@ fn multiply(k: &[f64], d: &[f64], columns: usize, out: &mut [f64]) {
                 out[c] += by[0] * d0[c] + by[1] * d1[c] + by[2] * d2[c] + by[3] * d3[c];
             }
         }
-        let done = k.len() / 4 * 4;
-        k[done..].iter().enumerate().for_each(|(j, by)| add_row(out, *by, d, done + j));
+        for j in k.len() / 4 * 4..k.len() {
+            add_row(out, k[j], d, j);
+        }
     }
 }
 
@@ -118,11 +120,26 @@ impl Exact {
         march.sensed[e].find_spans();
         let sensed = &march.sensed[e];
         d.fill(0.0);
-        link.ends().for_each(|(dof, sign)| add_row(d, -sign * sensed.inputs(0)[3], &old.dq, dof));
-        sensed.states_at(0).for_each(|(s, by)| add_row(d, by, &old.ds, link.s0 + s));
+        let (by_step, by_state) = (sensed.inputs(0)[3], sensed.states(0));
+        // By index throughout: what an iterator's adapter is given is compiled by itself, for any processor.
+        for (end, sign) in link.both() {
+            if let Some(dof) = end {
+                add_row(d, -sign * by_step, &old.dq, dof);
+            }
+        }
+        for s in sensed.span(0) {
+            add_row(d, by_state[s], &old.ds, link.s0 + s);
+        }
         // Those of linear laws are sources.
-        for (p, chain) in element.chains.iter().enumerate().filter(|(p, _)| march.by_parameter && !element.is_of_linear_part(*p)) {
-            chain.iter().for_each(|(theta, slope)| d[*theta] += sensed.params(0)[p] * slope);
+        if march.by_parameter {
+            for p in 0..element.chains.len() {
+                if !element.chains[p].is_empty() && !element.is_of_linear_part(p) {
+                    let by = sensed.params(0)[p];
+                    for (theta, slope) in &element.chains[p] {
+                        d[*theta] += by * slope;
+                    }
+                }
+            }
         }
     }
 
@@ -131,7 +148,9 @@ impl Exact {
         let (n, local) = (self.structure.n, self.local);
         self.fly_rows(march, level, state, columns);
         let old = std::mem::take(&mut march.old);
-        (0..self.acting.len()).for_each(|row| self.held(march, row, &old, columns));
+        for row in 0..self.acting.len() {
+            self.held(march, row, &old, columns);
+        }
         march.old = old;
         // Of candidates that is all.
         self.reach_rows(level, columns, local..self.acting.len());
@@ -146,8 +165,13 @@ impl Exact {
             }
             for row in 0..local {
                 let (e, d) = (self.acting[row], &mut self.dphi[row * columns..(row + 1) * columns]);
-                for (by, du) in beyond(&march.bound.elements[e], &march.sensed[e]).into_iter().zip([&state.dq, &state.dv, &state.da]) {
-                    march.links[e].ends().for_each(|(dof, sign)| add_row(d, sign * by, du, dof));
+                let by = beyond(&march.bound.elements[e], &march.sensed[e]);
+                for (end, sign) in march.links[e].both() {
+                    if let Some(dof) = end {
+                        add_row(d, sign * by[0], &state.dq, dof);
+                        add_row(d, sign * by[1], &state.dv, dof);
+                        add_row(d, sign * by[2], &state.da, dof);
+                    }
                 }
             }
             self.tangent(march, level)?;
@@ -156,8 +180,16 @@ impl Exact {
         }
         self.write(march, state, columns);
         self.know(columns);
-        self.accelerate_rows(march, state, columns);
-        (0..local).for_each(|row| march.follow_states(self.acting[row], state, columns));
+        let reads = self.acting[..local].iter().any(|e| march.bound.elements[*e].reads_rates().1);
+        if reads || march.reads_beyond_state {
+            self.accelerate_rows(march, state, columns);
+        }
+        for row in 0..local {
+            march.follow_states(self.acting[row], state, columns);
+        }
+        if !march.reads_beyond_state {
+            return Ok(());
+        }
         state.dg.fill(0.0);
         let mut d = std::mem::take(&mut march.h);
         d.resize(columns, 0.0);
@@ -214,8 +246,9 @@ impl Exact {
     #[inline(always)]
     fn reach_rows(&mut self, level: &Level, columns: usize, of: std::ops::Range<usize>) {
         for row in of {
-            for (i, by) in level.reach[row].iter().enumerate() {
-                add_row(&mut self.rows[i * columns..(i + 1) * columns], *by, &self.dphi, row);
+            let reach = &level.reach[row];
+            for i in 0..reach.len() {
+                add_row(&mut self.rows[i * columns..(i + 1) * columns], reach[i], &self.dphi, row);
             }
         }
     }
