@@ -388,7 +388,7 @@ pub const OPTIONAL: &[&str] = &[
 
 /// Tables of a chain of parts and the supports of a test stand in space.rs, keys that a CSV file has no use for in the tests of the other readers
 /// (src/core/data/dataset/files_tests.rs), a response at which an FRF was held in
-/// src/core/data/dataset/reading_tests.rs, values per condition in levels.rs; and the second spelling of a licence.
+/// src/core/data/dataset/reading_tests.rs, responses without their excitation in src/core/data/output_only/tests.rs, values per condition in levels.rs; and the second spelling of a licence.
 pub const ELSEWHERE: &[&str] = &[
     "tolerance",
     "rungs",
@@ -401,6 +401,7 @@ pub const ELSEWHERE: &[&str] = &[
     "estimate",
     "header_units",
     "load_cell_mass",
+    "output_only",
     "record",
     "response_amplitude",
     "license",
