@@ -42,7 +42,7 @@ impl FoundBackbone {
         let letter = || columns.iter().find(|c| c.role == Some(Role::Force) && c.guessed && damping.is_some());
         let frequency = of(Role::Frequency).or_else(letter);
         let moves = |c: &&FoundColumn| {
-            matches!(c.role, Some(Role::Velocity | Role::Acceleration | Role::Force)) && !frequency.is_some_and(|f| f.column == c.column)
+            matches!(c.role, Some(Role::Velocity | Role::Acceleration | Role::Force)) && frequency.is_none_or(|f| f.column != c.column)
         };
         let amplitude = of(Role::Amplitude).or_else(|| of(Role::Displacement)).filter(|a| a.at.is_none())?;
         if columns.iter().any(|c| moves(&c)) {

@@ -186,12 +186,11 @@ pub fn fit(set: &FrfSet, settings: &Settings) -> Result<ModalFit, ModalFitError>
     fit_with_parts(set, &[], settings).map(|(fit, _)| fit)
 }
 
+/// Frequency (Hz) and damping ratio of each mode of a fit, refined anew on a part of its data.
+pub(super) type InPart = Vec<(f64, f64)>;
+
 /// The fit, and frequency (Hz) and damping ratio of each of its modes refined anew on each of `parts`, sets over the same lines.
-pub(super) fn fit_with_parts(
-    set: &FrfSet,
-    parts: &[FrfSet],
-    settings: &Settings,
-) -> Result<(ModalFit, Vec<Vec<(f64, f64)>>), ModalFitError> {
+pub(super) fn fit_with_parts(set: &FrfSet, parts: &[FrfSet], settings: &Settings) -> Result<(ModalFit, Vec<InPart>), ModalFitError> {
     let set = set.band(settings.band)?;
     let order = settings.max_order.min(set.frequency.len() / 3).max(4);
     let mut diagram = lscf::diagram(&set, order);

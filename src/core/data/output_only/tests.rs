@@ -46,7 +46,7 @@ fn responses(samples: usize, tone: f64, seed: u64) -> Vec<Vec<f64>> {
     let step = (&a * STEP).exp();
     let mut draw = || normal(&mut random);
     let mut x = DVector::zeros(6);
-    let mut out = vec![Vec::with_capacity(samples); 3];
+    let mut out = vec![Vec::new(); 3];
     for n in 0..samples + 2000 {
         let hum = tone * (TAU * 50.0 * n as f64 * STEP).sin();
         for i in 3..6 {
