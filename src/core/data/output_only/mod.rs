@@ -69,8 +69,10 @@ struct Identified {
 enum OutputOnlyError {
     #[error("{samples} samples")]
     Short { samples: usize },
+    #[error("a band up to {asked:.4} Hz, where the samples tell frequencies up to {told:.4} Hz")]
+    Band { asked: f64, told: f64 },
     #[error("no mode stands in the half spectra")]
-    None,
+    NoMode,
     #[error(transparent)]
     Fit(#[from] ModalFitError),
 }
@@ -81,7 +83,8 @@ impl OutputOnlyError {
             Self::Short { .. } => {
                 format!("at least {} samples; some thousand periods of the lowest mode tell its damping", LEAST * (PARTS + 1))
             }
-            Self::None => "a longer record, or a band around the resonances".into(),
+            Self::Band { told, .. } => format!("a band that ends at {told:.4} Hz or below"),
+            Self::NoMode => "a longer record, or a band around the resonances".into(),
             Self::Fit(e) => e.accepted().into(),
         }
     }
@@ -168,6 +171,10 @@ fn identify(responses: &[Vec<f64>], step: f64, band: Option<(f64, f64)>) -> Resu
     if lags < LEAST {
         return Err(OutputOnlyError::Short { samples });
     }
+    let told = LAST / step;
+    if let Some((_, asked)) = band.filter(|b| b.1 > told) {
+        return Err(OutputOnlyError::Band { asked, told });
+    }
     let spectra = HalfSpectra::of(responses, responses.len().min(REFERENCES), lags);
     let warped = |f: f64| (0.5 * TAU * f * step).tan() / (0.5 * TAU * step);
     let lines = 1..((LAST * lags as f64) as usize).max(2);
@@ -182,8 +189,7 @@ fn identify(responses: &[Vec<f64>], step: f64, band: Option<(f64, f64)>) -> Resu
     let sigma = spectra.sigma();
     let all = set(spectra.mean(), &sigma);
     let without: Vec<FrfSet> = (0..PARTS).map(|p| set(spectra.without(p), &sigma)).collect();
-    let highest = LAST / step;
-    let settings = Settings { band: band.map(|(low, high)| (warped(low), warped(high.min(highest)))), ..Settings::default() };
+    let settings = Settings { band: band.map(|(low, high)| (warped(low), warped(high))), ..Settings::default() };
     let (fit, parts) = modal_fit::fit_with_parts(&all, &without, &settings)?;
     let decay = spectra.decay / step;
     // The pole of the structure for one over the warped frequency.
@@ -212,7 +218,7 @@ fn identify(responses: &[Vec<f64>], step: f64, band: Option<(f64, f64)>) -> Resu
             ));
         }
     }
-    if identified.modes.is_empty() { Err(OutputOnlyError::None) } else { Ok(identified) }
+    if identified.modes.is_empty() { Err(OutputOnlyError::NoMode) } else { Ok(identified) }
 }
 
 /// Standard deviation of what was computed with each part left out in turn (Efron and Tibshirani, An Introduction to the Bootstrap, eq. 11.5).

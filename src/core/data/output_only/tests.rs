@@ -93,6 +93,16 @@ fn a_line_of_the_excitation_is_no_mode() {
     assert!(found.left_out.iter().any(|l| l.contains("at 50.0")), "{found:?}");
 }
 
+/// Beyond half of the sampling frequency the warped frequency is negative, and a band there would have been read as all lines.
+#[test]
+fn a_band_beyond_what_the_samples_tell_is_refused() {
+    for band in [(2.0, 500.0), (600.0, 900.0)] {
+        let error = identify(&responses(2000, 0.0, 1), STEP, Some(band)).unwrap_err();
+        assert_eq!(error, OutputOnlyError::Band { asked: band.1, told: 450.0 });
+        assert!(error.accepted().contains("450.0000 Hz or below"), "{}", error.accepted());
+    }
+}
+
 #[test]
 fn too_short_a_record_says_so() {
     let error = identify(&responses(900, 0.0, 1), STEP, None).unwrap_err();
