@@ -20,6 +20,13 @@ pub(crate) struct Reduced {
     pub q: DVector<f64>,
 }
 
+impl Reduced {
+    /// Takes what is left of columns that are rounding for none.
+    pub fn forget(&mut self, columns: &[usize]) {
+        columns.iter().for_each(|&j| self.a.column_mut(j).fill(0.0));
+    }
+}
+
 /// Householder QR with kept memory: one reduction per iteration, all of the same size.
 #[derive(Default)]
 pub(crate) struct QrReducer {

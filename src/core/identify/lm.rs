@@ -19,7 +19,7 @@ use super::fit::Gait;
 use super::linalg::{QrReducer, Reduced};
 use super::monitor::{Checkpoint, Monitor, Progress};
 use super::problem::Losses;
-use super::step::{Step, StepProblem, predicted_drop, scaled_norm};
+use super::step::{Step, StepProblem, predicted_drop, scaled_norm, yielding};
 use argmin::core::{ArgminError, Error, IterState, Jacobian, KV, Operator, Problem, Solver, State, TerminationReason};
 use argmin::kv;
 use nalgebra::{DMatrix, DVector};
@@ -340,7 +340,8 @@ impl<'a> ConstrainedLm<'a> {
         };
         let second = ((probed - &at.r) / h - &at.j * &step.d) * (2.0 / h);
         let weights = self.losses.sqrt_weights(&at.r);
-        let reduced = self.second_reducer.reduce(&at.j, &second, weights.as_deref());
+        let mut reduced = self.second_reducer.reduce(&at.j, &second, weights.as_deref());
+        reduced.forget(&self.held);
         let bend = StepProblem::new(&reduced, scale, at.p.as_slice(), self.constraints, &[]);
         let Some(a) = bend.solve(self.lambda) else {
             return Acceleration::None;
@@ -437,10 +438,10 @@ where
         let mut at = Point { p, r, j, cost };
 
         let weights = self.losses.sqrt_weights(&at.r);
-        let reduced = self.reducer.reduce(&at.j, &at.r, weights.as_deref());
+        let mut reduced = self.reducer.reduce(&at.j, &at.r, weights.as_deref());
         self.rescale(&reduced, &at.p, k, cost);
-        let mut scale = self.scale.clone();
-        self.held.iter().for_each(|&j| scale[j] = 0.0);
+        reduced.forget(&self.held);
+        let scale = yielding(&self.scale, &self.held, self.constraints, &self.inequalities);
         let step = StepProblem::new(&reduced, &scale, at.p.as_slice(), self.constraints, &self.inequalities);
 
         // with constraints the test costs a quadratic program, so it waits until the cost has begun to settle

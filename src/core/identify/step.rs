@@ -195,6 +195,29 @@ impl StepProblem {
     }
 }
 
+/// The scales D of a step from those of the columns. A held parameter has zero and does not move, unless a row joins it to one that does:
+/// it would stand in that one's way, though nothing keeps it where it is. It then has the scale at which both move the row alike, and
+/// yields as far as it is pushed.
+pub(super) fn yielding(columns: &[f64], held: &[usize], constraints: &Constraints, rows: &[Inequality]) -> Vec<f64> {
+    let mut scale = columns.to_vec();
+    held.iter().for_each(|&j| scale[j] = 0.0);
+    // each round reaches those that are joined to what the last round reached
+    for _ in 0..held.len() {
+        let before = scale.clone();
+        for &j in held.iter().filter(|&&j| before[j] == 0.0 && !constraints.is_fixed(j)) {
+            for row in rows {
+                let Some(own) = row.a.iter().find(|t| t.0 == j) else { continue };
+                let others = row.a.iter().filter(|t| t.0 != j && t.1 != 0.0 && !constraints.is_fixed(t.0));
+                scale[j] = others.map(|t| before[t.0] * (own.1 / t.1).abs()).fold(scale[j], f64::max);
+            }
+        }
+        if scale == before {
+            break;
+        }
+    }
+    scale
+}
+
 /// ||D v||
 pub(super) fn scaled_norm(v: &DVector<f64>, scale: &[f64]) -> f64 {
     v.iter().zip(scale).map(|(v, s)| (v * s).powi(2)).sum::<f64>().sqrt()

@@ -88,6 +88,27 @@ fn a_parameter_without_influence_stays_and_is_reported() {
 }
 
 #[test]
+fn a_parameter_without_influence_is_in_no_ones_way() {
+    // only the first of three is seen, as 0.6 p0 = 0.9; the orders p0 <= p1 <= p2 keep it below two that nothing is known of
+    let problem = Linear {
+        a: DMatrix::from_row_slice(4, 3, &[0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        b: DVector::from_row_slice(&[0.9, 0.1, 0.0, 0.0]),
+    };
+    let mut o = options(3);
+    o.constraints = Constraints::none(3).order(0, 1, 0.0).order(1, 2, 0.25);
+    let found = fit(&problem, &[-1.0, 0.0, 0.5], &o, &Monitor::default()).unwrap();
+    assert!(found.termination.is_converged());
+    approx::assert_relative_eq!(found.p[0], 1.5, max_relative = 1e-7);
+    assert!(o.constraints.is_feasible(&found.p) && found.held == [1, 2], "{:?} {:?}", found.p, found.held);
+    // One at its upper bound does not yield, and one beside nothing that moves stays where it is.
+    o.constraints.upper[2] = 1.0;
+    let found = fit(&problem, &[-1.0, 0.0, 0.5], &o, &Monitor::default()).unwrap();
+    approx::assert_relative_eq!(found.p[0], 0.75, max_relative = 1e-7);
+    o.constraints = Constraints::none(3).order(1, 2, 0.25);
+    assert_eq!(fit(&problem, &[-1.0, 0.0, 0.5], &o, &Monitor::default()).unwrap().p[1..], [0.0, 0.5]);
+}
+
+#[test]
 fn nan_and_failing_models_are_errors_at_the_start_and_damped_on_the_way() {
     let nan = With { n: 2, m: 3, f: |_: &[f64]| Ok((DVector::from_element(3, f64::NAN), DMatrix::from_element(3, 2, f64::NAN))) };
     assert!(matches!(fit(&nan, &[1.0, 1.0], &options(2), &Monitor::default()), Err(IdentifyError::StartFails(_))));
