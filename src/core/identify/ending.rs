@@ -9,7 +9,7 @@ pub enum Convergence {
     Gradient,
     Step,
     Cost,
-    /// the residual vanished
+    /// the residual vanished, to rounding
     ZeroResidual,
 }
 

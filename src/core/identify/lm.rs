@@ -79,6 +79,8 @@ pub struct ConstrainedLm<'a> {
     reducer: QrReducer,
     second_reducer: QrReducer,
     last_saved: Option<Instant>,
+    /// cost below which the residual is what rounding leaves of that at the start
+    nothing: f64,
     /// residuals and Jacobian at the start, where they are known
     pub(crate) known: Option<(V, DMatrix<f64>)>,
 }
@@ -138,6 +140,7 @@ impl<'a> ConstrainedLm<'a> {
             reducer: QrReducer::default(),
             second_reducer: QrReducer::default(),
             last_saved: None,
+            nothing: 0.0,
             known: None,
         }
     }
@@ -162,8 +165,7 @@ impl<'a> ConstrainedLm<'a> {
             if norm == 0.0 || (p[j] != 0.0 && norm * p[j].abs() <= 1e-15 * top) {
                 held.push(j);
                 if !self.held.contains(&j) && !self.constraints.is_fixed(j) {
-                    let name = self.names[j].clone();
-                    self.note(iteration, cost, Event::Held { name });
+                    self.note(iteration, cost, Event::Held { name: self.names[j].clone() });
                 }
             } else {
                 self.scale[j] = (FADE * self.scale[j]).max(norm);
@@ -339,8 +341,7 @@ impl<'a> ConstrainedLm<'a> {
             return Acceleration::None; // the full step will tell
         };
         let second = ((probed - &at.r) / h - &at.j * &step.d) * (2.0 / h);
-        let weights = self.losses.sqrt_weights(&at.r);
-        let mut reduced = self.second_reducer.reduce(&at.j, &second, weights.as_deref());
+        let mut reduced = self.second_reducer.reduce(&at.j, &second, self.losses.sqrt_weights(&at.r).as_deref());
         reduced.forget(&self.held);
         let bend = StepProblem::new(&reduced, scale, at.p.as_slice(), self.constraints, &[]);
         let Some(a) = bend.solve(self.lambda) else {
@@ -426,19 +427,18 @@ where
         let known = self.known.take().map(Ok);
         let (r, j) = known.unwrap_or_else(|| problem.problem("jacobian_count", |o| o.jacobian(&p)))?;
         let cost = self.losses.cost(&r);
+        self.nothing = cost * f64::EPSILON.powi(2);
         Ok((store(state, Point { p, r, j, cost }), None))
     }
 
     fn next_iter(&mut self, problem: &mut Problem<O>, mut state: LmState) -> Result<(LmState, Option<KV>), Error> {
         let k = self.first_iteration + state.iter;
         let p = state.take_param().ok_or_else(incomplete)?;
-        let r = state.take_residuals().ok_or_else(incomplete)?;
-        let j = state.take_jacobian().ok_or_else(incomplete)?;
+        let (r, j) = (state.take_residuals().ok_or_else(incomplete)?, state.take_jacobian().ok_or_else(incomplete)?);
         let cost = state.get_cost();
         let mut at = Point { p, r, j, cost };
 
-        let weights = self.losses.sqrt_weights(&at.r);
-        let mut reduced = self.reducer.reduce(&at.j, &at.r, weights.as_deref());
+        let mut reduced = self.reducer.reduce(&at.j, &at.r, self.losses.sqrt_weights(&at.r).as_deref());
         self.rescale(&reduced, &at.p, k, cost);
         reduced.forget(&self.held);
         let scale = yielding(&self.scale, &self.held, self.constraints, &self.inequalities);
@@ -446,7 +446,7 @@ where
 
         // with constraints the test costs a quadratic program, so it waits until the cost has begun to settle
         let settled = !step.is_constrained() || self.last_drop <= 1e-2 * cost || state.iter == 0;
-        let trial = if cost == 0.0 {
+        let mut trial = if cost == 0.0 {
             Trial::Ended(Termination::Converged(Convergence::ZeroResidual))
         } else if let Some(kind) = settled.then(|| self.converged(&step, &reduced, &scale, &at.p, cost, at.r.len())).flatten() {
             Trial::Ended(Termination::Converged(kind))
@@ -455,6 +455,9 @@ where
         } else {
             self.advance(problem, &at, &step, &reduced, &scale, k)
         };
+        if matches!(trial, Trial::Ended(Termination::Stalled)) && cost <= self.nothing {
+            trial = Trial::Ended(Termination::Converged(Convergence::ZeroResidual));
+        }
         if let Trial::Ended(Termination::Converged(_)) = trial
             && let Some(full) = step.solve(UNDAMPED)
         {
