@@ -14,11 +14,6 @@ pub(super) fn split(split: SplitName) -> &'static str {
     }
 }
 
-/// A value with its SI unit.
-fn si(value: f64, unit: &str) -> String {
-    format!("{} {unit}", significant(value, 4))
-}
-
 /// Whether the terminal shows the errors of held-out tests. A held-out test is one only as long as nobody decides by it: an engineer who sees its error after every
 /// change of the model fits the model to it.
 #[derive(clap::Args, Clone, Copy, Default)]
@@ -51,7 +46,6 @@ pub(super) fn tests(tests: &[TestResult], sealed: Sealed) -> String {
     let words = sealed.words(tests);
     let tests = sealed.shown(tests);
     let row = |t: &TestResult| {
-        let unit = t.curves.iter().find(|c| t.worst.place.starts_with(&c.label)).map_or("", |c| c.unit.as_str());
         vec![
             t.id.clone(),
             t.kind.clone(),
@@ -61,7 +55,7 @@ pub(super) fn tests(tests: &[TestResult], sealed: Sealed) -> String {
             significant(t.error / t.floor, 3),
             t.largest_difference.iter().map(|d| percent(d.fraction)).collect::<Vec<_>>().join(", "),
             significant(t.whitened_rms, 3),
-            format!("{}: measured {}, computed {}", t.worst.place, si(t.worst.measured, unit), si(t.worst.computed, unit)),
+            t.worst.words(),
         ]
     };
     let mut text = table(

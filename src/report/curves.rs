@@ -8,7 +8,7 @@ use crate::study::Study;
 use super::ReportInput;
 use super::chart::{self, Along, Chart, Charts, decades, frequencies, line, linear, pick, points, shown, stage_colour, thin};
 use super::stage::{Stage, ids, over_floor, split_words, test};
-use super::summary::{difference_words, worst_words};
+use super::summary::difference_words;
 use super::text::{digits, esc, percent, plain, ratio, table};
 
 /// Points per trace at most.
@@ -108,7 +108,7 @@ fn errors(stages: &[Stage], id: &str) -> String {
         let t = test(s, id)?;
         let over = ratio(over_floor(t.error, t.floor));
         let (rms, largest) = (digits(t.whitened_rms, 3), difference_words(t));
-        Some(vec![esc(&s.name), percent(t.error), percent(t.floor), over, largest, rms, worst_words(t)])
+        Some(vec![esc(&s.name), percent(t.error), percent(t.floor), over, largest, rms, esc(&t.worst.words())])
     };
     let rows: Vec<Vec<String>> = stages.iter().filter_map(row).collect();
     let errors = table(

@@ -3,7 +3,7 @@
 use super::ReportInput;
 use super::chart::{self, Chart, Charts};
 use super::stage::{Stage, ids, over_floor, split_words, test};
-use super::summary::{difference_words, rung_axis, worst_words};
+use super::summary::{difference_words, rung_axis};
 use super::text::{esc, label, percent, ratio, table};
 
 /// Table and charts.
@@ -29,7 +29,7 @@ pub fn tests(input: &ReportInput, stages: &[Stage], charts: &mut Charts) -> Stri
                 percent(now.floor),
                 ratio(over_floor(now.error, now.floor)),
                 difference_words(now),
-                worst_words(now),
+                esc(&now.worst.words()),
             ]);
             Some(row)
         })

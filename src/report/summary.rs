@@ -222,13 +222,6 @@ pub fn difference_words(t: &TestResult) -> String {
     t.largest_difference.iter().map(|d| percent(d.fraction)).collect::<Vec<_>>().join(", ")
 }
 
-/// `force at c1.x at 90 deg of the cycle: measured 3.1 N, computed 2.2 N`, escaped.
-pub fn worst_words(t: &TestResult) -> String {
-    let unit = t.curves.iter().find(|c| t.worst.place.starts_with(&c.label)).map(|c| esc(&c.unit)).unwrap_or_default();
-    let value = |v: f64| format!("{} {unit}", digits(v, 3)).trim_end().to_string();
-    format!("{}: measured {}, computed {}", esc(&t.worst.place), value(t.worst.measured), value(t.worst.computed))
-}
-
 fn fails(stages: &[Stage]) -> String {
     let Some((first, t)) = stages.first().and_then(|s| Some((s, worst(s)?))) else {
         return card("", "Where does it fail?", "Not known", &[]);
@@ -242,7 +235,7 @@ fn fails(stages: &[Stage]) -> String {
         return card("good", "Where does it fail?", "Nowhere", &[format!("Worst: {}, {multiple}", esc(&t.id))]);
     }
     let class = if stages.last().and_then(stage_fits) == Some(true) { "good" } else { "bad" };
-    card(class, "Where does it fail?", &format!("Most on {}", esc(&t.id)), &[multiple, worst_words(t), after])
+    card(class, "Where does it fail?", &format!("Most on {}", esc(&t.id)), &[multiple, esc(&t.worst.words()), after])
 }
 
 fn missing(input: &ReportInput) -> String {

@@ -145,7 +145,12 @@ fn result(id: &str, kind: &str, split: SplitName, curve: Curve) -> TestResult {
         error: square(&mut (0..n).map(difference)).sqrt() / scale,
         floor: square(&mut curve.sigma.iter().copied()).sqrt() / scale,
         whitened_rms: (square(&mut (0..n).map(|i| difference(i) / curve.sigma[i])) / n as f64).sqrt(),
-        worst: Worst { place: format!("{} at point {far}", curve.label), measured: curve.measured[far], computed: curve.computed[far] },
+        worst: Worst {
+            place: format!("{} at point {far}", curve.label),
+            measured: curve.measured[far],
+            computed: curve.computed[far],
+            unit: crate::units::parse_unit_any(&curve.unit).unwrap(),
+        },
         n,
         largest_difference: vec![LargestDifference { channel: curve.label.clone(), over: "range", fraction: curve.largest_difference() }],
         factors: if curve.kind == BlockKind::Table { vec![factor(&curve.label)] } else { vec![] },

@@ -51,7 +51,7 @@ fn test(study: &Study, t: &TestResult, whole: bool) -> Value {
         "curves": curves,
     });
     if whole {
-        value["worst"] = json!({ "where": t.worst.place, "measured": finite(t.worst.measured), "computed": finite(t.worst.computed) });
+        value["worst"] = t.worst.words().into();
         value["about"] = about(study, &t.id).into();
     }
     value

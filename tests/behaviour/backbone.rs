@@ -212,6 +212,10 @@ fn new_recognises_a_table_of_a_backbone_and_marks_what_it_guesses() {
     let compared = misfit(&["compare", &study, "--json"]);
     let place = compared.json()["tests"][0]["worst"]["where"].as_str().unwrap().to_string();
     assert!(place.ends_with(" mm") && place.contains("at an amplitude of 0."), "{place}");
+    // And the table on the terminal has the values there in theirs: this is a damping in %, which the JSON has as a ratio.
+    let told = misfit(&["compare", &study]).stdout;
+    let values = told.lines().find_map(|l| l.split_once(&format!("{place}: measured "))).map(|(_, values)| values.trim_end().to_string());
+    assert!(values.as_ref().is_some_and(|v| v.contains(", computed ") && (v.ends_with('%') || v.ends_with("Hz"))), "{values:?} {told}");
 
     // Lines of a spectrum rise and fall, and a loop has a force: neither is a backbone.
     let spectrum =

@@ -133,7 +133,7 @@ async function enlarge(id, scroll = true) {
   if (!t) { large.replaceChildren(); return; }
   const figures = el("div", { class: "figures" });
   large.replaceChildren(el("div", { class: "large-head" }, el("h2", {}, t.id), el("span", { class: "soft" }, t.about),
-    el("span", {}, `farthest point: ${t.worst.where}`), el("button", { type: "button", onclick: () => enlarge(null) }, "Close")), figures);
+    el("span", {}, `farthest point: ${t.worst}`), el("button", { type: "button", onclick: () => enlarge(null) }, "Close")), figures);
   await attempt(() => drawLarge(figures, t.curves, t.curves.map(c => c.computed), state.before?.get(t.id)));
   if (scroll) large.scrollIntoView({ block: "nearest" });
 }

@@ -77,6 +77,7 @@ fn test_result(plan: &Plan, split: SplitName, computed: &Computed) -> TestResult
             place: format!("{} at {axis}", block.label),
             measured: plain(block.kind, plan.measured[e.worst.0]),
             computed: plain(block.kind, computed.values[e.worst.0]),
+            unit: block.stated.clone(),
         },
         n: plan.len(),
         largest_difference: curves.iter().map(difference).collect(),

@@ -18,6 +18,7 @@ pub use unexplained::{Missed, Unexplained};
 
 use crate::diagnose::settings::Settings;
 use crate::model::{Instance, System};
+use crate::units::Unit;
 
 /// Which use a test serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, schemars::JsonSchema)]
@@ -46,6 +47,17 @@ pub struct Worst {
     pub measured: f64,
     /// Computed value [SI].
     pub computed: f64,
+    /// Unit that the file states the channel in; the words about the point use it.
+    #[serde(skip)]
+    pub unit: Unit,
+}
+
+impl Worst {
+    /// `force at c1.x at 90 deg of the cycle: measured 3.1 N, computed 2.2 N`
+    pub fn words(&self) -> String {
+        let value = |si: f64| self.unit.print_difference(si);
+        format!("{}: measured {}, computed {}", self.place, value(self.measured), value(self.computed))
+    }
 }
 
 /// One channel of a test, for plots and Parquet.

@@ -9,7 +9,7 @@ use super::fault::of_channel;
 use super::horizon;
 use super::kin::carried;
 use super::loosened::{Beside, Offer};
-use super::step::{Against, Move, Step, Stood, step};
+use super::step::{Against, Move, Step, Stood, error_of, step};
 use crate::diagnose::calibrate::approach::in_step;
 use crate::diagnose::calibrate::case::{Case, Fitted};
 use crate::diagnose::calibrate::fit::begin;
@@ -227,6 +227,7 @@ impl<'a> Climb<'a> {
                 added.kin = others().filter(here).filter(kin).filter_map(rival).collect();
                 added.held = true;
                 (added.without, added.smaller) = (Some(self.now.clone()), Some(self.now.clone()));
+                added.loss = error_of(&self.scale, &self.now).powi(2);
             }
             self.added.push(added);
         }

@@ -238,6 +238,10 @@ impl Climb<'_> {
             if of_channel(instance) || trace::stopped(self.monitor) {
                 return None;
             }
+            // The step that added it weighed what else could stand there, and nothing has changed since.
+            if rival.is_none() && self.added[k].held {
+                return None;
+            }
             if self.acted_on(k) {
                 return Some(self.with_its_laws(k));
             }
