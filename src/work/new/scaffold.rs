@@ -92,11 +92,12 @@ impl Writer {
         let drives = [Role::Displacement, Role::Force].into_iter().find(|r| has(*r));
         let answers = h.columns.iter().filter_map(|c| c.role).filter(|r| r.has_place() && Some(*r) != drives).count();
         if h.cyclic.is_none() && (drives.is_none() || answers == 0) {
+            if h.columns.iter().filter_map(|c| c.role).any(|r| r.has_place()) && !has(Role::Force) {
+                return self.undriven(path, h);
+            }
             let name = path.display();
             self.to_confirm.push(format!(
-                "{name}: a history left out, it has no channel that drives (displacement or force) and one that answers; a decay, which \
-                                 nothing drives, is a test of kind = \"transient\" with control = \"free\", responses to a broad excitation that \
-                                 was not measured are one of kind = \"modal\" with output_only = true"
+                "{name}: a history left out, it has no channel that drives (displacement or force) and one that answers, nor motions alone"
             ));
             return;
         }
@@ -132,8 +133,17 @@ impl Writer {
             text += &format!("control = \"{}\"   # assumed: confirm it\n", control.role().word());
             self.to_confirm.push(format!("{id}: what drives this history"));
         }
-        text += "channels = [\n";
-        let mut acts = false;
+        let (channels, acts) = self.channels(&id, h, &at);
+        self.tests += &(text + &channels);
+        if acts {
+            self.loops = true;
+            self.to_confirm.push(format!("{id}: place {at} is where the rig acts"));
+        }
+    }
+
+    /// The channels of a history with what was found in it; whether some that the file gives no node are `elsewhere`.
+    fn channels(&mut self, id: &str, h: &FoundHistory, elsewhere: &str) -> (String, bool) {
+        let (mut text, mut any) = ("channels = [\n".to_string(), false);
         for c in &h.columns {
             let Some(role) = c.role.filter(|r| *r == Role::Time || r.has_place()) else {
                 text += &format!(" # not used: {}\n", c.column.replace(['\n', '\r'], " "));
@@ -150,11 +160,11 @@ impl Writer {
                 _ if role == Role::Time => None,
                 Some((node, axis, _)) => Some(self.node(node, axis)),
                 None => {
-                    acts = true;
-                    Some(at.clone())
+                    any = true;
+                    Some(elsewhere.to_string())
                 }
             };
-            let line = self.channel(&id, role, at.as_deref(), &c.column, c.unit.as_deref(), turned);
+            let line = self.channel(id, role, at.as_deref(), &c.column, c.unit.as_deref(), turned);
             if c.guessed {
                 self.to_confirm.push(format!("{id}: that `{}` is the {}; its letter alone says so", c.column, role.word()));
                 text += &format!("{}   # by its letter alone: confirm it\n", line.trim_end());
@@ -165,11 +175,29 @@ impl Writer {
         for n in &h.findings {
             text += &format!(" # finding: {}: {}\n", n.about, n.text).replace('\r', " ");
         }
-        self.tests += &(text + "]\n");
-        if acts {
-            self.loops = true;
-            self.to_confirm.push(format!("{id}: place {at} is where the rig acts"));
+        (text + "]\n", any)
+    }
+
+    /// Motions and nothing that drives them: a decay, or responses to an excitation that was not measured.
+    fn undriven(&mut self, path: &Path, h: &FoundHistory) {
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let id = self.id(path, "");
+        let (what, otherwise) = if h.decays {
+            (
+                "kind = \"transient\"\ncontrol = \"free\"   # it decays: nothing drives it; confirm it",
+                "that nothing drives this record, which decays",
+            )
+        } else {
+            let otherwise = "that the excitation, which is not in the file, is broad: natural frequencies and damping are identified from the responses alone";
+            ("kind = \"modal\"\noutput_only = true   # it does not decay: its excitation was not measured; confirm it", otherwise)
+        };
+        self.to_confirm.push(format!("{id}: {otherwise}"));
+        let (channels, placeless) = self.channels(&id, h, "n1.x");
+        if placeless {
+            let at = self.node(1, "x");
+            self.to_confirm.push(format!("{id}: that it is measured at {at}"));
         }
+        self.tests += &format!("\n[[test]]\nid = {}\n{what}\nfile = {}\n{channels}", quoted(&id), quoted(&name));
     }
 
     /// A place of the model at a node of the file.

@@ -81,3 +81,44 @@ fn the_rate_that_is_stated_is_the_time_of_the_test() {
     let (problem, _) = create(&folder.path().join("study"), &paths, scaffold).unwrap();
     assert!(problem.is_none());
 }
+
+#[test]
+fn motions_that_nothing_drives_are_a_decay_or_responses_without_their_excitation() {
+    // An oscillator of 20 Hz and 2 %, sampled at 500 Hz: pushed once, and pushed by noise throughout.
+    let record = |push: &dyn Fn(usize) -> f64, n: usize| {
+        let (omega, zeta, dt) = (TAU * 20.0, 0.02, 0.002);
+        let (decay, swing) = ((-zeta * omega * dt).exp(), (omega * f64::sqrt(1.0 - zeta * zeta) * dt).cos());
+        let (mut text, mut last, mut before) = ("time [s],acceleration [m/s2]\n".to_string(), 0.0, 0.0);
+        for k in 0..n {
+            let now = 2.0 * decay * swing * last - decay * decay * before + push(k);
+            (before, last) = (last, now);
+            writeln!(text, "{:.3},{now:.6}", dt * k as f64).unwrap();
+        }
+        text
+    };
+    let random = |k: usize| {
+        f64::from((k as u32 + 1).wrapping_mul(2_654_435_761).rotate_left(13).wrapping_mul(40_503) >> 8) / f64::from(1 << 24) - 0.5
+    };
+    let begun = |name: &str, text: String| {
+        let (folder, paths) = files(&[(name, &text)]);
+        let looked = look(&paths, None, &[]).unwrap();
+        let scaffold = looked.scaffold.unwrap();
+        let (problem, _) = create(&folder.path().join("study"), &paths, &scaffold).unwrap();
+        assert!(problem.is_none(), "{:?} {}", problem.map(|p| p.message().to_string()), scaffold.dataset);
+        scaffold
+    };
+    let decay = begun("decay.csv", record(&|k| f64::from(u8::from(k == 0)), 1000));
+    assert!(
+        decay.dataset.contains("kind = \"transient\"\ncontrol = \"free\"") && !decay.dataset.contains("output_only"),
+        "{}",
+        decay.dataset
+    );
+    let road = begun("road.csv", record(&random, 60_000));
+    assert!(road.dataset.contains("kind = \"modal\"\noutput_only = true") && !road.dataset.contains("control"), "{}", road.dataset);
+    let told = |what: &str| road.to_confirm.iter().any(|line| line.starts_with("road: ") && line.contains(what));
+    assert!(told("its excitation") || told("the excitation"), "{:?}", road.to_confirm);
+    assert!(told("measured at n1.x"), "{:?}", road.to_confirm);
+    // A force alone is neither.
+    let (_folder, paths) = files(&[("force.csv", "time [s],force [N]\n0,1\n0.1,2\n0.2,1.5\n0.3,0.7\n")]);
+    assert!(look(&paths, None, &[]).unwrap().scaffold.is_none());
+}

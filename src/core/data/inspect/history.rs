@@ -11,6 +11,8 @@ use std::path::PathBuf;
 const SETTLED: f64 = 0.01;
 /// An answer is of full size within so many deviations of its late cycles.
 const SCATTER: f64 = 4.0;
+/// Part of its size in the first quarter of a record that a motion falls below where it decays. Of one that is kept up the quarters are alike.
+const DECAYED: f64 = 0.5;
 /// Part of the power the fundamental has in the controlled motion of a cyclic test (a triangle has 0.986).
 const CYCLIC: f64 = 0.8;
 
@@ -23,6 +25,8 @@ pub struct FoundHistory {
     pub rate: f64,
     pub seconds: f64,
     pub cyclic: Option<Cyclic>,
+    /// Whether every motion is smaller in the last quarter than in the first by [`DECAYED`]: nothing keeps it up.
+    pub decays: bool,
     pub findings: Vec<Note>,
 }
 
@@ -101,7 +105,7 @@ pub fn found(mut columns: Vec<FoundColumn>, said: &Corrected) -> FoundHistory {
     }
     if let Some(k) = time.windows(2).position(|w| w[1] <= w[0]) {
         findings.push(Note::new("time", format!("does not increase after sample {}", k + 1)));
-        return FoundHistory { columns, samples, rate: 0.0, seconds, cyclic: None, findings };
+        return FoundHistory { columns, samples, rate: 0.0, seconds, cyclic: None, decays: false, findings };
     }
     // The times that rounded stamps stand for, as they are taken when the test is read.
     let found = sampling(&time);
@@ -124,7 +128,18 @@ pub fn found(mut columns: Vec<FoundColumn>, said: &Corrected) -> FoundHistory {
         findings.push(Note::new(&c.column, format!("another {} of the loop, at n{node}.{axis}", c.role.map_or("", |r| r.word()))));
         c.role = None;
     }
-    FoundHistory { columns, samples, rate, seconds, cyclic, findings }
+    let decays = decays(&columns);
+    FoundHistory { columns, samples, rate, seconds, cyclic, decays, findings }
+}
+
+fn decays(columns: &[FoundColumn]) -> bool {
+    let moves = |c: &&FoundColumn| c.role.is_some_and(|r| r != Role::Force && ROLES.contains(&r));
+    let mut motions = columns.iter().filter(moves).peekable();
+    let falls = |values: &[f64]| {
+        let quarter = values.len() / 4;
+        quarter > 1 && spread(&values[values.len() - quarter..]) < DECAYED * spread(&values[..quarter])
+    };
+    motions.peek().is_some() && motions.all(|c| falls(&c.values))
 }
 
 fn cyclic(time: &[f64], channels: &[Channel], said: &Corrected, findings: &mut Vec<Note>) -> Option<Cyclic> {

@@ -71,8 +71,8 @@ enum OutputOnlyError {
     Short { samples: usize },
     #[error("a band up to {asked:.4} Hz, where the samples tell frequencies up to {told:.4} Hz")]
     Band { asked: f64, told: f64 },
-    #[error("no mode stands in the half spectra")]
-    NoMode,
+    #[error("no mode stands in the half spectra{}", left_out.iter().map(|l| format!("; {l}")).collect::<String>())]
+    NoMode { left_out: Vec<String> },
     #[error(transparent)]
     Fit(#[from] ModalFitError),
 }
@@ -84,7 +84,7 @@ impl OutputOnlyError {
                 format!("at least {} samples; some thousand periods of the lowest mode tell its damping", LEAST * (PARTS + 1))
             }
             Self::Band { told, .. } => format!("a band that ends at {told:.4} Hz or below"),
-            Self::NoMode => "a longer record, or a band around the resonances".into(),
+            Self::NoMode { .. } => "a longer record, or a band around the resonances".into(),
             Self::Fit(e) => e.accepted().into(),
         }
     }
@@ -218,7 +218,7 @@ fn identify(responses: &[Vec<f64>], step: f64, band: Option<(f64, f64)>) -> Resu
             ));
         }
     }
-    if identified.modes.is_empty() { Err(OutputOnlyError::NoMode) } else { Ok(identified) }
+    if identified.modes.is_empty() { Err(OutputOnlyError::NoMode { left_out: identified.left_out }) } else { Ok(identified) }
 }
 
 /// Standard deviation of what was computed with each part left out in turn (Efron and Tibshirani, An Introduction to the Bootstrap, eq. 11.5).
