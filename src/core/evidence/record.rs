@@ -10,7 +10,7 @@ use crate::data::{TestKind, harmonic_of};
 use crate::effect::{Kind, Role};
 use crate::model::{FreeParam, System};
 use crate::parallel;
-use crate::response::{BlockKind, Coefficients, Computed, Instruments, Plan, resonances};
+use crate::response::{BlockKind, Coefficients, Computed, Instruments, Plan, Reach, resonances};
 
 use super::facts::smooth;
 use super::{Settings, beside};
@@ -319,17 +319,16 @@ pub fn scatters(system: &System, f: &FreeParam) -> bool {
     force && info.params.get(f.param).is_some_and(|p| p.kind == Kind::Strength)
 }
 
-/// Largest reading of every channel in any test, block by block.
-fn peaks(plans: &[&Plan]) -> Vec<Vec<f64>> {
-    let own: Vec<Vec<f64>> = plans.iter().map(|p| p.peaks()).collect();
-    let all = plans.iter().zip(&own).flat_map(|(p, own)| p.blocks.iter().zip(own)).map(|(b, peak)| (b.label.as_str(), *peak));
-    let all: Vec<(&str, f64)> = all.collect();
-    let of = |label: &str| all.iter().filter(|(l, _)| *l == label).fold(0.0f64, |m, (_, p)| m.max(*p));
+/// What every channel reads in any test, block by block.
+fn reaches(plans: &[&Plan]) -> Vec<Vec<Reach>> {
+    let own: Vec<(&str, Reach)> =
+        plans.iter().flat_map(|p| p.blocks.iter().zip(p.reach())).map(|(b, reach)| (b.label.as_str(), reach)).collect();
+    let of = |label: &str| own.iter().filter(|(l, _)| *l == label).fold(Reach::default(), |all, (_, reach)| all.and(*reach));
     plans.iter().map(|p| p.blocks.iter().map(|b| of(&b.label)).collect()).collect()
 }
 
 pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> Vec<Record> {
-    let peaks = peaks(plans);
+    let reaches = reaches(plans);
     let of = |t: usize| {
         let plan = plans[t];
         let computed = plan.evaluate(system, &[], false).ok().map(|c| c.values).filter(|v| v.iter().all(|v| v.is_finite()));
@@ -343,7 +342,7 @@ pub(super) fn records(plans: &[&Plan], system: &System, settings: &Settings) -> 
             size[channel.range.clone()].copy_from_slice(&sizes(measured, computed, channel, settings.neighbours));
         }
         let noise = coefficients.noise(plan);
-        let instruments = Instruments::new(plan, &coefficients, &signal, &peaks[t]);
+        let instruments = Instruments::new(plan, &coefficients, &signal, &reaches[t]);
         Record {
             kind: plan.kind,
             coefficients,

@@ -24,9 +24,9 @@ pub struct Tolerances {
     pub gain: f64,
     /// The same of an FRF, whose sensors are calibrated one by one.
     pub calibration: f64,
-    /// Offset, in parts of the amplitude of what the channel reads in the test: that of the sine of its rms, its mean with it, since the zero of a sensor is as
-    /// good as its range, and the range covers where it stands. Of a multisine the largest reading is several times as much, and what an instrument may err
-    /// by must be little beside the rms in parts of which errors are told.
+    /// Offset, in parts of the largest amplitude that the channel reads in any test: that of the sine of its rms, its mean with it, since the zero of a sensor is
+    /// as good as its range, which is that of the largest test for all of them, and covers where it stands. Of a multisine the largest reading is several times
+    /// as much, and what an instrument may err by must be little beside the rms in parts of which errors are told.
     pub offset: f64,
     /// Quadratic and cubic part of a sensor's characteristic at its largest reading in any test.
     pub linearity: f64,
@@ -259,12 +259,12 @@ pub struct Instruments {
 
 impl Instruments {
     /// Those of a test. `signal`: what the channels read, computed: the noise of a measured one would stand in the columns and in the residuals, and the two
-    /// would agree. `peaks`: largest reading of the channel of each block in any test.
-    pub fn new(plan: &Plan, coefficients: &Coefficients, signal: &[f64], peaks: &[f64]) -> Instruments {
+    /// would agree. `reach`: what the channel of each block reads in any test.
+    pub fn new(plan: &Plan, coefficients: &Coefficients, signal: &[f64], reach: &[Reach]) -> Instruments {
         let (mut columns, mut of) = (Vec::<DVector<f64>>::new(), Vec::new());
-        for (k, (block, peak)) in plan.blocks.iter().zip(peaks).enumerate() {
+        for (k, (block, reach)) in plan.blocks.iter().zip(reach).enumerate() {
             let crept = plan.scatter.get(k).map_or(0.0, |s| s.crept);
-            for (misreading, std, values) in of_block(plan, block, crept, &signal[block.range.clone()], *peak) {
+            for (misreading, std, values) in of_block(plan, block, crept, &signal[block.range.clone()], *reach) {
                 let mut whole = DVector::zeros(plan.len());
                 whole.rows_mut(block.range.start, block.range.len()).copy_from_slice(&values);
                 columns.push(whole);
@@ -283,18 +283,42 @@ impl Instruments {
     }
 }
 
+/// What a channel reads in any test.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reach {
+    /// Its largest reading.
+    pub peak: f64,
+    /// Amplitude of the sine of its largest rms.
+    pub amplitude: f64,
+}
+
+impl Reach {
+    /// That of one signal.
+    pub fn of(signal: &[f64]) -> Reach {
+        Reach { peak: signal.iter().fold(0.0, |m, v| m.max(v.abs())), amplitude: amplitude(signal) }
+    }
+
+    /// That of both.
+    pub fn and(self, other: Reach) -> Reach {
+        Reach { peak: self.peak.max(other.peak), amplitude: self.amplitude.max(other.amplitude) }
+    }
+}
+
 /// Amplitude of the sine of this signal's rms.
 fn amplitude(signal: &[f64]) -> f64 {
     let n = signal.len().max(1) as f64;
     (2.0 * signal.iter().map(|v| v * v).sum::<f64>() / n).sqrt()
 }
 
-fn of_block(plan: &Plan, block: &Block, crept: f64, signal: &[f64], peak: f64) -> Vec<(Misreading, f64, Vec<f64>)> {
+fn of_block(plan: &Plan, block: &Block, crept: f64, signal: &[f64], reach: Reach) -> Vec<(Misreading, f64, Vec<f64>)> {
     let by = &plan.tolerances;
     // In parts of a period of this frequency.
     let delayed = |frequency: f64| by.delay_time.map_or(by.delay, |t| t * frequency);
     let gain = |by: f64| (Misreading::Gain, by, signal.iter().map(|v| by * v).collect::<Vec<f64>>());
-    let constant = (Misreading::Offset, by.offset, vec![by.offset * amplitude(signal); signal.len()]);
+    let (own, peak) = (amplitude(signal), reach.peak);
+    // Told in parts of what the channel reads here, of which the zero of a sensor of a larger range is a larger part.
+    let zero = by.offset * reach.amplitude.max(own);
+    let constant = (Misreading::Offset, if own > 0.0 { zero / own } else { by.offset }, vec![zero; signal.len()]);
     match block.kind {
         BlockKind::Table => vec![],
         // A record's longest period is its length, of which a delay is no part.
@@ -314,7 +338,7 @@ fn of_block(plan: &Plan, block: &Block, crept: f64, signal: &[f64], peak: f64) -
             let jumps = jumps(&beside_jumps(&plan.measured[block.range.clone()], sigma));
             columns.extend(jumps.into_iter().map(|column| (Misreading::Jump, BESIDE, column)));
             if crept != 0.0 {
-                columns.push((Misreading::Drift, crept.abs() / amplitude(signal).max(f64::MIN_POSITIVE), vec![crept.abs(); signal.len()]));
+                columns.push((Misreading::Drift, crept.abs() / own.max(f64::MIN_POSITIVE), vec![crept.abs(); signal.len()]));
             }
             columns
         }

@@ -35,7 +35,7 @@ use crate::units::Unit;
 pub use amplitude::Amplitude;
 pub use backbone::BackbonePlan;
 pub use block::{Block, BlockKind};
-pub use covariance::{Coefficients, Covariance, Instruments, Misreading, Scatter, Tolerances};
+pub use covariance::{Coefficients, Covariance, Instruments, Misreading, Reach, Scatter, Tolerances};
 pub use cycle::CyclePlan;
 pub use energy::{Energies, EnergyPlan, energies};
 pub use error::ResponseError;
@@ -214,7 +214,7 @@ impl Plan {
     /// computed.
     pub fn with_instruments(&self, signal: &[f64]) -> Plan {
         let coefficients = Coefficients::of(self);
-        let shared = Instruments::new(self, &coefficients, signal, &self.peaks()).columns;
+        let shared = Instruments::new(self, &coefficients, signal, &self.reach()).columns;
         let noise = coefficients.noise(self);
         Plan { covariance: Some(Arc::new(Covariance::new(coefficients, &noise, &shared))), ..self.clone() }
     }
@@ -233,9 +233,9 @@ impl Plan {
         plan
     }
 
-    /// Largest reading of each block.
-    pub fn peaks(&self) -> Vec<f64> {
-        self.blocks.iter().map(|b| self.measured[b.range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()))).collect()
+    /// What the channel of each block reads in this test.
+    pub fn reach(&self) -> Vec<Reach> {
+        self.blocks.iter().map(|b| Reach::of(&self.measured[b.range.clone()])).collect()
     }
 
     /// Whitened residuals, computed minus measured.

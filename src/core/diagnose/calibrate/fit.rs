@@ -208,6 +208,8 @@ pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>,
             let back = |v: Option<f64>| v.map(|v| f.value(v));
             let std = u.std.map(|s| if f.log { s * p.value } else { s });
             let (text, factor) = if p.unit.0.is_empty() { practical_unit(&fitted.system, f) } else { p.unit.clone() };
+            // A number without a unit is printed without a sign for none.
+            let text = if text == "-" { String::new() } else { text };
             let spread = std.map(|s| format!(" +- {}", digits(1.96 * s / factor, 2))).unwrap_or_else(|| " (not identified)".into());
             let interval = (back(u.interval.0), back(u.interval.1));
             // As many digits as tell the ends apart, and two of their distance.
@@ -234,7 +236,7 @@ pub fn parameters(case: &Case, fitted: &Fitted) -> Result<(Vec<ParameterResult>,
                 printed_interval,
                 identifiable: u.identifiable,
                 at_bound: u.at_bound,
-                printed: format!("{} {text}{spread}", digits(p.value / factor, 5)),
+                printed: format!("{}{spread}", format!("{} {text}", digits(p.value / factor, 5)).trim_end()),
                 note: open.or_else(|| u.note.clone()),
             }
         })

@@ -87,6 +87,8 @@ pub struct Climb<'a> {
     pub added: Vec<Added>,
     /// The order in which they are named.
     pub order: Vec<usize>,
+    /// Whether a setting of an addition has been fitted since the last rung was told.
+    pub freed: bool,
     /// Candidates of a step.
     pub tried: f64,
     /// Force channels that were turned back.
@@ -131,6 +133,7 @@ impl<'a> Climb<'a> {
             now,
             added: vec![],
             order: vec![],
+            freed: false,
             tried: 1.0,
             turned: vec![],
         })
@@ -158,12 +161,12 @@ impl<'a> Climb<'a> {
 
     /// Scores and weighs what may be missing from the present model, under its own counts.
     pub fn step(&mut self) -> Result<Step, DiagnoseError> {
-        let system = self.now.fitted.system.clone();
         if !self.added.is_empty() {
-            let mut scale = self.scale.renewed(&system);
-            let now = scale.tempered(&self.now, self.monitor).map_err(DiagnoseError::start_fails)?;
-            self.now = scale.finished(now, self.monitor).map_err(DiagnoseError::start_fails)?;
-            self.scale = scale;
+            self.renew()?;
+            while self.free_setting() {
+                self.freed = true;
+                self.renew()?;
+            }
         }
         let (monitor, watch) = (self.monitor, self.watch);
         let near = in_step(&self.scale.case.at(&self.now.fitted.system), monitor)?;
@@ -189,6 +192,15 @@ impl<'a> Climb<'a> {
         };
         self.tried = found.tried.max(1.0);
         Ok(found)
+    }
+
+    /// Weighs the present model under its own counts.
+    fn renew(&mut self) -> Result<(), DiagnoseError> {
+        let mut scale = self.scale.renewed(&self.now.fitted.system);
+        let now = scale.tempered(&self.now, self.monitor).map_err(DiagnoseError::start_fails)?;
+        self.now = scale.finished(now, self.monitor).map_err(DiagnoseError::start_fails)?;
+        self.scale = scale;
+        Ok(())
     }
 
     /// The present model with its own parameters where they stand there, nothing of what was given slack deviating.

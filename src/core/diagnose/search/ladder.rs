@@ -165,6 +165,9 @@ pub fn ladder(case: &Case, monitor: &Monitor, watch: Watch) -> Result<(LadderRes
             Err(why) if !climb.added.is_empty() => break End::Cannot(why.to_string()),
             found => found?,
         };
+        if std::mem::take(&mut climb.freed) {
+            climb.refresh(&mut rungs)?;
+        }
         if let Some(last) = rungs.last_mut() {
             (last.candidates, last.second_opinion, last.effort) = (step.candidates.clone(), step.second_opinion.clone(), step.effort);
         }
@@ -215,8 +218,7 @@ impl Climb<'_> {
     /// Exchanges an addition for what does its work better. What was added first may stand for two: where nothing gains beside it, or nothing more may be
     /// added, every addition is held against what could stand in its place now. Whether one was exchanged.
     fn exchange(&mut self, rungs: &mut Vec<Rung>) -> Result<bool, DiagnoseError> {
-        let changed = self.effects() > 1 || !self.added.is_empty() && rungs.last().is_some_and(|r| !r.removed.is_empty());
-        if !changed {
+        if (0..self.added.len()).all(|k| self.added[k].held || self.is_fault(k)) {
             return Ok(false);
         }
         let Some((added, removed)) = parallel::watched(&self.monitor.watch(), || self.swap()) else { return Ok(false) };

@@ -4,6 +4,7 @@ pub(in crate::diagnose) mod candidates;
 pub(in crate::diagnose) mod chance;
 pub(in crate::diagnose) mod climb;
 pub(in crate::diagnose) mod fault;
+pub(in crate::diagnose) mod freed;
 pub(in crate::diagnose) mod held_out;
 pub(in crate::diagnose) mod horizon;
 pub(in crate::diagnose) mod kin;

@@ -93,23 +93,29 @@ impl Survivors<'_> {
         let (a, price) = (self.against, self.price);
         let nats = |k: usize| promised(price.squares, self.fall(k));
         let best = (0..self.refits.len()).map(nats).fold(0.0, f64::max);
-        let mut left = a.scale.settings.weighed;
-        let of = |k: usize| -> Option<Reason> {
+        // What the race promises a refit beside others of unlike size: those within a tie of the first are as likely as that, however many they are.
+        let size = |k: usize| self.refits[k].result.as_ref().map_or(0, |p| p.fitted.free.len());
+        let worth = |k: usize| nats(k) - 0.5 * size(k) as f64 * a.scale.counts.n.ln();
+        let mut order: Vec<usize> = (0..self.refits.len()).collect();
+        order.sort_by(|a, b| worth(*b).total_cmp(&worth(*a)));
+        let first = order.iter().find(|k| self.refits[**k].result.is_ok()).map_or(0.0, |k| worth(*k));
+        let (mut reasons, mut open) = (vec![None; self.refits.len()], 0);
+        for k in order {
             let (r, fall) = (&self.refits[k], self.fall(k));
-            match &r.result {
+            reasons[k] = match &r.result {
                 Err(_) if cut || trace::stopped(a.monitor) => Some(Reason::Interrupted),
                 Err(why) => Some(Reason::Failed { why: why.clone() }),
                 Ok(_) if !price.promises(r.candidate, fall) => Some(price.left_out(r.candidate, fall)),
                 // Beside what already gains so much, with the variances of the model without either, it cannot come first.
                 Ok(_) if price.bound(r.candidate, fall) < best - a.scale.settings.tie => Some(Reason::Behind { nats: best - nats(k) }),
-                Ok(_) if left == 0 => Some(Reason::NotTried),
+                Ok(_) if open >= a.scale.settings.weighed && worth(k) < first - a.scale.settings.tie => Some(Reason::NotTried),
                 Ok(_) => {
-                    left -= 1;
+                    open += 1;
                     None
                 }
-            }
-        };
-        (0..self.refits.len()).map(of).collect()
+            };
+        }
+        reasons
     }
 
     /// A refit as it stands under variances of its own, and what a fit under these may add; or the effect as it was refitted beside the model's own
