@@ -289,7 +289,7 @@ fn param(table: &TableView<'_>, info: &Info, p: &Param, dimension: Dimension) ->
         if p.kind == Kind::Setting {
             return Ok(ParamValue::of(p, p.default));
         }
-        let accepted = format!("{} = \"...\", the {} of `{}` in {}", p.name, p.doc, info.name, dimension.examples());
+        let accepted = format!("{} = \"...\" of `{}`, in {}: {}", p.name, info.name, dimension.examples(), p.doc);
         return Err(table.error(TomlProblem::MissingKey { key: p.name.into(), accepted }));
     };
     let setting = p.kind == Kind::Setting;

@@ -302,10 +302,11 @@ fn same_places(a: &[usize], b: &[usize]) -> bool {
     a.len() == b.len() && a.iter().all(|p| b.contains(p))
 }
 
-/// Whether the effect already stands at exactly these places and a second one could not differ from it.
+/// Whether the effect already stands at exactly these places and a second one could not differ from it, as it could from one that a law acts on.
 fn already(system: &System, effect: &str, places: &[usize], shaped: bool) -> bool {
-    let here =
-        system.instances.iter().filter(|i| i.name() == effect && matches!(&i.site, Site::Places(p) if same_places(p, places))).count();
+    let acted_on = |k: usize| system.instances.iter().filter_map(|c| c.target.as_ref()).any(|t| t.instances.contains(&k));
+    let stands = |i: &Instance| i.name() == effect && matches!(&i.site, Site::Places(p) if same_places(p, places));
+    let here = system.instances.iter().enumerate().filter(|(k, i)| stands(i) && !acted_on(*k)).count();
     here > usize::from(shaped)
 }
 

@@ -93,27 +93,23 @@ impl Survivors<'_> {
         let (a, price) = (self.against, self.price);
         let nats = |k: usize| promised(price.squares, self.fall(k));
         let best = (0..self.refits.len()).map(nats).fold(0.0, f64::max);
-        // What the race promises a refit beside others of unlike size: those within a tie of the first are as likely as that, however many they are.
-        let size = |k: usize| self.refits[k].result.as_ref().map_or(0, |p| p.fitted.free.len());
-        let worth = |k: usize| nats(k) - 0.5 * size(k) as f64 * a.scale.counts.n.ln();
-        let mut order: Vec<usize> = (0..self.refits.len()).collect();
-        order.sort_by(|a, b| worth(*b).total_cmp(&worth(*a)));
-        let first = order.iter().find(|k| self.refits[**k].result.is_ok()).map_or(0.0, |k| worth(*k));
-        let (mut reasons, mut open) = (vec![None; self.refits.len()], 0);
-        for k in order {
+        let of = |k: usize| -> Option<Reason> {
             let (r, fall) = (&self.refits[k], self.fall(k));
-            reasons[k] = match &r.result {
+            match &r.result {
                 Err(_) if cut || trace::stopped(a.monitor) => Some(Reason::Interrupted),
                 Err(why) => Some(Reason::Failed { why: why.clone() }),
                 Ok(_) if !price.promises(r.candidate, fall) => Some(price.left_out(r.candidate, fall)),
                 // Beside what already gains so much, with the variances of the model without either, it cannot come first.
                 Ok(_) if price.bound(r.candidate, fall) < best - a.scale.settings.tie => Some(Reason::Behind { nats: best - nats(k) }),
-                Ok(_) if open >= a.scale.settings.weighed && worth(k) < first - a.scale.settings.tie => Some(Reason::NotTried),
-                Ok(_) => {
-                    open += 1;
-                    None
-                }
-            };
+                Ok(_) => None,
+            }
+        };
+        let mut reasons: Vec<Option<Reason>> = (0..self.refits.len()).map(of).collect();
+        let size = |k: usize| self.refits[k].result.as_ref().map_or(0, |p| p.fitted.free.len());
+        let worth = |k: usize| reasons[k].is_none().then(|| nats(k) - 0.5 * size(k) as f64 * a.scale.counts.n.ln());
+        let worth: Vec<Option<f64>> = (0..self.refits.len()).map(worth).collect();
+        for k in behind(&worth, a.scale.settings.weighed, a.scale.settings.tie) {
+            reasons[k] = Some(Reason::NotTried);
         }
         reasons
     }
@@ -201,5 +197,27 @@ impl Survivors<'_> {
         let mut start = self.from.clone();
         start.tau += 0.5 * (1.0 - self.fall(k)).max(f64::EPSILON).ln();
         start
+    }
+}
+
+/// Which of these, by what a race promises each of them, stand behind the first `most` and are worth less than the first by more than a tie: those within one
+/// are as likely as the first, however many they are.
+fn behind(worth: &[Option<f64>], most: usize, tie: f64) -> Vec<usize> {
+    let mut order: Vec<(usize, f64)> = worth.iter().enumerate().filter_map(|(k, w)| Some((k, (*w)?))).collect();
+    order.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let first = order.first().map_or(0.0, |o| o.1);
+    order.into_iter().skip(most).filter(|o| o.1 < first - tie).map(|o| o.0).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_is_tied_with_the_first_is_weighed() {
+        let worth = [Some(3.0), None, Some(9.5), Some(10.0), Some(8.6), Some(8.4), Some(1.0)];
+        assert_eq!(behind(&worth, 2, 1.5), [5, 0, 6]);
+        assert_eq!(behind(&worth, 5, 1.5), [6], "no more than so many of the others");
+        assert!(behind(&worth, 6, 1.5).is_empty() && behind(&[None, None], 0, 1.5).is_empty());
     }
 }
