@@ -406,7 +406,7 @@ pub struct Missing {
     pub of: Option<String>,
     /// `effect at place` of the tied.
     pub tied_with: Vec<String>,
-    /// Whether the density of the held-out tests falls where it is left out; none where there are none.
+    /// Whether the held-out tests bear it out beside what else was added; none where there are none.
     pub proven: Option<bool>,
 }
 

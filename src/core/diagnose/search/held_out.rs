@@ -44,6 +44,14 @@ pub struct Word {
     pub fall: (f64, f64),
 }
 
+impl Word {
+    /// Whether the tests bear out what the last model has beyond the first: they are likelier by more than `held_out_nats`, and closer by more than a standard
+    /// error.
+    pub fn bears_out(&self, s: &Settings) -> bool {
+        self.nats > s.held_out_nats && self.fall.0 > self.fall.1
+    }
+}
+
 impl<'a> HeldOutTests<'a> {
     /// `first`: the model whose error says what a coefficient counts as.
     pub fn new(plans: Vec<&'a Plan>, fitted: &'a Evidence, first: &Weighed, last: &Weighed, settings: &'a Settings) -> Option<Self> {

@@ -26,7 +26,7 @@ impl Climb<'_> {
     pub(in crate::diagnose) fn missing(&self, held: Option<(&HeldOutTests, &Look)>) -> Vec<Missing> {
         let of = |k: &usize| {
             let a = &self.added[*k];
-            let proven = held.and_then(|(h, last)| Some(last.density > h.look(a.without.as_ref()?)?.density));
+            let proven = held.and_then(|(h, last)| Some(h.word(&h.look(a.without.as_ref()?)?, last).bears_out(&self.settings)));
             Missing { effect: a.name.effect.into(), at: a.name.at.clone(), of: a.name.of.clone(), tied_with: tied_with(a), proven }
         };
         self.order.iter().filter(|k| self.is_physics(**k)).map(of).collect()

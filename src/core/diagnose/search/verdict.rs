@@ -65,7 +65,7 @@ pub fn judged(g: &Grounds, s: &Settings) -> Judged {
         _ if !changed => (false, "nothing was added".to_string()),
         Some((word, before, after)) => {
             let sure = word.fall.0 > word.fall.1;
-            let proven = word.nats > s.held_out_nats && after < (1.0 - s.held_out_fall) * before && sure;
+            let proven = word.bears_out(s) && after < (1.0 - s.held_out_fall) * before;
             let moved = if after < before { "fell" } else { "rose" };
             let by = if after < before && !sure { ", by no more than its standard error" } else { "" };
             let nats = format!("{:.1} nats {}", word.nats.abs(), if word.nats >= 0.0 { "for it" } else { "against it" });
