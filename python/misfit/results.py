@@ -659,7 +659,7 @@ class Missing(msgspec.Struct, kw_only=True):
     of: str | None = None
     """Of a coefficient, the parameter that it acts on: `film.f`."""
     proven: bool | None
-    """Whether the density of the held-out tests falls where it is left out; none where there are none."""
+    """Whether the held-out tests bear it out beside what else was added; none where there are none."""
     tied_with: list[str]
     """`effect at place` of the tied."""
 
