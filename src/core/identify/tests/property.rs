@@ -50,8 +50,7 @@ fn problem() -> impl Strategy<Value = (Linear, Constraints, Vec<f64>)> {
     })
 }
 
-/// Karush-Kuhn-Tucker by its own means: projected gradient descent on the multipliers (non-negative least squares by coordinate descent),
-/// in column-normalised variables. Returns ||gradient + sum y_i a_i|| / ||r|| at the best y >= 0 over the active rows.
+/// Karush-Kuhn-Tucker by its own means, in column-normalised variables. Returns ||gradient + sum y_i a_i|| / ||r|| at the best y >= 0 over the active rows.
 fn kkt_residual(problem: &Linear, constraints: &Constraints, p: &[f64]) -> f64 {
     let r = problem.residuals(p).unwrap();
     let norms: Vec<f64> = problem.a.column_iter().map(|c| if c.norm() > 0.0 { c.norm() } else { 1.0 }).collect();
@@ -77,21 +76,43 @@ fn kkt_residual(problem: &Linear, constraints: &Constraints, p: &[f64]) -> f64 {
         let slack = row.limit - terms.iter().map(|&(j, a)| a * p[j]).sum::<f64>();
         add(&terms, slack, row.limit.abs() + terms.iter().map(|&(j, a)| (a * p[j]).abs()).sum::<f64>());
     }
-    let mut left = gradient;
+    unmet(&gradient, &normals) / r.norm().max(1e-300)
+}
+
+/// Least ||g + sum y_i a_i|| over y >= 0, by active sets (Lawson and Hanson, Solving Least Squares Problems, ch. 23). Descent along one y after the other takes a
+/// million rounds where two normals are nearly opposite.
+fn unmet(g: &DVector<f64>, normals: &[DVector<f64>]) -> f64 {
     let mut y = vec![0.0; normals.len()];
-    for _ in 0..200_000 {
-        let mut change = 0.0f64;
-        for (g, y) in normals.iter().zip(&mut y) {
-            let new = (*y - g.dot(&left)).max(0.0);
-            left += g * (new - *y);
-            change = change.max((new - *y).abs());
-            *y = new;
-        }
-        if change < 1e-15 {
-            break;
+    let mut passive: Vec<usize> = vec![];
+    let left = |y: &[f64]| normals.iter().zip(y).fold(g.clone(), |left, (a, y)| left + a * *y);
+    for _ in 0..10 * normals.len() {
+        let rest = left(&y);
+        let pulls = (0..normals.len()).filter(|k| !passive.contains(k)).map(|k| (k, -normals[k].dot(&rest)));
+        let Some((k, _)) = pulls.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|p| p.1 > 1e-13 * g.norm()) else { break };
+        passive.push(k);
+        while !passive.is_empty() {
+            let columns: Vec<DVector<f64>> = passive.iter().map(|k| normals[*k].clone()).collect();
+            let z = DMatrix::from_columns(&columns).svd(true, true).solve(&-g, 1e-14).unwrap();
+            if z.iter().all(|z| *z > 0.0) {
+                passive.iter().zip(z.iter()).for_each(|(k, z)| y[*k] = *z);
+                break;
+            }
+            // As far towards it as all stay above zero; what has come to zero leaves.
+            let part = passive.iter().zip(z.iter()).filter(|(_, z)| **z <= 0.0).map(|(k, z)| y[*k] / (y[*k] - z)).fold(1.0, f64::min);
+            passive.iter().zip(z.iter()).for_each(|(k, z)| y[*k] += part * (z - y[*k]));
+            passive.retain(|k| y[*k] > 1e-15);
+            (0..y.len()).filter(|k| !passive.contains(k)).for_each(|k| y[k] = 0.0);
         }
     }
-    left.norm() / r.norm().max(1e-300)
+    left(&y).norm()
+}
+
+#[test]
+fn multipliers_of_normals_that_are_nearly_opposite_are_found() {
+    let normals = [DVector::from_vec(vec![-1.0, 0.0]), DVector::from_vec(vec![1.0, -0.004]).normalize()];
+    assert!(unmet(&DVector::from_vec(vec![0.3, 1.4]), &normals) < 1e-9);
+    assert!((unmet(&DVector::from_vec(vec![0.3, -1.4]), &normals) - 1.4).abs() < 1e-9, "no multiplier pulls that way");
+    assert!((unmet(&DVector::from_vec(vec![-3.0, 4.0]), &normals[..1]) - 5.0).abs() < 1e-12);
 }
 
 #[test]
