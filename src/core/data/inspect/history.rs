@@ -25,7 +25,7 @@ pub struct FoundHistory {
     pub rate: f64,
     pub seconds: f64,
     pub cyclic: Option<Cyclic>,
-    /// Whether every motion is smaller in the last quarter than in the first by [`DECAYED`]: nothing keeps it up.
+    /// Whether every motion is smaller in the last quarter than in the first by half: nothing keeps it up.
     pub decays: bool,
     pub findings: Vec<Note>,
 }
