@@ -297,6 +297,7 @@ fn ladder(n: usize) -> LadderResult {
             amplitude: 1e-4,
             mean: 0.0,
             unit: "m".into(),
+            conditions: Default::default(),
             separation: 7.3,
             breaks: true,
             cut_short: false,

@@ -31,6 +31,7 @@ pub(crate) mod testing {
     pub(crate) use super::calibrate::weigh::{Scale, Tied, Weighed};
     pub use super::search::candidates::{Name, Scene, candidates};
     pub(crate) use super::search::climb::{Added, Climb};
+    pub(crate) use super::search::levels::{printed as level, variations as at_other_levels};
     pub(crate) use super::search::next::within;
     pub use super::search::refit::{Bench, cost, whitened};
     pub use super::search::righted::{drifting, phased, unclipped};

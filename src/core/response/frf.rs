@@ -87,7 +87,8 @@ impl FrfPlan {
     /// The same at other frequencies or under another excitation.
     pub(super) fn varied(&self, by: &Variation) -> Self {
         let omega = self.omega.iter().map(|w| w * by.frequency).collect();
-        FrfPlan { omega, excitation: by.excitation.or(self.excitation), ..self.clone() }
+        let standing = self.standing.clone().filter(|_| by.condition.is_none());
+        FrfPlan { omega, excitation: by.excitation.or(self.excitation), standing, ..self.clone() }
     }
 
     /// The same at these of its lines.

@@ -15,11 +15,13 @@ pub struct Variation {
     pub mean: f64,
     /// Peak of the exciting force of an FRF [N or N m]; none leaves it as it is.
     pub excitation: Option<f64>,
+    /// Another value [SI] of one of the test's conditions, by its place in the order of their names.
+    pub condition: Option<(usize, f64)>,
 }
 
 impl Default for Variation {
     fn default() -> Self {
-        Variation { frequency: 1.0, amplitude: 1.0, mean: 0.0, excitation: None }
+        Variation { frequency: 1.0, amplitude: 1.0, mean: 0.0, excitation: None, condition: None }
     }
 }
 
@@ -56,10 +58,14 @@ impl Plan {
         Some(plan)
     }
 
-    /// The same test with its drive changed; `None` for tests that are neither cycles nor FRFs. What was measured loses its meaning, and
-    /// with it what instruments add to the covariance; sigma grows with the range of a drive and shrinks with none.
+    /// The same test with its drive or a condition changed; `None` for tests that are neither cycles nor FRFs nor modal tables, of which the last have
+    /// conditions alone. What was measured loses its meaning, and with it what instruments add to the covariance; sigma grows with the range of a drive
+    /// and shrinks with none.
     pub fn varied(&self, by: &Variation) -> Option<Plan> {
         let mut plan = Plan { scatter: vec![], covariance: None, ..self.clone() };
+        if let Some((at, level)) = by.condition {
+            *plan.conditions.values_mut().nth(at)? = level;
+        }
         match &self.work {
             Work::Cycle(cycle) => {
                 plan.work = Work::Cycle(cycle.varied(by));
@@ -72,6 +78,7 @@ impl Plan {
                 plan.work = Work::Frf(frf.of_lines(&kept.iter().map(|k| k.0).collect::<Vec<_>>()).varied(by));
                 plan.blocks.iter_mut().flat_map(|b| &mut b.abscissa).for_each(|f| *f *= by.frequency);
             }
+            Work::Modal(_) if by.condition.is_some() => {}
             _ => return None,
         }
         Some(plan)

@@ -151,7 +151,7 @@ impl Generated {
     fn add(&mut self, next: &NextTest, among: &[String]) -> bool {
         let Some(base) = self.tests.iter().find(|t| t.id == next.test).cloned() else { return false };
         let Drive::Loop { discard, bodies, .. } = base.drive.clone() else { return false };
-        if next.kind != "cycle" || !self.runs_about(next.mean) {
+        if next.kind != "cycle" || !next.conditions.is_empty() || !self.runs_about(next.mean) {
             return false;
         }
         let drive = Drive::Loop { frequency: next.frequency, amplitude: next.amplitude, mean: next.mean, discard, bodies };

@@ -1,5 +1,7 @@
 //! A candidate effect, what all candidates say together, and the test that would separate the tied.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::reason::Reason;
@@ -65,9 +67,9 @@ pub struct NextTest {
     pub describe: String,
     /// The test that it varies.
     pub test: String,
-    /// cycle or frf.
+    /// cycle, frf or modal.
     pub kind: String,
-    /// Drive frequency; of an FRF its highest line [Hz].
+    /// Drive frequency; of an FRF its highest line, of a modal test 0 [Hz].
     pub frequency: f64,
     /// Half range of the drive; of an FRF the peak of its force, 0 for a small signal [SI].
     pub amplitude: f64,
@@ -75,6 +77,8 @@ pub struct NextTest {
     pub mean: f64,
     /// SI unit of the amplitude.
     pub unit: String,
+    /// Conditions with another value [SI] than the test that it varies.
+    pub conditions: BTreeMap<String, f64>,
     /// By how many sigma the true one fits better in the simulation, whichever is true: the root of twice the difference of the costs.
     pub separation: f64,
     /// Whether the tie broke there.

@@ -1,5 +1,6 @@
 //! The search for missing effects: forward selection with backward pruning, one criterion. ARCHITECTURE.md tells it on one page, "The search".
 
+pub(in crate::diagnose) mod apart;
 pub(in crate::diagnose) mod candidates;
 pub(in crate::diagnose) mod chance;
 pub(in crate::diagnose) mod climb;
@@ -10,6 +11,7 @@ pub(in crate::diagnose) mod horizon;
 pub(in crate::diagnose) mod kin;
 pub(in crate::diagnose) mod ladder;
 pub(in crate::diagnose) mod left;
+pub(in crate::diagnose) mod levels;
 pub(in crate::diagnose) mod listed;
 pub(in crate::diagnose) mod loosened;
 pub(in crate::diagnose) mod map;

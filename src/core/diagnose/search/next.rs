@@ -1,6 +1,7 @@
 //! The test that would separate tied candidates.
 //!
-//! Proposed: cycles at other frequencies, amplitudes and means, FRFs over another band or at another excitation. Each is weighed by how far
+//! Proposed: cycles at other frequencies, amplitudes and means, FRFs over another band or at another excitation, any test at another value of a
+//! condition that a law or a load of the tied models depends on. Each is weighed by how far
 //! the tied responses stay apart after the one that is wrong has adjusted its parameters as far as the measured tests let it: with `d` the
 //! difference of the responses, `J` the columns of the wrong one on the new test and `R'R` its information from the measured ones, all
 //! whitened, the least `||d + J s||^2 + ||R s||^2` over `s`. The best proposals are then simulated: noise is added, both are refitted to
@@ -10,6 +11,7 @@
 //! enough proposals separate well are they weighed in full. The whole takes no more than a share of what the search for the effects took;
 //! what was cut short says so.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use crate::parallel;
@@ -18,12 +20,15 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::data::Rig;
+use crate::data::{Rig, TestKind};
 use crate::identify::{Monitor, Termination};
+use crate::model::System;
 use crate::response::{BlockKind, CycleDrive, Plan, Variation};
 use crate::units::Dimension;
 
+use super::apart::differing;
 use super::candidates::Name;
+use super::levels;
 use crate::diagnose::Case;
 use crate::diagnose::calibrate::case::Fitted;
 use crate::diagnose::results::{NextTest, SplitName};
@@ -46,7 +51,8 @@ impl<'a> Proposal<'a> {
 
     /// How far it lies from what was tested.
     fn distance(&self) -> f64 {
-        self.by.frequency.ln().abs() + self.by.amplitude.ln().abs() + self.by.mean.abs()
+        let set = f64::from(u8::from(self.by.condition.is_some()));
+        self.by.frequency.ln().abs() + self.by.amplitude.ln().abs() + self.by.mean.abs() + set
     }
 }
 
@@ -91,6 +97,8 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
     let tied = Tied { case, best, rivals };
     let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
     let mut left: Vec<Proposal> = variations(&plans, s);
+    let systems: Vec<&System> = rivals.iter().map(|r| &r.1.system).chain([&best.system]).collect();
+    left.extend(levels::variations(&plans, &systems, s).into_iter().map(|(plan, by)| Proposal::new(plan, by)));
     let mut weighed: Vec<Proposal> = Vec::new();
     let mut cut = tied.weigh(&mut left, &mut weighed, &clock);
     if !enough(&weighed, s) && !cut {
@@ -133,15 +141,20 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
     let none = || {
         let bench = if case.search.rig == Rig::default() { "" } else { ", within the limits of the bench ([rig])," };
         format!(
-            "no test from a third of the least to {:.0} times the most that was tested{bench} separates it from {}",
+            "no test from a third of the least to {:.0} times the most that was tested, nor one at other conditions,{bench} separates it from {}",
             s.reach,
             names.join(", ")
         )
     };
+    let otherwise = rivals
+        .first()
+        .filter(|_| !monitor.stops())
+        .and_then(|(name, rival)| differing(case, best, (&format!("{} at {}", name.effect, name.at), rival), &case.search.settings));
+    let otherwise = otherwise.map_or(String::new(), |said| format!("; {said}"));
     match found {
-        Some(found) if found.breaks || found.cut_short => Ok(found),
-        Some(found) => Err(format!("{}; the best found: {}", none(), found.describe)),
-        None => Err(none()),
+        Some(found) if found.breaks || found.cut_short => Ok(NextTest { describe: found.describe + &otherwise, ..found }),
+        Some(found) => Err(format!("{}; the best found: {}{otherwise}", none(), found.describe)),
+        None => Err(none() + &otherwise),
     }
 }
 
@@ -354,12 +367,15 @@ fn told(p: &Proposal, s: &Settings, separation: f64, how: &str) -> NextTest {
     let apart = if breaks { format!("{separation:.1} sigma apart") } else { format!("only {separation:.1} sigma apart") };
     let verdict = format!("{how}, they stand {apart}");
     let cut_short = false;
+    let set = p.by.condition.and_then(|(at, level)| levels::printed(p.base, at, level));
+    let at_level = set.as_ref().map_or(String::new(), |(name, printed, _)| format!(" with {name} = {printed}"));
+    let conditions: BTreeMap<String, f64> = set.into_iter().map(|(name, _, level)| (name, level)).collect();
     if let Some(own) = p.base.cycle_drive() {
         let (frequency, amplitude) = (own.frequency * p.by.frequency, own.amplitude * p.by.amplitude);
         let mean = own.mean + p.by.mean * amplitude;
         let about = if p.by.mean == 0.0 { String::new() } else { format!(" about a mean of {}", own.unit.print_difference(mean)) };
         let describe = format!(
-            "the drive of test {} at {frequency:.4} Hz with an amplitude of {}{about}: {verdict}",
+            "the drive of test {} at {frequency:.4} Hz with an amplitude of {}{about}{at_level}: {verdict}",
             p.base.id,
             own.unit.print_difference(amplitude)
         );
@@ -372,24 +388,33 @@ fn told(p: &Proposal, s: &Settings, separation: f64, how: &str) -> NextTest {
             amplitude,
             mean,
             unit,
+            conditions,
             separation,
             breaks,
             cut_short,
         };
     }
-    let lines = p.base.blocks.first().map_or(&[][..], |b| &b.abscissa);
+    // Of a modal table the abscissa counts modes.
+    let modal = p.base.kind == TestKind::Modal;
+    let lines = p.base.blocks.first().filter(|_| !modal).map_or(&[][..], |b| &b.abscissa);
     let (low, high) = lines.iter().fold((f64::INFINITY, 0.0f64), |(l, h), f| (l.min(*f), h.max(*f)));
     let (low, high) = (low * p.by.frequency, high * p.by.frequency);
     let force = p.by.excitation.or(p.base.excitation());
     let with = force.map_or(String::new(), |f| format!(" under an excitation of {f:.3e} N (N m about an axis) at its peak"));
+    let what = if modal {
+        format!("the modes of test {}{at_level}", p.base.id)
+    } else {
+        format!("the frequency response of test {} from {low:.4} to {high:.4} Hz{with}{at_level}", p.base.id)
+    };
     NextTest {
-        describe: format!("the frequency response of test {} from {low:.4} to {high:.4} Hz{with}: {verdict}", p.base.id),
+        describe: format!("{what}: {verdict}"),
         test: p.base.id.clone(),
-        kind: "frf".into(),
+        kind: p.base.kind.word().into(),
         frequency: high,
         amplitude: force.unwrap_or(0.0),
         mean: 0.0,
         unit: "N".into(),
+        conditions,
         separation,
         breaks,
         cut_short,

@@ -15,6 +15,8 @@ pub struct Proposals {
     pub reach: f64,
     /// Means that are tried about the best cycles, in parts of the half range.
     pub means: [f64; 2],
+    /// Part of a condition's value by which one that all tests share is changed; where it varies, half of its range beyond either end is tried.
+    pub beyond: f64,
     /// Factors on the lines of an FRF.
     pub bands: [f64; 4],
     /// Factors on its excitation...
@@ -45,6 +47,7 @@ impl Default for Proposals {
             amplitudes: 4,
             reach: 3.0,
             means: [-0.6, 0.6],
+            beyond: 0.3,
             bands: [0.1, 0.3, 3.0, 10.0],
             excitations: [0.1, 0.3, 3.0, 10.0],
             of_force: [0.03, 0.3, 1.0],

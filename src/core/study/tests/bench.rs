@@ -3,8 +3,8 @@
 use crate::data::Rig;
 use crate::diagnose::Case;
 use crate::diagnose::results::SplitName;
-use crate::diagnose::testing::{Scale, Settings, within};
-use crate::response::{Misreading, Tolerances, Variation};
+use crate::diagnose::testing::{Scale, Settings, at_other_levels, level, within};
+use crate::response::{Misreading, Plan, Tolerances, Variation};
 
 use super::{Folder, ONE, cycle};
 
@@ -78,4 +78,37 @@ fn the_zero_of_a_sensor_is_as_good_as_its_range() {
     // In parts of the amplitude of the test; the damper of the study, which moved none of this, adds a little to what is computed.
     approx::assert_relative_eq!(one.2, 0.002, max_relative = 0.05);
     approx::assert_relative_eq!(two.2, 0.02, max_relative = 0.05);
+}
+
+/// The loops run at 0.1, 0.3 and 0.5 mm of interference; the stiffness follows it.
+#[test]
+fn a_test_at_another_condition_is_proposed_where_a_law_depends_on_it() {
+    let law = |a: &str| {
+        format!(
+            "{ONE}[[effect]]\neffect = \"interference_law\"\nat = \"c1.x\"\nof = \"linear_stiffness.k\"\ncondition = \"i\"\nreference = \"0.3 mm\"\na = {{ start = \"{a}\" }}\n"
+        )
+    };
+    let study = Folder::one(&law("1.5 1/mm")).load().unwrap();
+    let case = Case::from_study(&study, 1).unwrap();
+    let plans: Vec<_> = case.plans.iter().map(|(p, _)| p).collect();
+    let settings = Settings::default().next;
+    let proposed = at_other_levels(&plans, &[&study.system], &settings);
+    let of = |(plan, by): &(&Plan, Variation)| {
+        let varied = plan.varied(by).unwrap();
+        let force = varied.evaluate(&study.system, &[], false).unwrap().values;
+        (1e3 * varied.conditions["i"], force.iter().fold(0.0f64, |m, f| m.max(f.abs())))
+    };
+    let found: Vec<(f64, f64)> = proposed.iter().map(of).collect();
+    // One test of the three, whose drives are alike: half of the range beyond either end (no less than a third of the least), and not its own value.
+    assert!(!found.is_empty() && found.iter().all(|(i, _)| [0.1 / 3.0, 0.3, 0.7].iter().any(|want| (i - want).abs() < 1e-12)), "{found:?}");
+    let (i, force) = found[found.len() - 1];
+    assert!((i - 0.7).abs() < 1e-12);
+    // 20 N/mm exp(1.5 x 0.4) over 0.4 mm, and the damper beside it.
+    let omega = std::f64::consts::TAU * plans.iter().find(|p| p.id == proposed[0].0.id).unwrap().cycle_drive().unwrap().frequency;
+    let want = 0.4 * (20.0 * (1.5f64 * 0.4).exp()).hypot(0.1 * omega);
+    assert!((force / want - 1.0).abs() < 2e-3, "{force} {want}");
+    assert_eq!(level(proposed[0].0, 1, 0.7e-3).map(|p| (p.0, p.1)), Some(("i".into(), "0.7 mm".into())));
+    // A model on which no condition acts has no other tests of this kind.
+    let plain = Folder::one(ONE).load().unwrap();
+    assert!(at_other_levels(&plans, &[&plain.system], &settings).is_empty());
 }
