@@ -131,9 +131,8 @@ pub(super) fn suggestion(u: &Unexplained) -> String {
     )
 }
 
-/// A verdict in a sentence. `undecided`: see [`crate::diagnose::LadderResult::undecided`].
-pub(super) fn sentence(verdict: Verdict, proven: bool, undecided: bool, missing: &[(&str, &str)]) -> String {
-    let names: Vec<String> = missing.iter().map(|(effect, at)| format!("{effect} at {at}")).collect();
+/// A verdict in a sentence, `names` of what is missing. `undecided`: see [`crate::diagnose::LadderResult::undecided`].
+pub(super) fn sentence(verdict: Verdict, proven: bool, undecided: bool, names: &[String]) -> String {
     match verdict {
         Verdict::Missing => format!("Missing: {}.", names.join(", ")),
         Verdict::NothingMissing => "Nothing is missing: no effect explains more of what is left than it costs.".into(),
@@ -170,7 +169,7 @@ fn told(d: &Diagnosis, study: &str) -> String {
     if let Some(remark) = &d.second_opinion.remark {
         text += &format!("Second opinion: {remark}.\n");
     }
-    let missing: Vec<(&str, &str)> = d.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
+    let missing: Vec<String> = d.missing.iter().map(ToString::to_string).collect();
     text += &sentence(d.verdict, false, false, &missing);
     text += "\n";
     if let Some(u) = &d.unexplained {
@@ -197,7 +196,7 @@ mod tests {
 
     #[test]
     fn what_leaves_nothing_and_is_not_borne_out_is_told_apart_from_what_leaves_a_part() {
-        let said = |undecided| sentence(Verdict::Unexplained, false, undecided, &[("film", "c1.x")]);
+        let said = |undecided| sentence(Verdict::Unexplained, false, undecided, &["film at c1.x".into()]);
         assert!(said(true).contains("film at c1.x takes all of the misfit away that is not noise or scatter between tests"));
         assert!(said(false).contains("film at c1.x takes a part of the misfit away"));
     }

@@ -60,7 +60,7 @@ fn told(result: &LadderResult) -> String {
         text += &text::parameters(&last.parameters);
         text += "\n";
     }
-    let missing: Vec<(&str, &str)> = result.missing.iter().map(|m| (m.effect.as_str(), m.at.as_str())).collect();
+    let missing: Vec<String> = result.missing.iter().map(ToString::to_string).collect();
     text += &super::diagnose::sentence(result.verdict, result.proven, result.undecided(), &missing);
     text += match (result.interrupted, result.verdict) {
         (true, Verdict::NothingMissing) => {
@@ -92,11 +92,8 @@ fn told(result: &LadderResult) -> String {
     if let Some(u) = &result.unexplained {
         text += &super::diagnose::suggestion(u);
     }
-    for (m, of) in result.missing.iter().filter_map(|m| Some((m, m.of.as_ref()?))) {
-        text += &format!("{} at {} acts on {of}.\n", m.effect, m.at);
-    }
     for m in result.missing.iter().filter(|m| !m.tied_with.is_empty()) {
-        text += &format!("{} at {} cannot be told from {} by these tests.\n", m.effect, m.at, m.tied_with.join(", "));
+        text += &format!("{m} cannot be told from {} by these tests.\n", m.tied_with.join(", "));
     }
     if let (Some(before), Some(after), Some(floor)) = (result.held_out.before, result.held_out.after, result.held_out.floor) {
         text += &format!(

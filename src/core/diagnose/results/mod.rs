@@ -410,6 +410,12 @@ pub struct Missing {
     pub proven: Option<bool>,
 }
 
+impl std::fmt::Display for Missing {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        EffectAt { effect: self.effect.clone(), at: self.at.clone(), of: self.of.clone() }.fmt(f)
+    }
+}
+
 /// Pooled error of the held-out tests.
 #[derive(Clone, Copy, Debug, Serialize, schemars::JsonSchema)]
 pub struct HeldOut {

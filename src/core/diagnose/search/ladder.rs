@@ -316,7 +316,7 @@ impl Climb<'_> {
         let Some(best) = under(&self.now.fitted.system).filter(|_| !rivals.is_empty()) else { return (None, None) };
         match super::next::separating(&case, &best, &rivals, started.elapsed(), self.monitor) {
             Ok(test) => (Some(test), None),
-            Err(why) => (None, Some(format!("{} at {} is in a tie, and {why}", added.name.effect, added.name.at))),
+            Err(why) => (None, Some(format!("{} is in a tie, and {why}", added.name))),
         }
     }
 

@@ -137,7 +137,7 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
         found.cut_short = true;
         found.describe += &format!(" (the search for this test was cut short after {:.0} s)", clock.started.elapsed().as_secs_f64());
     }
-    let names: Vec<String> = rivals.iter().map(|(n, _)| format!("{} at {}", n.effect, n.at)).collect();
+    let names: Vec<String> = rivals.iter().map(|(n, _)| n.to_string()).collect();
     let none = || {
         let bench = if case.search.rig == Rig::default() { "" } else { ", within the limits of the bench ([rig])," };
         format!(
@@ -149,7 +149,7 @@ pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: 
     let otherwise = rivals
         .first()
         .filter(|_| !monitor.stops())
-        .and_then(|(name, rival)| differing(case, best, (&format!("{} at {}", name.effect, name.at), rival), &case.search.settings));
+        .and_then(|(name, rival)| differing(case, best, (&name.to_string(), rival), &case.search.settings));
     let otherwise = otherwise.map_or(String::new(), |said| format!("; {said}"));
     match found {
         Some(found) if found.breaks || found.cut_short => Ok(NextTest { describe: found.describe + &otherwise, ..found }),
