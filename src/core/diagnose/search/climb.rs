@@ -161,6 +161,11 @@ impl<'a> Climb<'a> {
 
     /// Scores and weighs what may be missing from the present model, under its own counts.
     pub fn step(&mut self) -> Result<Step, DiagnoseError> {
+        self.step_beyond(0.0)
+    }
+
+    /// A step that is of interest only where what it finds gains so many nats beyond its price.
+    pub(in crate::diagnose) fn step_beyond(&mut self, beyond: f64) -> Result<Step, DiagnoseError> {
         if !self.added.is_empty() {
             self.renew()?;
             while self.free_setting() {
@@ -176,12 +181,12 @@ impl<'a> Climb<'a> {
         let elsewhere: Vec<System> = self.elsewhere.iter().filter(|_| open).map(|there| self.standing_at(there)).collect();
         let added = self.added.iter().map(|a| &a.name).collect();
         let found = match near {
-            Some(near) => horizon::near(&self.scale, &near, &self.now, added, monitor, watch)?,
+            Some(near) => horizon::near(&self.scale, &near, &self.now, (added, beyond), monitor, watch)?,
             None => step(&Against {
                 scale: &self.scale,
                 base: &self.now,
                 need: None,
-                beyond: 0.0,
+                beyond,
                 stands: None,
                 rival,
                 elsewhere: &elsewhere,

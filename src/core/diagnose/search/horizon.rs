@@ -11,7 +11,7 @@ use crate::diagnose::calibrate::approach::{approached, out_of_step};
 use crate::diagnose::calibrate::case::Case;
 use crate::diagnose::calibrate::weigh::{Scale, Weighed};
 
-/// A step on the beginnings `near`, taken on the whole.
+/// A step on the beginnings `near`, taken on the whole; beside what was added, and where it gains so many nats beyond its price.
 ///
 /// # Errors
 /// As [`step`].
@@ -19,7 +19,7 @@ pub fn near(
     whole: &Scale,
     near: &Case,
     now: &Weighed,
-    added: Vec<&Name>,
+    (added, beyond): (Vec<&Name>, f64),
     monitor: &Monitor,
     watch: &(dyn Fn(&str) + Sync),
 ) -> Result<Step, DiagnoseError> {
@@ -27,8 +27,7 @@ pub fn near(
     watch(&format!("out of step with a record: looking at {} of {} points, where the model can follow", points(near), points(&whole.case)));
     let mut scale = Scale::new(near, &near.system, &whole.settings);
     let base = scale.begin(&near.system, monitor).map_err(DiagnoseError::start_fails)?;
-    let against =
-        Against { scale: &scale, base: &base, need: None, beyond: 0.0, stands: None, rival: None, elsewhere: &[], added, monitor, watch };
+    let against = Against { scale: &scale, base: &base, need: None, beyond, stands: None, rival: None, elsewhere: &[], added, monitor, watch };
     let (odds, mut found) = (against.odds(), step(&against)?);
     let Some(taken) = found.taken.take() else { return Ok(found) };
     let pair = (taken.names.len() > 1).then(|| (taken.names.clone(), taken.weighed.fitted.system.clone()));

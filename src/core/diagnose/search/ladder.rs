@@ -13,7 +13,7 @@ use super::righted::{drifting, phased, righted, unclipped};
 use super::step::Step;
 use super::unexplained::unexplained;
 use super::verdict::{Grounds, Judged, judged};
-use crate::diagnose::calibrate::case::{Case, Fitted};
+use crate::diagnose::calibrate::case::Case;
 use crate::diagnose::calibrate::compare::compare;
 use crate::diagnose::calibrate::findings::{findings, unsettled};
 use crate::diagnose::calibrate::fit::{Began, begin, effects, fit, parameters};
@@ -310,11 +310,8 @@ impl Climb<'_> {
         let Some(added) = tie.filter(|_| !trace::stopped(self.monitor)) else { return (None, None) };
         (self.watch)("looking for the test that separates what is tied");
         let case = self.scale.under(&self.now.seen, &self.now.v, &self.scale.evidence.independent());
-        let under = |system: &System| case.fit_system(system, case.plans_of(SplitName::Fit), &self.monitor.quiet()).ok();
-        let rivals: Vec<(Name, Fitted)> =
-            added.alike().take(self.settings.next.rivals).filter_map(|(_, n, w)| Some((n.clone(), under(&w.fitted.system)?))).collect();
-        let Some(best) = under(&self.now.fitted.system).filter(|_| !rivals.is_empty()) else { return (None, None) };
-        match super::next::separating(&case, &best, &rivals, started.elapsed(), self.monitor) {
+        let rivals: Vec<(&Name, &System)> = added.alike().take(self.settings.next.rivals).map(|(_, n, w)| (n, &w.fitted.system)).collect();
+        match super::next::separating(&case, &self.now.fitted.system, &rivals, started.elapsed(), self.monitor) {
             Ok(test) => (Some(test), None),
             Err(why) => (None, Some(format!("{} is in a tie, and {why}", added.name))),
         }

@@ -167,8 +167,8 @@ impl Climb<'_> {
         above.filter(|gain| gain.is_finite()).unwrap_or(f64::INFINITY)
     }
 
-    /// The effects exchanged for what does their work now, and what else is missing looked for. What was found here is exchanged where that may decide
-    /// between it and slack.
+    /// The effects exchanged for what does their work now, and what else is missing looked for: as many effects as slack may have been taken for, the last of
+    /// which has to make up for all that is left. What was found here is exchanged where that may decide between it and slack.
     fn exchanged(&mut self, searched: bool, former: &Former, loose: &Case) -> Result<Vec<Rung>, DiagnoseError> {
         let mut rungs = Vec::new();
         loop {
@@ -177,24 +177,28 @@ impl Climb<'_> {
             if added.is_some() || rungs.is_empty() {
                 rungs.push(self.rung(added, removed.into_iter().collect())?);
             }
-            if !searched || self.effects() >= self.settings.max_added || rungs.len() > 2 * self.settings.max_added {
+            let found = self.added.len().saturating_sub(former.added.len());
+            let most = self.effects() >= self.settings.max_added || rungs.len() > 2 * self.settings.max_added;
+            if !searched || found >= self.settings.for_slack || most {
                 return Ok(rungs);
             }
-            let step = self.step_without_slack()?;
+            let last = found + 1 == self.settings.for_slack;
+            let beyond = if last { self.slack_above(former, loose).max(0.0) } else { 0.0 };
+            let step = self.step_without_slack(beyond)?;
             let Some(taken) = &step.taken else { return Ok(rungs) };
             rungs.push(self.taken(taken, &step)?);
         }
     }
 
-    /// A step; where the additions are those beside which slack was given, what was found then.
-    fn step_without_slack(&mut self) -> Result<Step, DiagnoseError> {
+    /// A step for what gains so many nats beyond its price; where the additions are those beside which slack was given, what was found then.
+    fn step_without_slack(&mut self, beyond: f64) -> Result<Step, DiagnoseError> {
         let same = |b: &Beside| b.added.iter().eq(self.added.iter().map(|a| &a.name));
         match self.beside.take().filter(same) {
             Some(Beside { taken, tried, .. }) => {
                 self.tried = tried.max(1.0);
                 Ok(Step { taken, tried, ..Step::default() })
             }
-            None => self.step(),
+            None => self.step_beyond(beyond),
         }
     }
 

@@ -90,11 +90,14 @@ struct Tied<'a> {
 
 /// The test that separates `best` from every rival, proposed only where the tie broke in its simulation or there was no time to simulate it;
 /// or why there is none. `spent`: the time that was taken to find them.
-pub fn separating(case: &Case, best: &Fitted, rivals: &[(Name, Fitted)], spent: Duration, monitor: &Monitor) -> Result<NextTest, String> {
+pub fn separating(case: &Case, best: &System, rivals: &[(&Name, &System)], spent: Duration, monitor: &Monitor) -> Result<NextTest, String> {
     let s = &case.search.settings.next;
     let clock = Clock { started: Instant::now(), budget: spent.mul_f64(s.share).max(Duration::from_secs_f64(s.least)) };
     let monitor = clock.limit(monitor);
-    let tied = Tied { case, best, rivals };
+    let fitted = |system: &System| case.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).ok();
+    let rivals: Vec<(Name, Fitted)> = rivals.iter().filter_map(|(n, system)| Some(((*n).clone(), fitted(system)?))).collect();
+    let Some(best) = &fitted(best).filter(|_| !rivals.is_empty()) else { return Err("what is tied with it could not be fitted once more".into()) };
+    let tied = Tied { case, best, rivals: &rivals };
     let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
     let mut left: Vec<Proposal> = variations(&plans, s);
     let systems: Vec<&System> = rivals.iter().map(|r| &r.1.system).chain([&best.system]).collect();

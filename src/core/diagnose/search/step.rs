@@ -293,7 +293,8 @@ impl<'a> Price<'a> {
     }
 
     pub fn price(&self, candidate: usize) -> f64 {
-        self.against.need.map_or(0.5 * self.against.scale.counts.n.ln() + self.tried(candidate).ln(), |need| need + self.against.beyond)
+        let own = || 0.5 * self.against.scale.counts.n.ln() + self.tried(candidate).ln();
+        self.against.need.unwrap_or_else(own) + self.against.beyond
     }
 
     /// A bound on the gain of what takes this part of the cost away: with the variances as they are, or with a model error that falls with the

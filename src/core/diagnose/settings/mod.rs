@@ -56,6 +56,9 @@ pub struct Settings {
     /// Nats within which two laws cannot be told apart, and within which nothing is decided by a gain alone; what stands is taken out only below minus
     /// this.
     pub tie: f64,
+    /// Effects that slack may have been taken for, which are looked for once nothing gains beside it: two, of which the first alone gained less. More are no
+    /// smaller statement than that parts differ, as they do in every structure.
+    pub for_slack: usize,
     /// Parts at most into which the fitted tests are cut, each left out in its turn, where a gain lies within a tie of nothing: half a dozen refits of
     /// two models say what a dozen would.
     pub turns: usize,
@@ -205,6 +208,7 @@ impl Default for Settings {
             pair_part: 0.5,
             errs_from: 2.0,
             tie: 1.5,
+            for_slack: 2,
             turns: 6,
             swap: 0.5,
             held_out_nats: 1.0,
