@@ -176,6 +176,33 @@ fn a_predicted_sweep() {
     assert!(page.contains("<h2>Sweeps</h2>") && page.contains("Illustrative: the force is declared in the study, not measured."));
 }
 
+/// A body behind the one that a force drives, against the closed form of the two.
+#[test]
+fn a_predicted_travel_at_another_place() {
+    let rig = Rig::new();
+    let behind = "[[body]]\nname = \"tail\"\nmass = \"0.1 kg\"\nfree = [\"x\"]\n[[connector]]\nname = \"c2\"\nfrom = \"end\"\nto = \"tail\"\n\
+                  [[effect]]\neffect = \"linear_stiffness\"\nat = \"c2.x\"\nk = { start = \"5 N/mm\", fixed = true }\n";
+    let travel = "[[prediction]]\ncase = \"lengthening\"\nquantity = \"displacement_range\"\nat = \"end.x\"\nrespond = \"tail.x\"\ncontrol = \"force\"\n\
+                  amplitude = \"3 N\"\nmean = \"1 N\"\nconditions = { frequency = \"10 Hz\" }\n";
+    rig.write("study.toml", &(rig.read("study.toml") + behind + travel));
+    let json = rig.json("predict", &[]);
+    let value = |name: &str| {
+        let list = json["fit"]["parameters"].as_array().unwrap();
+        list.iter().find(|p| p["name"].as_str().unwrap().contains(name)).unwrap()["value"].as_f64().unwrap()
+    };
+    let (k, c, kt, m, w) = (value("c1.x.linear_stiffness"), value("viscous"), 5e3, 0.1, std::f64::consts::TAU * 10.0);
+    // x_t = k_t x_e / (k_t - m w^2); (k + i w c + k_t) x_e - k_t x_t = F.
+    let ratio = kt / (kt - m * w * w);
+    let want = 2.0 * 3.0 * ratio / (k + kt * (1.0 - ratio)).hypot(w * c);
+    let p = &json["predictions"][0];
+    let (found, std) = (p["value"].as_f64().unwrap(), p["std"].as_f64().unwrap());
+    assert!((found / want - 1.0).abs() < 1e-3, "{found} {want}");
+    assert!(std > 0.0 && std < 0.1 * found, "{std}");
+    // The result study says the same.
+    let saved = std::fs::read_to_string(std::path::Path::new(json["run"].as_str().unwrap()).join("study.toml")).unwrap();
+    assert!(saved.contains("respond = \"tail.x\""), "{saved}");
+}
+
 #[test]
 fn raw_files_elsewhere() {
     let rig = Rig::new();

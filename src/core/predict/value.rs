@@ -96,6 +96,7 @@ pub fn evaluate(spec: &PredictionSpec, study: &Study, system: &System, free: &[F
                 }
             })
         }
+        Predicted::Travel { .. } => travel(spec, &system, free),
         Predicted::Frf { quantity, excite, respond, frequency, excitation } => {
             let frf = line(spec, *quantity, excite, respond, *frequency, *excitation);
             let parts = compute(spec, Record::Frf(Box::new(frf)), &system, free)?;
@@ -185,6 +186,27 @@ fn range(spec: &PredictionSpec, all: &[Found]) -> Result<Found, PredictError> {
         return Err(refused(spec, "nothing was computed"));
     };
     Ok(Found::of(high, low, high.value - low.value, 1.0, -1.0))
+}
+
+/// Samples of a cycle: an extremum lies within 1 - cos(pi / 256), less than 1e-4, of one of them.
+const OF_A_CYCLE: usize = 256;
+/// Cycles of the drive that are written down: the steady one is computed, and a test has two at least.
+const CYCLES: usize = 2;
+
+/// Range of a displacement over the settled cycle of a sinusoidal drive.
+fn travel(spec: &PredictionSpec, system: &System, free: &[FreeParam]) -> Result<Found, PredictError> {
+    let Predicted::Travel { at, respond, control, limits, frequency } = &spec.quantity else {
+        return Err(refused(spec, "it is no travel"));
+    };
+    let (mean, amplitude) = (0.5 * (limits.0 + limits.1), 0.5 * (limits.1 - limits.0));
+    let time: Vec<f64> = (0..=CYCLES * OF_A_CYCLE).map(|k| k as f64 / (frequency * OF_A_CYCLE as f64)).collect();
+    let drive = time.iter().map(|t| mean + amplitude * (TAU * frequency * t).sin()).collect();
+    let channels = vec![
+        Channel::new(control.role(), at, drive).drives(),
+        Channel::new(Role::Displacement, respond, vec![0.0; time.len()]).with_sigma(1.0),
+    ];
+    let record = TimeRecord::new(&spec.case, std::path::PathBuf::new(), *control, None, time, channels);
+    range(spec, &compute(spec, Record::Cycle(record), system, free)?)
 }
 
 /// Times of a sweep [s] and the displacement at each.

@@ -58,6 +58,19 @@ pub enum Predicted {
         /// Drive frequency [Hz].
         frequency: f64,
     },
+    /// Greatest minus least displacement of the settled cycle at another place than the one that is driven [m].
+    Travel {
+        /// The place that is driven.
+        at: String,
+        /// `name.axis` of the displacement.
+        respond: String,
+        /// What is controlled.
+        control: Control,
+        /// Least and greatest force or displacement [SI].
+        limits: (f64, f64),
+        /// Drive frequency [Hz].
+        frequency: f64,
+    },
     /// Natural frequency [Hz] of a mode, from 1.
     Frequency(u32),
     /// Modal damping ratio of a mode, from 1.
@@ -149,6 +162,7 @@ impl Predicted {
                 CycleQuantity::ForceRange => "force_range",
                 CycleQuantity::DisplacementRange => "displacement_range",
             },
+            Predicted::Travel { .. } => "displacement_range",
             Predicted::Frequency(_) => "natural_frequency",
             Predicted::Damping(_) => "modal_damping",
             Predicted::Shift { .. } => "frequency_shift",
@@ -169,7 +183,7 @@ impl Predicted {
                 CycleQuantity::ForceRange => force(at),
                 CycleQuantity::DisplacementRange => length(at),
             },
-            Predicted::Sweep { respond, .. } => length(respond),
+            Predicted::Travel { respond, .. } | Predicted::Sweep { respond, .. } => length(respond),
             Predicted::Frequency(_) => Dimension::FREQUENCY,
             Predicted::Damping(_) | Predicted::Shift { .. } => Dimension::DIMENSIONLESS,
             Predicted::Frf { quantity, excite, respond, .. } => {
@@ -281,8 +295,12 @@ fn one(table: &TableView<'_>, system: &System, dataset: &Dataset) -> Result<Pred
         }
         _ => {
             let keys = ["at", "control", "force_min", "force_max", "displacement_min", "displacement_max", "amplitude", "mean"];
-            let reading: &[&str] = if matches!(word, Word::Stored | Word::Ratio) { &["W_s_reading"] } else { &[] };
-            table.only(&[&common[..], &keys, reading].concat())?;
+            let own: &[&str] = match word {
+                Word::Stored | Word::Ratio => &["W_s_reading"],
+                Word::DisplacementRange => &["respond"],
+                _ => &[],
+            };
+            table.only(&[&common[..], &keys, own].concat())?;
             let readings = [("slope", StoredEnergy::Slope), ("product", StoredEnergy::Product)];
             let reading = table.optional("W_s_reading", |v| v.word("reading of W_s", &readings))?.unwrap_or(StoredEnergy::Slope);
             let quantity = match word {
@@ -300,7 +318,10 @@ fn one(table: &TableView<'_>, system: &System, dataset: &Dataset) -> Result<Pred
                 let accepted = "conditions = { frequency = \"1 Hz\" }".to_string();
                 table.error(TomlProblem::MissingKey { key: "frequency".into(), accepted })
             })?;
-            Predicted::Cycle { quantity, at, control, limits, frequency }
+            match table.optional("respond", |v| place(&v, system).map(str::to_string))? {
+                Some(respond) => Predicted::Travel { at, respond, control, limits, frequency },
+                None => Predicted::Cycle { quantity, at, control, limits, frequency },
+            }
         }
     };
     let reference = table.optional("reference", |v| v.quantity(quantity.dimension()))?;

@@ -245,6 +245,16 @@ fn quantity(text: &mut String, key: &str, value: Option<&Quantity>) {
     }
 }
 
+/// The place of a cycle, and between what it is driven.
+fn cycle_text(text: &mut String, at: &str, control: Control, limits: (f64, f64)) {
+    let dimension = match control {
+        Control::Force => super::site::along(&[Dimension::FORCE, Dimension::MOMENT], at),
+        Control::Displacement => super::site::along(&[Dimension::LENGTH, Dimension::ANGLE], at),
+    };
+    let (word, si) = (control.role().word(), |value: f64| quoted(&Quantity::si(value, dimension).to_string()));
+    let _ = writeln!(text, "at = {}\ncontrol = {}\n{word}_min = {}\n{word}_max = {}", quoted(at), quoted(word), si(limits.0), si(limits.1));
+}
+
 fn prediction_text(text: &mut String, prediction: &PredictionSpec) {
     let si = |value: f64, dimension: Dimension| quoted(&Quantity::si(value, dimension).to_string());
     // The number of the mode is added to the case as it is read.
@@ -255,17 +265,14 @@ fn prediction_text(text: &mut String, prediction: &PredictionSpec) {
     let _ = writeln!(text, "\n[[prediction]]\ncase = {}\nquantity = {}", quoted(case), quoted(prediction.quantity.word()));
     match &prediction.quantity {
         Predicted::Cycle { quantity, at, control, limits, .. } => {
-            let force = *control == Control::Force;
-            let dimension = match force {
-                true => super::site::along(&[Dimension::FORCE, Dimension::MOMENT], at),
-                false => super::site::along(&[Dimension::LENGTH, Dimension::ANGLE], at),
-            };
-            let word = control.role().word();
-            let _ = writeln!(text, "at = {}\ncontrol = {}", quoted(at), quoted(word));
-            let _ = writeln!(text, "{word}_min = {}\n{word}_max = {}", si(limits.0, dimension), si(limits.1, dimension));
+            cycle_text(text, at, *control, *limits);
             if let CycleQuantity::Stored(reading) | CycleQuantity::LossRatio(reading) = quantity {
                 let _ = writeln!(text, "W_s_reading = \"{}\"", if *reading == StoredEnergy::Slope { "slope" } else { "product" });
             }
+        }
+        Predicted::Travel { at, respond, control, limits, .. } => {
+            cycle_text(text, at, *control, *limits);
+            let _ = writeln!(text, "respond = {}", quoted(respond));
         }
         Predicted::Frequency(mode) | Predicted::Damping(mode) => {
             let _ = writeln!(text, "mode = {mode}");

@@ -20,6 +20,8 @@ const DAMPER: &str = "viscous.c";
 const MASS: &str = "mass";
 /// Its part at the nodes, a number that follows it.
 const NODES: &str = "mass beside nodes";
+/// The deviation of a spring, which a search looks for by itself as well: a spring beside another makes that stiffer alone.
+pub const SOFTER: &str = "stiffness_deviation";
 /// The effects that stand for deviations.
 const FAMILY: &str = "deviation";
 
@@ -163,6 +165,13 @@ fn narrowest(parameter: &str, settings: &Settings) -> f64 {
     if parameter == BETWEEN { settings.slack_between_least } else { settings.slack_least }
 }
 
+/// The stiffness [SI] at this one place where the study ties or fixes it and lets it deviate; none elsewhere.
+pub fn tied_stiffness(case: &Case, system: &System, places: &[usize]) -> Option<f64> {
+    let here = |n: &Nominal| n.effect == SOFTER && n.places == places;
+    let nominal = if case.search.slack == Some(false) { None } else { tied(system, true).into_iter().find(here) };
+    nominal.map(|n| n.value).filter(|k| *k > 0.0)
+}
+
 /// Springs and dampers that share a coefficient or have a fixed one.
 fn tied(system: &System, all: bool) -> Vec<Nominal> {
     let plain = system.model.space.is_none() && all;
@@ -170,7 +179,7 @@ fn tied(system: &System, all: bool) -> Vec<Nominal> {
     for (group, instance) in system.instances.iter().enumerate() {
         let (Site::Places(places), Some(k)) = (&instance.site, instance.params.first()) else { continue };
         let (parameter, effect) = match instance.name() {
-            "linear_stiffness" => (SPRING, "stiffness_deviation"),
+            "linear_stiffness" => (SPRING, SOFTER),
             "viscous" => (DAMPER, "damping_deviation"),
             _ => continue,
         };
@@ -254,7 +263,7 @@ pub fn correction(case: &Case, fitted: &Fitted, base: usize, instance: usize, se
     let own = &fitted.system.instances[instance];
     let parameter = match own.name() {
         "added_mass" => MASS,
-        "linear_stiffness" | "support_compliance" => SPRING,
+        "linear_stiffness" | SOFTER | "support_compliance" => SPRING,
         "viscous" => DAMPER,
         _ => return None,
     };
@@ -374,38 +383,45 @@ impl Slack {
         own.cholesky().map_or(0.0, |c| -c.l().diagonal().iter().map(|d| d.ln()).sum::<f64>())
     }
 
-    /// Deviations that are large and sure, the largest first: of a spring from the mean of those of its group that do not deviate so, of a nominal
-    /// value from that.
+    /// Deviations that are large and sure, the largest first: of a spring from the median of its group, of a nominal value from that.
     pub fn corrections(&self, fitted: &Fitted, settings: &Settings) -> Vec<Correction> {
         let covariance = Covariance::of(fitted);
         let value = |instance: usize| fitted.system.instances[instance].params[0].value;
         let is_nominal = |m: &Member| [MASS, BETWEEN, NODES, END].contains(&m.parameter);
         // What a group has in common is its own parameter; a nominal value is what the study says.
         let common = |m: &Member| if is_nominal(m) { m.nominal } else { value(m.group) };
-        let mut open: Vec<usize> = (0..self.members.len()).collect();
-        let mut told = Vec::new();
-        // Deviation of a member from the mean of those of its group that are open, and its standard deviation: own / mean - 1.
-        let of = |k: usize, open: &[usize]| {
-            let m = &self.members[k];
-            let others: Vec<usize> =
-                open.iter().filter(|j| **j != k && self.members[**j].group == m.group).map(|j| self.members[*j].instance).collect();
-            let n = others.len().max(1) as f64;
-            let (own, mean) = (common(m) + value(m.instance), common(m) + others.iter().map(|o| value(*o)).sum::<f64>() / n);
-            let mut weights = vec![(m.instance, 1.0 / mean)];
-            weights.extend(others.iter().map(|o| (*o, -own / (n * mean * mean))));
+        // Own over median of the group, less 1, and its standard deviation. Half of a group may deviate without moving that of the others.
+        let of = |m: &Member| {
+            let middle = self.middle(m, &value);
+            let n = middle.len().max(1) as f64;
+            let (own, reference) = (common(m) + value(m.instance), common(m) + middle.iter().map(|o| value(*o)).sum::<f64>() / n);
+            let mut weights = vec![(m.instance, 1.0 / reference)];
+            weights.extend(middle.iter().map(|o| (*o, -own / (n * reference * reference))));
             if !is_nominal(m) {
-                weights.push((m.group, 1.0 / mean - own / (mean * mean)));
+                weights.push((m.group, 1.0 / reference - own / (reference * reference)));
             }
-            (own / mean - 1.0, covariance.variance(&weights).sqrt())
+            (own / reference - 1.0, covariance.variance(&weights).sqrt())
         };
-        loop {
-            let sure = open.iter().map(|k| (*k, of(*k, &open))).filter(|(_, (relative, std))| {
+        let told =
+            self.members.iter().map(|m| (m, of(m))).filter(|(_, (relative, std))| {
                 relative.abs() > settings.correction_least && relative.abs() > settings.correction_sure * std
             });
-            let Some((k, (relative, std))) = sure.max_by(|a, b| a.1.0.abs().total_cmp(&b.1.0.abs())) else { return told };
-            open.retain(|j| *j != k);
-            told.push(Correction { parameter: self.members[k].parameter.into(), at: self.members[k].at.clone(), relative, std });
+        let correction =
+            |(m, (relative, std)): (&Member, (f64, f64))| Correction { parameter: m.parameter.into(), at: m.at.clone(), relative, std };
+        let mut told: Vec<Correction> = told.map(correction).collect();
+        told.sort_by(|a, b| b.relative.abs().total_cmp(&a.relative.abs()));
+        told
+    }
+
+    /// The one or two deviations in the middle of a member's group; none where it is alone in that.
+    fn middle(&self, m: &Member, value: &impl Fn(usize) -> f64) -> Vec<usize> {
+        let mut group: Vec<usize> =
+            self.members.iter().filter(|o| o.group == m.group && o.parameter == m.parameter).map(|o| o.instance).collect();
+        if group.len() < 2 {
+            return vec![];
         }
+        group.sort_by(|a, b| value(*a).total_cmp(&value(*b)));
+        group[(group.len() - 1) / 2..=group.len() / 2].to_vec()
     }
 
     /// The system with its deviations held, as it is written: what is too small to matter goes with it, so that the errors are those that were told.

@@ -7,6 +7,7 @@ use crate::response::{BlockKind, Plan};
 use crate::units::{Dimension, Unit};
 
 use crate::diagnose::Case;
+use crate::diagnose::calibrate::slack;
 
 /// One point of the search: an effect at a place with one choice of shapes.
 #[derive(Clone, Debug)]
@@ -75,7 +76,7 @@ pub fn candidates(case: &Case, system: &System, plans: &[&Plan], scene: &Scene) 
         wanted(e.info().name)
             && !matches!(e, Effect::Formula(_))
             && e.info().family != SPLINE
-            && !crate::diagnose::calibrate::slack::deviates(e)
+            && (!slack::deviates(e) || e.info().name == slack::SOFTER)
     };
     for effect in LIBRARY.iter().chain(own::searched()).filter(tried) {
         if parallel::given_up() {
@@ -107,7 +108,7 @@ impl List<'_> {
 
     /// A force or a law in series at every place where it may act, over the grid of its shapes there.
     fn forces(&mut self, effect: &'static Effect, scene: &Scene) {
-        let (info, system) = (effect.info(), self.system);
+        let (info, system, s) = (effect.info(), self.system, &self.case.search.settings);
         let inertial = info.family == "inertial";
         let own = if inertial { parts(system) } else { vec![] };
         let at_bodies = bodies(self.case, system, inertial || LINKS.contains(&info.name));
@@ -115,17 +116,18 @@ impl List<'_> {
             if parallel::given_up() {
                 return;
             }
-            if info.role == Role::Series && !forced(system, &places) {
+            let loose = info.role == Role::Series && !forced(system, &places);
+            if loose || !self.allowed(&at) || already(system, info.name, &places, info.params.iter().any(|p| p.kind == Kind::Shape)) {
                 continue;
             }
-            if !self.allowed(&at) || already(system, info.name, &places, info.params.iter().any(|p| p.kind == Kind::Shape)) {
-                continue;
+            // A spring that stands may be softer, which none beside it is; elsewhere nothing is there to deviate.
+            let most = if slack::deviates(effect) { slack::tied_stiffness(self.case, system, &places) } else { Some(f64::INFINITY) };
+            let (Some(most), scales, from) = (most, scene.at(&places), self.trials.len()) else { continue };
+            self.push(effect, Name { effect: info.name, at, of: None }, Site::Places(places), None, shapes(effect, &scales));
+            for Trial { instance, .. } in &mut self.trials[from..] {
+                confine(instance, &scales, s.race.passed);
+                instance.params[0].min = instance.params[0].min.max(-s.slack_reach * most);
             }
-            let (scales, from) = (scene.at(&places), self.trials.len());
-            let name = Name { effect: info.name, at, of: None };
-            self.push(effect, name, Site::Places(places), None, shapes(effect, &scales));
-            let passed = self.case.search.settings.race.passed;
-            self.trials[from..].iter_mut().for_each(|t| confine(&mut t.instance, &scales, passed));
         }
     }
 
@@ -136,7 +138,7 @@ impl List<'_> {
             for (i, target) in system.instances.iter().enumerate() {
                 let (Site::Places(places), Role::Force | Role::Series) = (&target.site, target.effect.info().role) else { continue };
                 // A deviation that follows a condition would be one place's part of the law that its group follows.
-                if !self.allowed(&target.at) || crate::diagnose::calibrate::slack::deviates(target.effect) {
+                if !self.allowed(&target.at) || slack::deviates(target.effect) {
                     continue;
                 }
                 for param in followed(target) {
@@ -211,7 +213,7 @@ pub fn sites(case: &Case, system: &System) -> Vec<(String, Vec<usize>)> {
     let there = |p: &usize| if model.space.is_some() { acted(*p) } else { model.on_connector(*p) };
     let mut sites: Vec<(String, Vec<usize>)> = (0..model.places.len()).filter(there).map(|p| (model.place_name(p), vec![p])).collect();
     // What deviates everywhere alike makes no group.
-    for i in system.instances.iter().filter(|i| !crate::diagnose::calibrate::slack::deviates(i.effect)) {
+    for i in system.instances.iter().filter(|i| !slack::deviates(i.effect)) {
         if let Site::Places(list) = &i.site
             && list.len() > 1
             && !sites.iter().any(|(_, s)| s == list)
@@ -269,7 +271,7 @@ fn bodies(case: &Case, system: &System, free: bool) -> Vec<(String, Vec<usize>)>
     let joined = |dof: Option<usize>| (0..model.places.len()).any(|p| model.on_connector(p) && grounded(&model.places[p]) == dof);
     let guides = |i: &Instance, p: usize| {
         let info = i.effect.info();
-        let law = info.role == Role::Force && info.family != "inertial" && !crate::diagnose::calibrate::slack::deviates(i.effect);
+        let law = info.role == Role::Force && info.family != "inertial" && !slack::deviates(i.effect);
         law && matches!(&i.site, Site::Places(list) if list.contains(&p))
     };
     let guided = |p: usize| system.instances.iter().any(|i| guides(i, p));

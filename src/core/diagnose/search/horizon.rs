@@ -27,7 +27,8 @@ pub fn near(
     watch(&format!("out of step with a record: looking at {} of {} points, where the model can follow", points(near), points(&whole.case)));
     let mut scale = Scale::new(near, &near.system, &whole.settings);
     let base = scale.begin(&near.system, monitor).map_err(DiagnoseError::start_fails)?;
-    let against = Against { scale: &scale, base: &base, need: None, beyond, stands: None, rival: None, elsewhere: &[], added, monitor, watch };
+    let against =
+        Against { scale: &scale, base: &base, need: None, beyond, stands: None, rival: None, elsewhere: &[], added, monitor, watch };
     let (odds, mut found) = (against.odds(), step(&against)?);
     let Some(taken) = found.taken.take() else { return Ok(found) };
     let pair = (taken.names.len() > 1).then(|| (taken.names.clone(), taken.weighed.fitted.system.clone()));

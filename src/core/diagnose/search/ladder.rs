@@ -287,6 +287,7 @@ impl Climb<'_> {
             faults: any(&|k| self.is_fault(k)),
             gain: self.added.iter().map(|a| a.gain).sum(),
             held_out,
+            borne_out: true,
             tests_held_out: !tests.is_empty(),
             floor: (floors.iter().map(|f| f * f).sum::<f64>() / floors.len().max(1) as f64).sqrt(),
             model_error: self.now.v.model_error(&self.scale.evidence),
@@ -398,7 +399,9 @@ impl Climb<'_> {
         };
         let mut held_out = errors(&after);
         let heard = word.zip(held_out.before).zip(held_out.after).map(|((w, b), a)| (w, b, a));
-        let grounds = self.grounds(heard, matches!(end, End::Stopped));
+        // An effect on which laws act is not taken out by itself, and nothing is said of it alone.
+        let borne_out = missing.is_empty() || missing.iter().any(|m| m.proven != Some(false));
+        let grounds = Grounds { borne_out, ..self.grounds(heard, matches!(end, End::Stopped)) };
         let judged = judged(&grounds, &self.settings);
         if judged.withdrawn {
             rungs.push(self.withdraw()?);

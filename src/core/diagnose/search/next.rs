@@ -96,7 +96,9 @@ pub fn separating(case: &Case, best: &System, rivals: &[(&Name, &System)], spent
     let monitor = clock.limit(monitor);
     let fitted = |system: &System| case.fit_system(system, case.plans_of(SplitName::Fit), &monitor.quiet()).ok();
     let rivals: Vec<(Name, Fitted)> = rivals.iter().filter_map(|(n, system)| Some(((*n).clone(), fitted(system)?))).collect();
-    let Some(best) = &fitted(best).filter(|_| !rivals.is_empty()) else { return Err("what is tied with it could not be fitted once more".into()) };
+    let Some(best) = &fitted(best).filter(|_| !rivals.is_empty()) else {
+        return Err("what is tied with it could not be fitted once more".into());
+    };
     let tied = Tied { case, best, rivals: &rivals };
     let plans = [SplitName::Fit, SplitName::Select].map(|s| case.plans_of(s)).concat();
     let mut left: Vec<Proposal> = variations(&plans, s);

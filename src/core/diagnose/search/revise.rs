@@ -130,9 +130,10 @@ impl Climb<'_> {
     }
 
     /// Takes out that for which held-out and fitted tests together say little, and without which the error of the held-out ones is no larger, what they are most
-    /// against first: their veto, addition by addition.
+    /// against first: their veto, addition by addition. The only one is held against the study's own model by the verdict, where nothing deviates; what deviates
+    /// earns nothing for it.
     pub fn veto(&mut self, rungs: &mut Vec<Rung>) -> Result<(), DiagnoseError> {
-        while self.added.len() > 1 && !trace::stopped(self.monitor) {
+        while self.added.len() > usize::from(self.slack.is_empty()) && !trace::stopped(self.monitor) {
             let plans = self.case.plans_of(SplitName::HeldOut);
             let held = HeldOutTests::new(plans, &self.scale.evidence, &self.first, &self.now, &self.settings);
             let Some((held, last)) = held.as_ref().and_then(|h| Some((h, h.look(&self.now)?))) else { return Ok(()) };

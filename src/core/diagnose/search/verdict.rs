@@ -15,6 +15,8 @@ pub struct Grounds {
     pub gain: f64,
     /// Held-out tests: what they say, and their relative error before and after.
     pub held_out: Option<(Word, f64, f64)>,
+    /// Whether they bear out an effect beside what else was changed, where any was added.
+    pub borne_out: bool,
     /// Whether there are held-out tests at all.
     pub tests_held_out: bool,
     /// Noise of the tests that decide, relative.
@@ -65,11 +67,13 @@ pub fn judged(g: &Grounds, s: &Settings) -> Judged {
         _ if !changed => (false, "nothing was added".to_string()),
         Some((word, before, after)) => {
             let sure = word.fall.0 > word.fall.1;
-            let proven = word.bears_out(s) && after < (1.0 - s.held_out_fall) * before;
+            let closer = word.bears_out(s) && after < (1.0 - s.held_out_fall) * before;
+            let proven = closer && g.borne_out;
             let moved = if after < before { "fell" } else { "rose" };
             let by = if after < before && !sure { ", by no more than its standard error" } else { "" };
             let nats = format!("{:.1} nats {}", word.nats.abs(), if word.nats >= 0.0 { "for it" } else { "against it" });
-            (proven, format!("the error of the held-out tests {moved} from {} to {}{by}, {nats}", percent(before), percent(after)))
+            let alone = if closer && !g.borne_out { ", and no effect is borne out beside what else was changed" } else { "" };
+            (proven, format!("the error of the held-out tests {moved} from {} to {}{by}, {nats}{alone}", percent(before), percent(after)))
         }
         None if g.tests_held_out => (false, "the held-out tests cannot be computed".into()),
         None => (false, "no test is held out".into()),
@@ -112,6 +116,7 @@ mod tests {
             faults: false,
             gain: 2.0,
             held_out: Some((Word { nats, left, fall: (before * before - after * after, 1e-4) }, before, after)),
+            borne_out: true,
             tests_held_out: true,
             floor: 0.01,
             model_error: left.1,
@@ -127,6 +132,15 @@ mod tests {
     fn what_held_out_tests_bear_out_is_missing() {
         let j = of(&grounds(5.0, (0.3, 0.004), 0.3, 0.012));
         assert!(j.proven && j.verdict == Verdict::Missing, "{j:?}");
+    }
+
+    #[test]
+    fn what_corrections_have_earned_proves_no_effect() {
+        let j = of(&Grounds { borne_out: false, ..grounds(5.0, (0.3, 0.004), 0.3, 0.012) });
+        assert!(
+            !j.proven && j.verdict == Verdict::Unexplained && j.why.ends_with("no effect is borne out beside what else was changed"),
+            "{j:?}"
+        );
     }
 
     #[test]

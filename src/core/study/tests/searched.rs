@@ -37,8 +37,13 @@ fn slack_offers_nothing_to_look_for() {
     let plans: Vec<&Plan> = case.plans.iter().map(|(p, _)| p).collect();
     let (loose, slack) = given(&case, &study.system, true, &case.search.settings);
     assert!(slack.len() > 4, "{}", slack.len());
-    let [without, beside] = [&study.system, &loose].map(|s| candidates(&case, s, &plans, &Scene::new(&plans, s)).0);
+    let [mut without, beside] = [&study.system, &loose].map(|s| candidates(&case, s, &plans, &Scene::new(&plans, s)).0);
     let named = |n: &Name| format!("{} at {} {:?}", n.effect, n.at, n.of);
+    // What deviates there already is not looked for again. Without slack it is, at springs that are tied: one of them may be softer.
+    let softer: Vec<String> = without.iter().filter(|n| n.effect == "stiffness_deviation").map(|n| n.at.clone()).collect();
+    let springs: Vec<String> = (1..8).map(|k| format!("c{k}.x")).collect();
+    assert_eq!(softer, springs);
+    without.retain(|n| n.effect != "stiffness_deviation");
     assert_eq!(without.iter().map(named).collect::<Vec<_>>(), beside.iter().map(named).collect::<Vec<_>>());
 }
 
