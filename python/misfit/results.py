@@ -390,14 +390,16 @@ class NextTest(msgspec.Struct, kw_only=True):
     """Half range of the drive; of an FRF the peak of its force, 0 for a small signal [SI]."""
     breaks: bool
     """Whether the tie broke there."""
+    conditions: dict[str, float | None]
+    """Conditions with another value [SI] than the test that it varies."""
     cut_short: bool
     """Whether the search for it ended for want of time; what was not simulated is then an estimate."""
     describe: str
     """In words."""
     frequency: float | None
-    """Drive frequency; of an FRF its highest line [Hz]."""
+    """Drive frequency; of an FRF its highest line, of a modal test 0 [Hz]."""
     kind: str
-    """cycle or frf."""
+    """cycle, frf or modal."""
     mean: float | None
     """Mean of the drive [SI]."""
     separation: float | None
@@ -672,6 +674,9 @@ class Proposals(msgspec.Struct, kw_only=True):
     """Factors on the lines of an FRF."""
     batch: int
     """...and those that are weighed at a time."""
+    beyond: float | None
+    """Part of a condition's value by which one that all tests share is changed; where it varies, half of its range beyond either end is
+    tried."""
     enough: float | None
     """Separation that is aimed at, in standard deviations of noise: among proposals beyond it the one nearest to what was tested is taken."""
     excitations: list[float | None]
@@ -900,6 +905,9 @@ class Settings(msgspec.Struct, kw_only=True):
     """Nats that going through them once more must have gained for another time: a fifth of a tie."""
     fitting: Fitting
     """How fits are begun and ended."""
+    for_slack: int
+    """Effects that slack may have been taken for, which are looked for once nothing gains beside it: two, of which the first alone gained less.
+    More are no smaller statement than that parts differ, as they do in every structure."""
     frf_error_least: float | None
     """The same of an FRF. A linear response is computed without steps, and its error is smooth: over the lines of a resonance noise averages
     out, and 0.3 % would hide what they show."""
