@@ -5,6 +5,8 @@
 //! deviations themselves (empirical Bayes: `w^2 = mean(d_m^2 + var d_m) / v_m^2`) between what any workshop does and what it would call
 //! another part. A deviation that is large and sure is a correction of the model, told apart from missing physics.
 
+use std::collections::BTreeMap;
+
 use nalgebra::DMatrix;
 
 use crate::effect::{Effect, find};
@@ -165,11 +167,15 @@ fn narrowest(parameter: &str, settings: &Settings) -> f64 {
     if parameter == BETWEEN { settings.slack_between_least } else { settings.slack_least }
 }
 
-/// The stiffness [SI] at this one place where the study ties or fixes it and lets it deviate; none elsewhere.
-pub fn tied_stiffness(case: &Case, system: &System, places: &[usize]) -> Option<f64> {
-    let here = |n: &Nominal| n.effect == SOFTER && n.places == places;
-    let nominal = if case.search.slack == Some(false) { None } else { tied(system, true).into_iter().find(here) };
-    nominal.map(|n| n.value).filter(|k| *k > 0.0)
+/// For the deviation of a spring, the stiffness [SI] at every place where the study ties or fixes it and lets it deviate; none for other effects, which need
+/// nothing to deviate from.
+pub fn tied_stiffness(case: &Case, effect: &Effect, system: &System) -> Option<BTreeMap<Vec<usize>, f64>> {
+    if !deviates(effect) {
+        return None;
+    }
+    let nominal = if case.search.slack == Some(false) { vec![] } else { tied(system, true) };
+    let springs = nominal.into_iter().filter(|n| n.effect == SOFTER && n.value > 0.0).map(|n| (n.places, n.value));
+    Some(springs.collect())
 }
 
 /// Springs and dampers that share a coefficient or have a fixed one.

@@ -110,7 +110,7 @@ impl List<'_> {
     fn forces(&mut self, effect: &'static Effect, scene: &Scene) {
         let (info, system, s) = (effect.info(), self.system, &self.case.search.settings);
         let inertial = info.family == "inertial";
-        let own = if inertial { parts(system) } else { vec![] };
+        let (own, tied) = (if inertial { parts(system) } else { vec![] }, slack::tied_stiffness(self.case, effect, system));
         let at_bodies = bodies(self.case, system, inertial || LINKS.contains(&info.name));
         for (at, places) in sites(self.case, system).into_iter().chain(at_bodies).chain(own) {
             if parallel::given_up() {
@@ -121,7 +121,7 @@ impl List<'_> {
                 continue;
             }
             // A spring that stands may be softer, which none beside it is; elsewhere nothing is there to deviate.
-            let most = if slack::deviates(effect) { slack::tied_stiffness(self.case, system, &places) } else { Some(f64::INFINITY) };
+            let most = tied.as_ref().map_or(Some(f64::INFINITY), |tied| tied.get(&places[..]).copied());
             let (Some(most), scales, from) = (most, scene.at(&places), self.trials.len()) else { continue };
             self.push(effect, Name { effect: info.name, at, of: None }, Site::Places(places), None, shapes(effect, &scales));
             for Trial { instance, .. } in &mut self.trials[from..] {
